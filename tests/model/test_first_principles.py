@@ -1,0 +1,261 @@
+"""The model's equations against a derivation that never looks at the published formulas.
+
+The disk is a rigid body with unit vectors e_x, e_y, e_z fixed in it (e_z normal to its face), the centre of gravity S
+a distance e from the geometric centre G along e_x, and inertia diag(A, B, C) about G.  Three rotations, alpha about
+the vertical, beta about the line of nodes n and gamma about e_z, turn the inertial axes into the body's.  The
+"grinding" axes are those after the first two.  The reduction to one velocity v = beta' rests on these idealisations:
+
+1.  the lowest point C of the rim stays on the plane (permanent contact);
+2.  the disk turns about the vertical at a constant rate, alpha' = Omega, kept up by a vertical couple;
+3.  S does not move horizontally, held there by a horizontal force at S;
+4.  C does not slide along the line of nodes, held by a force at C along n.  Given 3, this is gamma' = -Omega cos(beta),
+    or equally: the angular velocity has no component along e_z.
+
+What remains of the sliding is the velocity of C, as a point of the disk, along the horizontal perpendicular to n; there
+friction acts.  The reactions that keep up 1 to 4 have no virtual power, which is tested and not assumed.  Every sliding
+friction other than that one component, and pivoting friction, is left out.
+
+Everything is an exact identity between polynomials in the sines and cosines, so no tolerance appears.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import pytest
+import sympy as sp
+from sympy import Expr, Matrix, Symbol
+
+from tippedisk_verify.model import equations
+
+ALPHA, BETA, GAMMA, V, ACCELERATION = sp.symbols("alpha beta gamma v vdot", real=True)
+ALPHA_RATE, BETA_RATE, GAMMA_RATE = sp.symbols("alphadot betadot gammadot", real=True)
+OMEGA = Symbol("Omega", real=True)
+R, E, M, A, B, C, G, MU, EPSILON = sp.symbols("r e m A B C g mu epsilon", positive=True)
+FRICTION = Symbol("lambda_Ty", real=True)
+
+VERTICAL = Matrix([0, 0, 1])
+
+CONSTANTS = SimpleNamespace(
+    r=R, e=E, m=M, A=A, B=B, g=G, mu=MU, epsilon=EPSILON,
+    Bbar=B - M * E**2, a=A / M, b=(B - M * E**2) / M, k=MU * G / EPSILON, traction=MU * G,
+)  # fmt: skip
+
+
+def canonical(expression: Expr) -> Expr:
+    """The one representative of a trigonometric polynomial that has no square of a sine in it.
+
+    Two such polynomials agree for all angles exactly when their representatives are the same expression.
+    """
+    polynomial = sp.sympify(expression)
+    for angle in (ALPHA, BETA, GAMMA):
+        sine, cosine = sp.symbols(f"s_{angle} c_{angle}")
+        polynomial = polynomial.subs({sp.sin(angle): sine, sp.cos(angle): cosine})
+        polynomial = sp.rem(sp.expand(polynomial), sine**2 + cosine**2 - 1, sine)
+    return sp.expand(polynomial)
+
+
+def same(left: Expr, right: Expr) -> bool:
+    """Whether two rational expressions in sines and cosines are equal wherever both are defined."""
+    numerator, _ = sp.fraction(sp.together(left - right))
+    return canonical(numerator) == 0
+
+
+def reduced(vector: Matrix) -> Matrix:
+    """A vector or matrix with sin^2 + cos^2 = 1 used up, the angles put back."""
+    back = {Symbol(f"{name[0]}_{angle}"): function(angle)
+            for angle in (ALPHA, BETA, GAMMA) for name, function in (("sin", sp.sin), ("cos", sp.cos))}  # fmt: skip
+    return vector.applyfunc(lambda entry: canonical(entry).subs(back))
+
+
+def about_vertical(angle: Symbol) -> Matrix:
+    """Rotation about the third axis."""
+    c, s = sp.cos(angle), sp.sin(angle)
+    return Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def about_nodes(angle: Symbol) -> Matrix:
+    """Rotation about the first axis."""
+    c, s = sp.cos(angle), sp.sin(angle)
+    return Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def rate(quantity: Matrix | Expr, rates: dict[Symbol, Expr]) -> Matrix | Expr:
+    """Time derivative of a function of the symbols in `rates`, by the chain rule."""
+    terms = [quantity.diff(symbol) * speed for symbol, speed in rates.items()]
+    return sum(terms[1:], terms[0])
+
+
+class Kinematics(NamedTuple):
+    """Positions and directions in inertial components; positions are relative to G."""
+
+    body: Matrix  # columns: the body's unit vectors
+    nodes: Matrix  # unit vector along the line of nodes: horizontal, in the disk's plane
+    lateral: Matrix  # the horizontal unit vector across it, along which friction acts
+    normal: Matrix  # the disk's normal, e_z
+    centre_of_gravity: Matrix  # from G to S
+    contact: Matrix  # from G to C
+    spin: Matrix  # angular velocity for free rates of the three angles
+
+
+@cache
+def kinematics() -> Kinematics:
+    """Rotations, points and the angular velocity, the last read off the derivative of the rotation matrix."""
+    level = about_vertical(ALPHA)
+    grinding = level * about_nodes(BETA)
+    body = grinding * about_vertical(GAMMA)
+    turning = rate(body, {ALPHA: ALPHA_RATE, BETA: BETA_RATE, GAMMA: GAMMA_RATE}) * body.T
+    spin = reduced(Matrix([turning[2, 1], turning[0, 2], turning[1, 0]]))
+    # At the rim's lowest point the radius lies in the disk, square to the line of nodes, pointing down.
+    return Kinematics(
+        body, level[:, 0], level[:, 1], grinding[:, 2], E * body[:, 0], -R * grinding[:, 1], spin
+    )  # fmt: skip
+
+
+class Motion(NamedTuple):
+    """Velocities on the constrained motion, as functions of beta, gamma and v."""
+
+    spin: Matrix
+    centre_of_gravity: Matrix
+    contact: Matrix  # of C as a point of the disk
+    rates: dict[Symbol, Expr]
+
+
+@cache
+def motion(held: str = "S") -> Motion:
+    """The one-velocity motion when the horizontal position of `held` ("S", or "G" for contrast) is kept fixed.
+
+    gamma' is found by asking that C not slide along the line of nodes, and is not assumed.
+    """
+    k = kinematics()
+    spin = k.spin.subs({ALPHA_RATE: OMEGA, BETA_RATE: V})
+    held_point = k.centre_of_gravity if held == "S" else sp.zeros(3, 1)
+    height = (held_point - k.contact)[2]
+    height_rate = rate(height, {BETA: V, GAMMA: GAMMA_RATE})
+    velocity_held = height_rate * VERTICAL
+    contact = reduced(velocity_held + spin.cross(k.contact - held_point))
+    along_nodes = reduced(Matrix([contact.dot(k.nodes)]))[0]
+    (gamma_rate,) = sp.solve(along_nodes, GAMMA_RATE)
+    kept = {GAMMA_RATE: gamma_rate}
+    spin = reduced(spin.subs(kept))
+    velocity = reduced(velocity_held.subs(kept) + spin.cross(k.centre_of_gravity - held_point))
+    rates = {ALPHA: OMEGA, BETA: V, GAMMA: gamma_rate, V: ACCELERATION}
+    return Motion(spin, velocity, reduced(contact.subs(kept)), rates)
+
+
+@cache
+def momentum_rates(held: str = "S") -> tuple[Matrix, Matrix]:
+    """Time derivatives of momentum and of angular momentum about S, in inertial components."""
+    k, moving = kinematics(), motion(held)
+    arm = Matrix([E, 0, 0])
+    about_s = sp.diag(A, B, C) - M * (arm.dot(arm) * sp.eye(3) - arm * arm.T)  # parallel axes, from G to S
+    angular = reduced(k.body * about_s * (k.body.T * moving.spin))
+    return M * rate(moving.centre_of_gravity, moving.rates), rate(angular, moving.rates)
+
+
+class Projection(NamedTuple):
+    """mass * v' - gyroscopic = gravity + direction * friction, from Jourdain's principle."""
+
+    mass: Expr
+    gyroscopic: Expr
+    gravity: Expr
+    direction: Expr
+    sliding_velocity: Expr
+
+
+@cache
+def projection(held: str = "S") -> Projection:
+    """Virtual power, for a virtual change of v alone, of inertia, weight and friction."""
+    k, moving = kinematics(), motion(held)
+    momentum_rate, angular_rate = momentum_rates(held)
+    inertia = momentum_rate.dot(moving.centre_of_gravity.diff(V)) + angular_rate.dot(moving.spin.diff(V))
+    inertia = sp.expand(inertia)
+    sliding = moving.contact.dot(k.lateral)
+    return Projection(
+        inertia.coeff(ACCELERATION, 1),
+        -inertia.coeff(ACCELERATION, 0),
+        (-M * G * VERTICAL).dot(moving.centre_of_gravity.diff(V)),
+        k.lateral.dot(moving.contact.diff(V)),
+        sliding,
+    )
+
+
+def test_contact_point_is_the_lowest_of_the_rim() -> None:
+    """Every point of the rim is higher by r sin(beta) (1 + sin(place)), not negative while 0 < beta < pi."""
+    place = Symbol("place", real=True)
+    k = kinematics()
+    point = R * (sp.cos(place) * k.body[:, 0] + sp.sin(place) * k.body[:, 1])
+    above = (point - k.contact)[2] - R * sp.sin(BETA) * (1 + sp.sin(place + GAMMA))
+    assert sp.expand(sp.expand_trig(above)) == 0
+
+
+def test_no_sliding_along_the_nodes_removes_the_spin_about_the_normal() -> None:
+    """With S held horizontally the fourth idealisation is gamma' = -Omega cos(beta): nothing turns about e_z."""
+    assert same(motion().rates[GAMMA], -OMEGA * sp.cos(BETA))
+    assert same(motion().spin.dot(kinematics().normal), sp.Integer(0))
+
+
+def test_reactions_have_no_virtual_power() -> None:
+    """Normal force, hold along the nodes, hold of S and the vertical couple drop out of the projection."""
+    k, moving = kinematics(), motion()
+    virtual_contact, virtual_spin = moving.contact.diff(V), moving.spin.diff(V)
+    assert same(virtual_contact.dot(VERTICAL), sp.Integer(0))
+    assert same(virtual_contact.dot(k.nodes), sp.Integer(0))
+    assert same(moving.centre_of_gravity.diff(V).dot(k.nodes), sp.Integer(0))
+    assert same(moving.centre_of_gravity.diff(V).dot(k.lateral), sp.Integer(0))
+    assert same(virtual_spin.dot(VERTICAL), sp.Integer(0))
+
+
+@pytest.mark.parametrize("name", Projection._fields)
+def test_terms(name: str) -> None:
+    """Each coefficient is the one that virtual power gives; sliding_velocity so settles "sin beta^2" as a square."""
+    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
+    assert same(getattr(package, name), getattr(projection(), name))
+
+
+@pytest.mark.parametrize("name", ["mass", "gyroscopic", "gravity", "direction", "sliding_velocity"])
+def test_holding_the_geometric_centre_is_another_model(name: str) -> None:
+    """The third idealisation matters: with G held instead of S every term but the weight's is a different one.
+
+    The height of S, and with it the weight's term, follows from the contact and not from what is held.
+    """
+    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
+    assert same(getattr(package, name), getattr(projection("G"), name)) == (name == "gravity")
+
+
+def test_height_of_the_centre_of_gravity() -> None:
+    """S is above the plane by its height above C."""
+    k = kinematics()
+    height = (k.centre_of_gravity - k.contact)[2]
+    assert same(equations.centre_of_gravity_height(sp, CONSTANTS, BETA, GAMMA), height)
+
+
+def test_normal_force() -> None:
+    """The vertical momentum balance: weight and normal force are the only vertical forces."""
+    normal = momentum_rates()[0].dot(VERTICAL) + M * G
+    package = equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
+    assert same(package * M * G, normal)
+
+
+def test_moments_balance_with_the_normal_force() -> None:
+    """Newton and Euler instead of virtual power: moments about S along the line of nodes.
+
+    There the arm of the hold along the nodes and the vertical couple have no component, so the normal force and the
+    friction balance the angular momentum alone.  The rest of the equation is then the package's, for any friction.
+    """
+    k = kinematics()
+    normal = M * G * equations.normal_force_over_weight(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), ACCELERATION)
+    arm = k.contact - k.centre_of_gravity
+    moment = arm.cross(normal * VERTICAL + FRICTION * k.lateral)
+    assert same(arm.cross(k.nodes).dot(k.nodes), sp.Integer(0))
+    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
+    residual = package.mass * ACCELERATION - package.gyroscopic - package.gravity - package.direction * FRICTION
+    assert same((momentum_rates()[1] - moment).dot(k.nodes), residual)
+
+
+def test_state_rates() -> None:
+    """The first two components of the right-hand side are the kinematics, whatever the friction."""
+    for friction in ("linear", "smooth"):
+        beta_rate, gamma_rate, _ = equations.right_hand_side(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), friction)
+        assert same(beta_rate, V)
+        assert same(gamma_rate, motion().rates[GAMMA])

@@ -1,0 +1,99 @@
+"""True numbers of the tippedisk, with honest uncertainties.
+
+The rooms, each importing only from those before it:
+
+- `tippedisk_verify.model`: numbers, parameters, equations of motion;
+- `tippedisk_verify.theory`: what follows in closed form, and
+  `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
+- `tippedisk_verify.orbits`: scenes, limit cycles, connections;
+- `tippedisk_verify.evidence`: claims and how they are checked.
+
+>>> import tippedisk_verify as tv
+>>> print(tv.omega_crit(tv.PRINTED, digits=20))
+30.88659268864356727828610 ± 1.3e-23
+>>> tv.equilibrium(tv.PRINTED, "30.4", "inverted").stable
+False
+>>> result = tv.Taylor()(tv.Request(tv.PRINTED, "30.4", ("pi/2", "pi/2 + 0.4", 0), 10, error_estimate=True))
+>>> result.status.name, bool(result.error.largest < 1e-12)
+('REACHED', True)
+
+Importing the package loads nothing heavy: each name is fetched when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from tippedisk_verify.errors import InputError, Shortfall
+    from tippedisk_verify.evidence.claims import Audit, Verdict
+    from tippedisk_verify.flow.baseline import Baseline
+    from tippedisk_verify.flow.contract import Event, Request, Result, Status
+    from tippedisk_verify.flow.taylor import Taylor
+    from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
+    from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Exact, Measured, Precision, bits, exact
+    from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+    from tippedisk_verify.orbits.scenes import SCENES, scene_named
+    from tippedisk_verify.theory.equilibria import equilibrium
+    from tippedisk_verify.theory.hopf import omega_crit, period_crit
+
+_HOMES = {
+    "errors": ("InputError", "Shortfall"),
+    "evidence.claims": ("Audit", "Verdict"),
+    "flow.baseline": ("Baseline",),
+    "flow.contract": ("Event", "Request", "Result", "Status"),
+    "flow.taylor": ("Taylor",),
+    "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "Parameters"),
+    "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Exact", "Measured", "Precision", "bits", "exact"),
+    "orbits.heteroclinic": ("bisect_omega_h",),
+    "orbits.scenes": ("SCENES", "scene_named"),
+    "theory.equilibria": ("equilibrium",),
+    "theory.hopf": ("omega_crit", "period_crit"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "CALIBRATED",
+    "DOUBLE",
+    "EXTENDED",
+    "GEOMETRY",
+    "PRINTED",
+    "QUADRUPLE",
+    "SCENES",
+    "Audit",
+    "Baseline",
+    "Event",
+    "Exact",
+    "InputError",
+    "Measured",
+    "Parameters",
+    "Precision",
+    "Request",
+    "Result",
+    "Shortfall",
+    "Status",
+    "Taylor",
+    "Verdict",
+    "bisect_omega_h",
+    "bits",
+    "equilibrium",
+    "exact",
+    "omega_crit",
+    "period_crit",
+    "scene_named",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'tippedisk_verify' has no attribute '{name}'")
+    value = getattr(import_module(f"tippedisk_verify.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,273 @@
+"""The command line: a thin layer over the package's functions.
+
+Exit status 0: done; 1: one of our own checks fell short; 2: bad input, one line on standard error; 130: interrupted.
+Nothing but click is imported until a command runs.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import click
+
+from tippedisk_verify import __version__
+from tippedisk_verify.errors import InputError, Shortfall
+
+__all__ = ["main"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Common:
+    """The options that every command takes, checked."""
+
+    parameters: Any
+    friction: Any
+    digits: int
+    json: bool
+    quiet: bool
+
+
+def common_options(command: F) -> F:
+    """Add the common options and hand them to the command as one `Common`."""
+    from functools import wraps
+
+    @wraps(command)
+    def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
+        from tippedisk_verify.model.equations import checked_friction
+        from tippedisk_verify.model.parameters import Parameters
+
+        if digits < 1:
+            raise InputError(f"--digits must be at least 1, not {digits}")
+        chosen = Common(Parameters.named(parameters), checked_friction(friction), digits, as_json, quiet)
+        return command(chosen, **options)
+
+    for option in reversed(
+        (
+            click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
+                         help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
+            click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
+                         help="The friction law."),
+            click.option("--digits", type=int, default=12, show_default=True, metavar="N",
+                         help="Significant digits of each main result."),
+            click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
+            click.option("--quiet", is_flag=True, help="No progress and no table."),
+        )
+    ):  # fmt: skip
+        checked = option(checked)
+    return checked  # type: ignore[return-value]
+
+
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"]}, no_args_is_help=False, invoke_without_command=True
+)
+@click.version_option(__version__, prog_name="tippedisk-verify", message="%(prog)s %(version)s")
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """True numbers of the tippedisk, and a verdict on each number that its paper prints."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+@cli.command()
+@click.option("--out", metavar="DIR", help="Write report, figures and data there.")
+@click.option("--only", multiple=True, metavar="CLAIM...", help="Examine these claims only.")
+@click.argument("more", nargs=-1, metavar="")
+@common_options
+def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[str]) -> int:
+    """Audit every claim of the paper; write the report, figures and data."""
+    if more and not only:
+        raise InputError(f"'{more[0][:40]}' stands alone: name claims with --only")
+    from tippedisk_verify.evidence.claims import Audit, audited, selected
+    from tippedisk_verify.flow import default_engine
+
+    names = [name for group in (*only, *more) for name in group.split(",") if name]
+    claims = selected(names)
+    folder = _folder(out)
+    audit = Audit(common.parameters, default_engine(common.friction), common.friction, common.digits)
+    findings = []
+    with _progress(common, len(claims) + (folder is not None)) as advance:
+        advance(claims[0].name, 0)
+        for position, (claim, finding) in enumerate(audited(audit, claims)):
+            findings.append((claim, finding))
+            advance(claims[position + 1].name if position + 1 < len(claims) else "report", 1)
+        from tippedisk_verify.report import results_json, summary, write_report
+
+        if folder is not None:
+            scenes = [claim.name.removeprefix("scene_") for claim in claims if claim.name.startswith("scene_")]
+            results = write_report(folder, audit, findings, _computed(audit, scenes))
+            advance("report", 1)
+        else:
+            results = results_json(audit, findings)
+    if common.json:
+        _print_json(results)
+    elif not common.quiet:
+        _print_claims(audit, findings)
+        if folder is not None:
+            click.echo(f"report, figures and data: {folder}")
+    failed = summary(findings)["own_checks_failed"]
+    if failed:
+        click.echo(f"own checks that fell short: {', '.join(failed)}", err=True)
+    return 1 if failed else 0
+
+
+def _computed(audit: Any, scenes: Sequence[str]) -> list[Any]:
+    """The audited set's panels; a scene that could not be computed is missing here and undecided in the table."""
+    panels = []
+    for scene in scenes:
+        try:
+            panels.append(audit.panel(scene, audit.parameters.name))
+        except (Shortfall, ArithmeticError):
+            continue
+    return panels
+
+
+@cli.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
+@click.option("--out", metavar="DIR", help="Write figure and CSV data there.")
+@click.option("--omega-h", metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
+@common_options
+def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
+    """The panels a to f of the paper's figures 3D and proj_3D."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.model.precision import Measured, exact
+    from tippedisk_verify.orbits.scenes import SCENES, compute, scene_named
+
+    chosen = list(SCENES) if "all" in names else list(dict.fromkeys(scene_named(name) for name in names))
+    if common.digits > 12:
+        raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
+    given = None
+    if omega_h is not None:
+        number = exact(omega_h)
+        if number.pi_multiple or not 0 < number.rational < 10**6:
+            raise InputError(f"--omega-h must lie between 0 and 1e6 rad/s, not {omega_h[:40]}")
+        given = Measured(number.rational, number.rational * 0)
+    folder = _folder(out)
+    engine = default_engine(common.friction)
+    with _progress(common, len(chosen)) as advance:
+        found_with: tuple[Any, ...] = ()
+        if given is None and any(panel.base == "Omega_h" for panel in chosen):
+            from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+
+            advance("Omega_h", 0)
+            given = bisect_omega_h(common.parameters, engine, friction=common.friction).omega_h
+            found_with = getattr(engine, "builds", ())
+        panels = []
+        for panel in chosen:
+            advance(f"scene {panel.name}", 0)
+            panels.append(compute(panel, common.parameters, engine, omega_h=given, friction=common.friction))
+            advance(f"scene {panel.name}", 1)
+        if folder is not None:
+            from tippedisk_verify.plots import draw_scenes_2d, draw_scenes_3d, save
+            from tippedisk_verify.report import write_scene_data
+
+            save(draw_scenes_3d(panels, common.parameters), folder, "scenes_3d")
+            save(draw_scenes_2d(panels), folder, "scenes_2d")
+            for drawn in panels:
+                write_scene_data(folder, drawn, common.parameters)
+    if common.json:
+        result = {
+            "scenes": {panel.scene.name: panel.json() for panel in panels},
+            "omega_h": None if given is None else given.json(),
+            "compiled_for_omega_h": [build.json() for build in found_with],
+            "parameters": common.parameters.name,
+            "friction": common.friction,
+        }
+        _print_json(result)
+    elif not common.quiet:
+        for panel in panels:
+            click.echo(f"scene {panel.scene.name}: Omega = {panel.omega} rad/s")
+            for start, orbit in enumerate(panel.orbits, start=1):
+                ending = orbit.ending
+                detail = f" at {ending.time} s" if ending.time is not None else ""
+                click.echo(f"  orbit {start}: {ending.kind}{detail} ({ending.reason})")
+    return 0
+
+
+def _folder(out: str | None) -> Any:
+    if out is None:
+        return None
+    from tippedisk_verify.files import output_folder
+
+    return output_folder(out)
+
+
+def _print_json(result: dict[str, Any]) -> None:
+    click.echo(json.dumps(result, indent=1, ensure_ascii=False))
+
+
+def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from tippedisk_verify.report import shown
+
+    colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
+    table = Table(title=f"Claims ({audit.parameters.name}, {audit.friction} friction)", title_justify="left")
+    for heading in ("claim", "paper", *audit.sets, "verdict"):
+        table.add_column(heading, overflow="fold")
+    for claim, finding in findings:
+        verdict = finding.verdict.value
+        text = f"[{colours[verdict]}]{verdict}[/]" + (": " + ", ".join(finding.sets) if verdict == "holds-for" else "")
+        cells = [shown(finding.computed[name]) if name in finding.computed else "" for name in audit.sets]
+        table.add_row(claim.name, claim.printed, *cells, text)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=160)  # a file has no width of its own; keep rows on one line
+    console.print(table)
+
+
+@contextmanager
+def _progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
+    """A live bar on a terminal's standard error, nothing anywhere else."""
+    if common.quiet or not sys.stderr.isatty():
+        yield lambda label, steps: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
+        yield lambda label, steps: bar.update(task, description=label, advance=steps)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status. For tests: takes the arguments as a list."""
+    try:
+        status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        return int(stop.exit_code)
+    except click.ClickException as fault:
+        return _refused(fault.format_message())
+    except InputError as fault:
+        return _refused(str(fault))
+    except (Shortfall, ArithmeticError) as shortfall:
+        click.echo(f"tippedisk-verify: {_one_line(str(shortfall))}", err=True)
+        return 1
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("tippedisk-verify: interrupted", err=True)
+        return 130
+    except BrokenPipeError:  # the reader of our output has had enough
+        sys.stderr.close()
+        return 0
+    return status if isinstance(status, int) else 0
+
+
+def _refused(message: str) -> int:
+    click.echo(f"tippedisk-verify: {_one_line(message)}", err=True)
+    return 2
+
+
+def _one_line(message: str) -> str:
+    return " ".join(message.split())
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,25 @@
+"""What can be wrong with a request, said in one line that tells what would be right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+__all__ = ["InputError", "Shortfall"]
+
+
+class InputError(ValueError):
+    """The input cannot be used. ``faults`` holds one clear line for each fault found.
+
+    The command line prints them on one line and exits with status 2.
+    """
+
+    def __init__(self, faults: str | Iterable[str]) -> None:
+        self.faults: tuple[str, ...] = (faults,) if isinstance(faults, str) else tuple(faults)
+        super().__init__("; ".join(self.faults))
+
+
+class Shortfall(RuntimeError):
+    """A computation ended without the digits that were asked for; the message says why and what to try.
+
+    The command line prints it on one line and exits with status 1.
+    """

@@ -1,0 +1,1 @@
+"""What can be claimed about the paper and about other implementations, and how it is checked."""

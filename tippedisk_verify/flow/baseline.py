@@ -1,0 +1,240 @@
+"""SciPy's integrators behind the contract: the road that shares nothing with heyoka but the equations.
+
+Double precision only. Both friction laws; the smooth one loses no correctness here, only order, because its field is
+continuously differentiable but no more. Implicit methods and derivatives use the Jacobian of `model.equations`.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    STATE_VARIATIONS,
+    Event,
+    EventRecord,
+    Request,
+    Result,
+    Status,
+    checked,
+)
+from tippedisk_verify.model.equations import checked_friction, field, jacobian
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.precision import DOUBLE
+
+__all__ = ["METHODS", "Baseline", "Method"]
+
+Method = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
+METHODS: tuple[Method, ...] = get_args(Method)
+_TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
+#: solve_ivp refuses a relative tolerance below 100 ulps.
+TIGHTEST = 100 * 2.0**-52
+_DEFAULT_TOLERANCE = 1e-13  # near the tightest, and still rising to it smoothly for all methods
+
+# A complex step so small that its square vanishes beside 1: the derivative is exact to round-off.
+_COMPLEX_STEP = 1e-40
+_PER_STEP = 40  # evaluations of the right-hand side that no method's step exceeds
+
+
+class _OutOfSteps(Exception):
+    pass
+
+
+class Baseline:
+    """One of SciPy's methods as an engine."""
+
+    def __init__(self, method: str = "DOP853") -> None:
+        if method not in METHODS:
+            raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
+        self.method = method
+
+    @property
+    def name(self) -> str:
+        return f"scipy-{self.method}"
+
+    def __call__(self, request: Request) -> Result:
+        """Integrate. Raises InputError for more than double precision or for an error estimate."""
+        checked(request)
+        if request.precision != DOUBLE:
+            raise InputError(f"SciPy integrates in double precision only, not {request.precision.name}")
+        if request.error_estimate:
+            raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
+        friction = checked_friction(request.friction)
+        number = DOUBLE.number
+        start = [number(part) for part in request.state]
+        duration, omega = number(request.duration), number(request.omega)
+        constants = request.parameters.at(DOUBLE)
+        if request.domain != "none" and math.sin(start[0]) <= 0:
+            return Result(Status.FLAT, 0.0, _array(start), 0)
+        return self._integrate(request, constants, omega, start, duration, friction)
+
+    def _integrate(
+        self,
+        request: Request,
+        constants: Constants,
+        omega: float,
+        start: list[float],
+        duration: float,
+        friction: Any,
+    ) -> Result:
+        import numpy
+        from scipy.integrate import solve_ivp
+
+        vector_field = field(math, constants, omega, friction)
+        slope = jacobian(math, constants, omega, friction)
+        initial = numpy.array(start)
+        if request.variations:
+            rates, initial = _with_variations(request, constants, omega, vector_field, slope, initial)
+        else:
+
+            def rates(t: float, y: Any) -> Any:
+                return vector_field(*y.tolist())  # Python floats: several times faster than numpy scalars
+
+        watched = list(request.events)
+        if request.domain != "none" and FLAT not in watched:
+            watched.append(FLAT)
+        budget = request.max_steps * _PER_STEP
+        calls = 0
+
+        def counted(t: float, y: Any) -> Any:
+            nonlocal calls
+            calls += 1
+            if calls > budget:
+                raise _OutOfSteps
+            return rates(t, y)
+
+        options: dict[str, Any] = {}
+        if self.method in _TAKES_JACOBIAN and not request.variations:
+            options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
+        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
+        times = None if request.times is None else numpy.asarray([DOUBLE.number(t) for t in request.times])
+        try:
+            solution = solve_ivp(
+                counted if request.max_steps < 10_000_000 else rates,
+                (0.0, duration),
+                initial,
+                method=self.method,
+                t_eval=times,
+                dense_output=request.dense or bool(request.events),
+                rtol=tolerance,
+                atol=tolerance,
+                events=[_event(event, constants, omega) for event in watched] or None,
+                **options,
+            )
+        except _OutOfSteps:
+            return Result(Status.STEP_LIMIT, 0.0, numpy.array(start), 0, evaluations=calls)
+        return self._result(request, solution, watched, initial, times)
+
+    def _result(self, request: Request, solution: Any, watched: list[Event], initial: Any, times: Any) -> Result:
+        import numpy
+
+        records = [
+            EventRecord(event.name, float(when), state[:3].copy())
+            for event, found, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
+            for when, state in zip(found, states, strict=True)
+            if event.terminal or when != 0.0
+        ]
+        records.sort(key=lambda record: abs(record.time))
+        status, when, final = _ending(solution, watched)
+        if final is None:
+            final = solution.y[:, -1] if solution.y.size else initial
+        if (
+            times is not None
+            and status is Status.REACHED
+            and (not len(times) or times[-1] != DOUBLE.number(request.duration))
+        ):
+            final = solution.sol(DOUBLE.number(request.duration)) if solution.sol is not None else self._end(request)
+        derivatives = final[3:].reshape(3, -1).copy() if request.variations else None
+        dense = solution.sol
+        return Result(
+            status=status,
+            time=when if when is not None else DOUBLE.number(request.duration),
+            state=numpy.array(final[:3]),
+            steps=len(solution.t) - 1 if times is None else 0,
+            samples=None if times is None else solution.y[:3].T.copy(),
+            dense=(lambda t: dense(numpy.asarray(t))[:3].T) if request.dense else None,
+            derivatives=derivatives,
+            events=tuple(records),
+            evaluations=int(solution.nfev),
+        )
+
+    def _end(self, request: Request) -> Any:
+        from dataclasses import replace
+
+        import numpy
+
+        result = self(replace(request, times=None))
+        parts = [result.state] if result.derivatives is None else [result.state, result.derivatives.ravel()]
+        return numpy.concatenate(parts)
+
+
+def _array(values: Sequence[float]) -> Any:
+    import numpy
+
+    return numpy.array(values)
+
+
+def _event(event: Event, constants: Constants, omega: float) -> Callable[[float, Any], float]:
+    def crossing(t: float, y: Any) -> float:
+        return float(event.function(math, constants, omega, *y[:3].tolist()))
+
+    crossing.terminal = event.terminal  # type: ignore[attr-defined]
+    crossing.direction = event.direction  # type: ignore[attr-defined]
+    return crossing
+
+
+def _with_variations(
+    request: Request, constants: Constants, omega: float, vector_field: Any, slope: Any, initial: Any
+) -> tuple[Callable[[float, Any], Any], Any]:
+    """The first-order variational system beside the flow: Y' = (df/dx) Y + df/dp."""
+    import numpy
+
+    names = request.variations
+    inputs = [name for name in names if name not in STATE_VARIATIONS]
+    if inputs and request.friction != "linear":
+        raise InputError("derivatives with respect to parameters are offered for the linear friction law only")
+    forced: list[tuple[int, Any]] = [(names.index(name), _stepped(constants, omega, name)) for name in inputs]
+    first = numpy.zeros((3, len(names)))
+    for column, name in enumerate(names):
+        if name in STATE_VARIATIONS:
+            first[STATE_VARIATIONS.index(name), column] = 1.0
+
+    def rates(t: float, y: Any) -> Any:
+        state = y[:3].tolist()
+        change = numpy.array(slope(*state)) @ y[3:].reshape(3, -1)
+        for column, function in forced:
+            change[:, column] += [part.imag / _COMPLEX_STEP for part in map(complex, function(*state))]
+        return numpy.concatenate((vector_field(*state), change.ravel()))
+
+    return rates, numpy.concatenate((initial, first.ravel()))
+
+
+def _stepped(constants: Constants, omega: float, name: str) -> Any:
+    """The field with one parameter moved by an imaginary step; its imaginary part is the derivative."""
+    step = complex(0.0, _COMPLEX_STEP)
+    if name == "Omega":
+        return field(cmath, constants, omega + step, "linear")
+    if name not in ("r", "e", "a", "b", "g", "k"):
+        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, Omega, r, e, a, b, g or k")
+    return field(cmath, constants._replace(**{name: getattr(constants, name) + step}), omega, "linear")
+
+
+def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, Any]:
+    """Status, and the time and full state of a terminal event if one ended the run."""
+    import numpy
+
+    if solution.status == 1:
+        for event, found, states in zip(watched, solution.t_events, solution.y_events, strict=True):
+            if event.terminal and len(found):
+                return (Status.FLAT if event.name == FLAT.name else Status.EVENT), float(found[-1]), states[-1]
+    if solution.status == 0:
+        return Status.REACHED, None, None
+    if not numpy.all(numpy.isfinite(solution.y[:, -1:])):
+        return Status.NON_FINITE, float(solution.t[-1]), None
+    small = "step size" in str(solution.message).lower()
+    when = float(solution.t[-1]) if len(solution.t) else 0.0
+    return (Status.STEP_TOO_SMALL if small else Status.FAILED), when, None

@@ -1,0 +1,214 @@
+"""The contract between those who need trajectories and the engines that compute them.
+
+A `Request` says what is wanted, an engine returns a `Result`; nothing that the request does not name is built or
+computed. Engines are callables ``engine(request) -> Result``; `taylor` and `baseline` each offer one kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Literal, NamedTuple, Protocol
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision
+
+__all__ = [
+    "FLAT",
+    "SECTION",
+    "SLIDING_REVERSAL",
+    "TURN",
+    "Build",
+    "Engine",
+    "ErrorEstimate",
+    "Event",
+    "EventRecord",
+    "Request",
+    "Result",
+    "Status",
+    "Variation",
+    "raise_unless_usable",
+]
+
+#: What derivatives can be taken with respect to: the initial state, and the parameters that the field knows.
+Variation = Literal["beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k"]
+STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
+
+
+class Status(Enum):
+    """How an integration ended. The value is the message: what happened, and what to try next."""
+
+    REACHED = "the final time was reached"
+    EVENT = "a terminal event ended the run"
+    FLAT = "the disk lies flat (sin beta = 0): the model ends here; shorten the run or start elsewhere"
+    NON_FINITE = "the state became infinite or NaN; check the start, or integrate in more bits"
+    STEP_LIMIT = "the step limit was reached before the final time; raise max_steps or shorten the run"
+    STEP_TOO_SMALL = "the step size fell below what this arithmetic resolves; integrate in more bits"
+    FAILED = "the integrator gave up; try another method or a looser tolerance"
+
+    @property
+    def usable(self) -> bool:
+        """Whether the result is what was asked for (or the model's own end)."""
+        return self in (Status.REACHED, Status.EVENT, Status.FLAT)
+
+
+@dataclass(frozen=True)
+class Event:
+    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
+
+    ``direction`` is +1 (rising), -1 (falling) or 0 (both). A terminal event ends the run on the crossing; others are
+    recorded. The name identifies the function: engines keep what they built for it.
+    """
+
+    name: str
+    function: Callable[[Any, Constants, Any, Any, Any, Any], Any]
+    direction: Literal[-1, 0, 1] = 0
+    terminal: bool = True
+
+
+#: The disk lies flat, sin(beta) = 0: the edge of the model's domain.
+FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta))
+#: beta = pi/2 (cos beta = 0): the Poincare section, and where gamma is extreme.
+SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
+#: v = 0: beta is extreme.
+TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
+#: gamma_y / sin(beta) = 0: the sliding velocity changes sign.
+SLIDING_REVERSAL = Event(
+    "sliding reversal",
+    lambda ops, constants, omega, beta, gamma, v: (
+        (constants.r + constants.e * ops.sin(gamma)) * v - constants.e * omega * (ops.sin(beta) * ops.cos(gamma))
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is wanted of an engine.
+
+    ``omega``, ``state`` and ``duration`` take whatever `model.precision.exact` takes, so that the same request can be
+    run in any precision. Angles in rad, ``v`` and ``omega`` in rad/s, times in s; the run starts at time 0 and goes
+    backward if ``duration`` is negative.
+
+    ``tolerance`` is relative, per step; None is the arithmetic's own round-off. ``domain`` says how leaving the model's
+    domain is noticed: ``"event"`` locates sin(beta) = 0 and ends there (Status.FLAT); ``"samples"`` looks at the end
+    and at the samples, and repeats the run with the event only if one of them lies outside; ``"none"`` does not look.
+    """
+
+    parameters: Parameters
+    omega: object
+    state: Sequence[object]
+    duration: object
+    friction: Friction = "linear"
+    precision: Precision = DOUBLE
+    tolerance: float | None = None
+    times: Sequence[Any] | None = None  #: sample times, rising from 0 (falling for a backward run)
+    dense: bool = False  #: a function of time that interpolates to the integrator's accuracy
+    variations: tuple[Variation, ...] = ()  #: derivatives of the final state with respect to these
+    events: tuple[Event, ...] = ()
+    error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
+    domain: Literal["event", "samples", "none"] = "event"
+    max_steps: int = 10_000_000
+
+
+class EventRecord(NamedTuple):
+    """One crossing: the event's name, the time [s] and the state there."""
+
+    name: str
+    time: Any
+    state: Any
+
+
+@dataclass(frozen=True)
+class Build:
+    """One thing that was compiled (or taken from what was compiled before) for a request."""
+
+    engine: str  #: e.g. ``taylor``
+    precision: str  #: e.g. ``double``
+    friction: str
+    variations: tuple[str, ...]
+    events: tuple[str, ...]
+    u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
+    seconds: float  #: spent building it, in this process
+
+    def json(self) -> dict[str, object]:
+        """For reports; the time is left out because it differs from run to run."""
+        return {
+            "engine": self.engine,
+            "precision": self.precision,
+            "friction": self.friction,
+            "variations": list(self.variations),
+            "events": list(self.events),
+            "u_variables": self.u_variables,
+        }
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Half-widths that hold the error of a result, rounding of the inputs included.
+
+    ``state`` has the state's shape, ``samples`` that of the samples (or is None), ``time`` is a scalar (0 unless an
+    event ended the run), ``events`` holds one half-width of the time of each recorded event. ``infinity`` says that
+    the two runs did not end alike: then rounding decides what happens.
+    """
+
+    state: Any
+    time: float
+    samples: Any = None
+    events: tuple[float, ...] = ()
+    variations: Any = None
+    seconds: float = 0.0  #: what the companion run cost
+
+    @property
+    def largest(self) -> float:
+        """The largest half-width of the final state's components."""
+        return float(max(self.state))
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an engine computed. Arrays are in the request's precision."""
+
+    status: Status
+    time: Any  #: where the run ended [s]
+    state: Any  #: (3,) final (beta, gamma, v)
+    steps: int
+    samples: Any = None  #: (n, 3) states at the sample times that were reached
+    dense: Callable[[Any], Any] | None = None  #: times (n,) -> states (n, 3)
+    derivatives: Any = None  #: (3, number of variations) d(final state)/d(variations), at fixed final time
+    events: tuple[EventRecord, ...] = ()
+    error: ErrorEstimate | None = None
+    evaluations: int | None = None  #: of the right-hand side, where the method counts them
+    built: tuple[Build, ...] = ()  #: what the engine used for it
+
+
+class Engine(Protocol):
+    """Anything that answers requests."""
+
+    @property
+    def name(self) -> str:
+        """For reports, e.g. ``taylor`` or ``scipy-DOP853``."""
+
+    def __call__(self, request: Request) -> Result:
+        """Compute what was asked for. Raises InputError for a request that makes no sense."""
+
+
+def raise_unless_usable(result: Result) -> Result:
+    """The result itself, if its status is one that was asked for. Raises ArithmeticError with the status otherwise."""
+    if not result.status.usable:
+        raise ArithmeticError(f"at t = {float(result.time):.6g} s {result.status.value}")
+    return result
+
+
+def checked(request: Request) -> None:
+    """Refuse what no engine can do. Cheap: it runs before every integration. Raises InputError."""
+    if len(request.state) != 3:
+        raise InputError("a state has three components: beta, gamma, v")
+    if request.max_steps < 1:
+        raise InputError("max_steps must be at least 1")
+    if request.tolerance is not None and not 0 < request.tolerance < 1:
+        raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
+    if request.events and len({event.name for event in request.events}) != len(request.events):
+        raise InputError("two events of one request have the same name")

@@ -1,0 +1,334 @@
+"""heyoka's Taylor integrator behind the contract: the only file that builds a ``taylor_adaptive``.
+
+What a request needs is compiled once per process and kept: the plain field, the field with the events asked for, the
+variational system for the derivatives asked for, each in the arithmetic asked for. All parameters are runtime values,
+so one build serves every parameter set and speed. `Taylor.builds` tells what has been built so far.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    Build,
+    ErrorEstimate,
+    EventRecord,
+    Request,
+    Result,
+    Status,
+    checked,
+)
+from tippedisk_verify.model.equations import checked_friction, field
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+
+__all__ = ["Taylor"]
+
+# Runtime parameters of the compiled field, in this order.
+_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
+
+
+class Taylor:
+    """The engine: adaptive Taylor series of the order that the tolerance asks for, in any precision.
+
+    One instance must not be used from two threads at once, because its integrators hold the running state.
+    ``high_accuracy`` compensates the summation of the series; over tens of seconds it changes the error little here,
+    because the rounding of the inputs dominates. ``compact`` overrides the measured choice between unrolled code
+    (double: half the run time) and loops (above double, where compiling unrolled code would take minutes).
+    """
+
+    def __init__(self, *, high_accuracy: bool = False, compact: bool | None = None) -> None:
+        self._high_accuracy = high_accuracy
+        self._compact = compact
+        self._integrators: dict[tuple[Any, ...], _Integrator] = {}
+
+    @property
+    def name(self) -> str:
+        return "taylor"
+
+    @property
+    def builds(self) -> tuple[Build, ...]:
+        """Everything that this engine has built so far, in order."""
+        return tuple(integrator.build for integrator in self._integrators.values())
+
+    def __call__(self, request: Request) -> Result:
+        """Integrate. Raises InputError for a request that makes no sense, or that asks for the smooth law."""
+        checked(request)
+        precision = request.precision
+        events = request.events
+        if request.domain == "event" and FLAT not in events:
+            events = (*events, FLAT)
+        key = (precision, request.friction, request.variations, events, request.tolerance)
+        integrator = self._integrators.get(key)
+        if integrator is None:
+            integrator = self._integrators[key] = _Integrator(
+                request,
+                events,
+                self._high_accuracy,
+                self._compact if self._compact is not None else precision != DOUBLE,
+            )
+        result = integrator.run(request)
+        if request.domain == "samples" and _outside(result, precision):
+            # Rare: only now is the event worth building, and only it can say when the disk lay flat.
+            return self(replace(request, domain="event"))
+        if request.error_estimate:
+            return self._with_error(request, result)
+        return result
+
+    def _with_error(self, request: Request, result: Result) -> Result:
+        wider = companion(request.precision)
+        begin = time.perf_counter()
+        check = self(replace(request, precision=wider, tolerance=None, error_estimate=False, dense=False))
+        error = _compared(request.precision, wider, result, check)
+        error = replace(error, seconds=time.perf_counter() - begin)
+        return replace(result, error=error, built=result.built + check.built)
+
+
+class _Integrator:
+    """One compiled integrator and what is needed to set it off again."""
+
+    def __init__(self, request: Request, events: tuple[Any, ...], high_accuracy: bool, compact: bool) -> None:
+        if checked_friction(request.friction) != "linear":
+            raise InputError(
+                "the Taylor engine has the linear friction law only: the smooth law is not analytic where the sliding"
+                " velocity vanishes; use the baseline engine for it"
+            )
+        self.precision = precision = request.precision
+        begin = time.perf_counter()
+        import heyoka as hy
+
+        self._hy = hy
+        number, fp_type = precision.number, precision.type
+        system, self._crossings = _system(request, events)
+        self._records: list[EventRecord] = []
+        self._terminal = [event for event in events if event.terminal]
+        options: dict[str, Any] = {"fp_type": fp_type, "high_accuracy": high_accuracy, "compact_mode": compact}
+        if precision.kind == "real":
+            options["prec"] = precision.bits
+        if request.tolerance is not None:
+            options["tol"] = number(request.tolerance)
+        if self._terminal:
+            options["t_events"] = [
+                hy.t_event(self._crossings[event.name], direction=_direction(hy, event.direction), fp_type=fp_type)
+                for event in self._terminal
+            ]
+        if passing := [event for event in events if not event.terminal]:
+            options["nt_events"] = [
+                hy.nt_event(
+                    self._crossings[event.name],
+                    self._recorder(event.name),
+                    direction=_direction(hy, event.direction),
+                    fp_type=fp_type,
+                )
+                for event in passing
+            ]
+        start = [number(1), number(1), number(0)]
+        self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(_PARAMETERS), **options)
+        self._identity = stepper.state[3:].copy() if request.variations else None
+        self._zero = number(0)
+        self._parameters: Parameters | None = None
+        self.build = Build(
+            engine="taylor",
+            precision=precision.name,
+            friction=request.friction,
+            variations=request.variations,
+            events=tuple(event.name for event in events),
+            u_variables=len(stepper.decomposition) - stepper.dim,
+            seconds=time.perf_counter() - begin,
+        )
+        self._built = (self.build,)
+
+    def run(self, request: Request) -> Result:
+        stepper, zero = self._stepper, self._zero
+        number = self.precision.number
+        if self.precision.kind == "double":
+            state = [part if type(part) is float else number(part) for part in request.state]
+            duration = request.duration if type(request.duration) is float else number(request.duration)
+            omega = request.omega if type(request.omega) is float else number(request.omega)
+        else:
+            state = [number(part) for part in request.state]
+            duration, omega = number(request.duration), number(request.omega)
+        pars = stepper.pars
+        if request.parameters is not self._parameters:
+            constants = request.parameters.at(self.precision)
+            for index, name in enumerate(_PARAMETERS[1:], start=1):
+                pars[index] = getattr(constants, name)
+            self._parameters = request.parameters
+        pars[0] = omega
+        stepper.time = zero
+        if self._identity is None:
+            stepper.state[:] = state
+        else:
+            stepper.state[:3] = state
+            stepper.state[3:] = self._identity
+        if self._crossings:
+            stepper.reset_cooldowns()
+            self._records.clear()
+        if request.domain != "none" and self.precision.ops.sin(state[0]) <= 0:
+            return self._result(Status.FLAT, 0)
+        samples = dense = None
+        if request.times is not None and not request.dense:
+            times = request.times if _native(request.times, self.precision) else self.precision.array(request.times)
+            outcome, low, _, steps, _, samples = stepper.propagate_grid(times, max_steps=request.max_steps)
+            samples = samples[:, :3]
+            if outcome.name == "time_limit" and stepper.time != duration:
+                outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+                steps += more
+        else:
+            outcome, low, _, steps, dense, _ = stepper.propagate_until(
+                duration, max_steps=request.max_steps, c_output=request.dense
+            )
+        result = self._result(self._status(outcome, low), steps, samples, dense)
+        if request.dense and request.times is not None and result.dense is not None:
+            reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
+            return replace(result, samples=result.dense(reached))
+        return result
+
+    def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
+        stepper = self._stepper
+        final = stepper.state.copy()
+        derivatives = None
+        if self._identity is not None:
+            derivatives, final = final[3:].reshape(3, -1), final[:3]
+        events: tuple[EventRecord, ...] = ()
+        if self._crossings:
+            events = tuple(self._records)
+        return Result(
+            status=status,
+            time=stepper.time,
+            state=final,
+            steps=steps,
+            samples=samples,
+            dense=None if dense is None else _copied(dense, self.precision),
+            derivatives=derivatives,
+            events=events,
+            built=self._built,
+        )
+
+    def _status(self, outcome: Any, smallest_step: Any) -> Status:
+        name = outcome.name
+        if name == "time_limit":
+            return Status.REACHED
+        if name == "err_nf_state":
+            return Status.NON_FINITE
+        if name == "step_limit":
+            resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
+            return Status.STEP_TOO_SMALL if abs(float(smallest_step)) <= resolved else Status.STEP_LIMIT
+        event = self._terminal[-int(outcome.value) - 1]  # heyoka numbers terminal events -1, -2, ...
+        self._records.append(EventRecord(event.name, self._stepper.time, self._stepper.state[:3].copy()))
+        return Status.FLAT if event.name == FLAT.name else Status.EVENT
+
+    def _recorder(self, name: str) -> Callable[[Any, Any, int], None]:
+        records = self._records
+
+        def record(stepper: Any, when: Any, sign: int) -> None:
+            stepper.update_d_output(when)
+            records.append(EventRecord(name, when, stepper.d_output[:3].copy()))
+
+        return record
+
+
+def _system(request: Request, events: tuple[Any, ...]) -> tuple[Any, dict[str, Any]]:
+    """The heyoka system that the request needs, and the event functions by name."""
+    import heyoka as hy
+
+    state = hy.make_vars("beta", "gamma", "v")
+    pars = dict(zip(_PARAMETERS, (hy.par[index] for index in range(len(_PARAMETERS))), strict=True))
+    omega = pars["Omega"]
+    constants = Constants(**{name: pars.get(name) for name in Constants._fields})
+    rates = field(hy, constants, omega, "linear")(*state)
+    system: Any = list(zip(state, rates, strict=True))
+    if request.variations:
+        known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars
+        unknown = [name for name in request.variations if name not in known]
+        if unknown:
+            raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(known)}")
+        system = hy.var_ode_sys(system, [known[name] for name in request.variations])
+    return system, {event.name: event.function(hy, constants, omega, *state) for event in events}
+
+
+def _direction(hy: Any, sign: int) -> Any:
+    kinds = {-1: "negative", 0: "any", 1: "positive"}
+    return getattr(hy.event_direction, kinds[sign])
+
+
+def _native(times: Any, precision: Precision) -> bool:
+    dtype = getattr(times, "dtype", None)
+    return dtype is not None and precision.kind != "real" and dtype == precision.type
+
+
+def _copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
+    """heyoka's continuous output hands out its own memory; this hands out copies of the state's part."""
+
+    def states(times: Any) -> Any:
+        return output(precision.array(list(times)))[:, :3].copy()
+
+    return states
+
+
+def _outside(result: Result, precision: Precision) -> bool:
+    """Whether the end or a sample has sin(beta) <= 0, or the samples' steps are too wide to be sure between them."""
+    import numpy
+
+    sine = numpy.sin
+    if not result.status.usable or result.status is Status.FLAT:
+        return False
+    if sine(result.state[0]) <= 0:
+        return True
+    return result.samples is not None and bool(numpy.any(sine(result.samples[:, 0]) <= 0))
+
+
+def _compared(precision: Precision, wider: Precision, result: Result, check: Result) -> ErrorEstimate:
+    """Half-widths from the distance to a run with at least 11 more bits.
+
+    The wider run's own error is about 2^-11 or less of the first one's; 1/64 of the largest distance leaves it a
+    factor of 32, also where one component's distance is small by chance. Half an ulp of the value itself is the
+    least that can be claimed.
+    """
+    import numpy
+
+    def widths(values: Any, truths: Any) -> Any:
+        exact = _widened(values, wider)
+        away = abs(exact - truths)
+        rows = away if away.ndim > 1 else away[None, :]
+        largest = numpy.array([max(row, default=0) for row in rows], dtype=rows.dtype)
+        bound = away + (largest[:, None] if away.ndim > 1 else largest[0]) / 64
+        bound = bound + abs(exact) * wider.number(precision.epsilon / 2)
+        return bound.astype(float) if precision.kind == "double" else bound
+
+    endings_differ = result.status is not check.status or len(result.events) != len(check.events)
+    if endings_differ or (result.samples is not None and len(result.samples) != len(check.samples)):
+        endless = numpy.full(3, math.inf)
+        return ErrorEstimate(state=endless, time=math.inf)
+    return ErrorEstimate(
+        state=widths(result.state, check.state),
+        time=float(widths(_alone(result.time), _alone(check.time))[0]) if result.status is not Status.REACHED else 0.0,
+        samples=None if result.samples is None else widths(result.samples, check.samples),
+        events=tuple(
+            float(widths(_alone(mine.time), _alone(theirs.time))[0])
+            for mine, theirs in zip(result.events, check.events, strict=True)
+        ),
+        variations=None if result.derivatives is None else widths(result.derivatives, check.derivatives),
+    )
+
+
+def _alone(value: Any) -> Any:
+    import numpy
+
+    return numpy.array([value], dtype=type(value))
+
+
+def _widened(values: Any, wider: Precision) -> Any:
+    """An array in a wider arithmetic, exactly."""
+    import numpy
+
+    if wider.kind == "extended":
+        return values.astype(numpy.longdouble)
+    flat = [wider.number(entry) for entry in values.ravel()]
+    return numpy.array(flat, dtype=wider.type).reshape(values.shape)

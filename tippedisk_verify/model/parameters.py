@@ -1,0 +1,237 @@
+"""Parameters of the tippedisk: exact, validated, each with its unit and source.
+
+Three sets are named: ``printed`` (the paper's Table 1 as it stands), ``calibrated`` (inside Table 1's rounding, and
+reproducing the paper's five printed results) and ``geometry`` (derived from a disk's dimensions). Others come from a
+TOML file of quoted decimals.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.precision import Measured, Precision, exact
+
+__all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
+
+_LARGEST_FILE = 1_000_000
+
+
+class Constants(NamedTuple):
+    """The parameters in one arithmetic, each rounded once from its exact value.
+
+    Only mass ratios enter the acceleration, so ``a``, ``b``, ``k`` and ``traction`` are what the field uses.
+    """
+
+    r: Any  #: disk radius [m]
+    e: Any  #: eccentricity, distance from geometric centre to centre of gravity [m]
+    m: Any  #: mass [kg]
+    A: Any  #: moment of inertia about the axis through both centres [kg m^2]
+    B: Any  #: moment of inertia about the in-plane axis across it, at the geometric centre [kg m^2]
+    Bbar: Any  #: B - m e^2, the same at the centre of gravity [kg m^2]
+    g: Any  #: gravity [m/s^2]
+    mu: Any  #: friction coefficient [1]
+    epsilon: Any  #: smoothing speed of the friction law [m/s]
+    a: Any  #: A / m [m^2]
+    b: Any  #: Bbar / m [m^2]
+    k: Any  #: mu g / epsilon, the linear law's friction per mass and sliding speed [1/s]
+    traction: Any  #: mu g, the smooth law's greatest friction per mass [m/s^2]
+
+
+def _quantity(unit: str, source: str) -> Any:
+    return field(metadata={"unit": unit, "source": source})
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """One tippedisk. All values are exact rationals; give strings, Fractions, Decimals, ints or floats.
+
+    Raises InputError with one line for each fault: not finite, not positive, e >= r, Bbar <= 0, B > A, and, where C
+    is given, A > C.
+    """
+
+    r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
+    e: Fraction = _quantity("m", "Table tab:dim_mass, eccentricity")
+    m: Fraction = _quantity("kg", "Table tab:dim_mass, mass")
+    A: Fraction = _quantity("kg m^2", "Table tab:dim_mass, inertia (1,1) at the geometric centre")
+    B: Fraction = _quantity("kg m^2", "Table tab:dim_mass, inertia (2,2) at the geometric centre")
+    g: Fraction = _quantity("m/s^2", "assumed: the paper gives no value")
+    mu: Fraction = _quantity("1", "text below Eq. lin_lambda_y_3DOF, friction coefficient")
+    epsilon: Fraction = _quantity("m/s", "text below Eq. lin_lambda_y_3DOF, smoothing parameter")
+    C: Fraction | None = field(
+        default=None,
+        metadata={"unit": "kg m^2", "source": "Table tab:dim_mass, inertia (3,3); enters no equation here"},
+    )
+    name: str = "custom"
+    _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        faults = []
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in ("name", "_constants") or (item.name == "C" and value is None):
+                continue
+            try:
+                number = exact(value)
+                if number.pi_multiple:
+                    raise InputError("a multiple of pi is not a rational number")
+            except InputError as fault:
+                faults.append(f"parameter {item.name}: {fault}")
+                continue
+            if number.rational <= 0:
+                faults.append(f"parameter {item.name} must be positive, not {value!s:.40}")
+            object.__setattr__(self, item.name, number.rational)
+        if not faults:
+            faults = self._inconsistencies()
+        if faults:
+            raise InputError(faults)
+
+    def _inconsistencies(self) -> list[str]:
+        faults = []
+        if self.e >= self.r:
+            faults.append("the eccentricity e must be smaller than the radius r")
+        if self.Bbar <= 0:
+            faults.append("Bbar = B - m e^2 must be positive: B is too small for this m and e")
+        if self.B > self.A:
+            faults.append("B must not exceed A: the offset mass adds to neither but is taken from B")
+        if self.C is not None and self.A > self.C:
+            faults.append("A must not exceed C, the moment about the disk's normal")
+        return faults
+
+    @property
+    def Bbar(self) -> Fraction:
+        """B - m e^2 [kg m^2]: moment of inertia (2,2) at the centre of gravity. Source: below Table tab:dim_mass."""
+        return self.B - self.m * self.e**2
+
+    def at(self, precision: Precision) -> Constants:
+        """These parameters in ``precision``, rounded once each from exact values; computed once and kept."""
+        known = self._constants.get(precision)
+        if known is None:
+            known = self._constants[precision] = Constants(*(precision.number(value) for value in self._exact()))
+        return known
+
+    def rational(self) -> Constants:
+        """These parameters as exact rationals."""
+        return Constants(*self._exact())
+
+    def _exact(self) -> tuple[Fraction, ...]:
+        traction = self.mu * self.g
+        return (
+            *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),
+            *(self.A / self.m, self.Bbar / self.m, traction / self.epsilon, traction),
+        )
+
+    def changed(self, **values: object) -> Parameters:
+        """A copy with some fields replaced (validated again), named ``custom`` unless a name is given."""
+        return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
+
+    def decimals(self) -> dict[str, str]:
+        """Each given field as an exact decimal string (fifty digits where the decimal repeats)."""
+        return {
+            item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
+            for item in fields(self)
+            if item.name not in ("name", "_constants") and getattr(self, item.name) is not None
+        }
+
+    @classmethod
+    def named(cls, name_or_path: str) -> Parameters:
+        """A named set, or the set in a TOML file (any name with a dot or a path separator).
+
+        Raises InputError if there is no such set, or with what `from_toml` finds.
+        """
+        if name_or_path in NAMED_SETS:
+            return NAMED_SETS[name_or_path]
+        if "." in name_or_path or "/" in name_or_path or "\\" in name_or_path:
+            return cls.from_toml(Path(name_or_path))
+        raise InputError(
+            f"parameter set '{name_or_path[:60]}' is not known: use {', '.join(NAMED_SETS)} or a .toml file"
+        )
+
+    @classmethod
+    def from_toml(cls, path: Path) -> Parameters:
+        """Parameters from a file with the keys r, e, m, A, B, g, mu, epsilon and optionally C, as quoted decimals.
+
+        Raises InputError if the file cannot be read, is not TOML, lacks a key or has an unknown one, or holds values
+        that `Parameters` refuses.
+        """
+        entries = _toml_entries(path)
+        allowed = [item.name for item in fields(cls) if item.name not in ("name", "_constants")]
+        faults = [f"unknown key '{key[:40]}' (known: {', '.join(allowed)})" for key in entries if key not in allowed]
+        faults += [f"key '{key}' is missing" for key in allowed if key != "C" and key not in entries]
+        faults += [
+            f'{key} must be a quoted decimal such as "0.435", not {str(value)[:40]}'
+            for key, value in entries.items()
+            if key in allowed and not isinstance(value, str)
+        ]
+        if faults:
+            raise InputError(f"parameter file {path.name}: {fault}" for fault in faults)
+        try:
+            return cls(**entries, name=path.stem)
+        except InputError as fault:
+            raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
+
+
+def _toml_entries(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise InputError(f"parameter file {path} does not exist")
+    if not path.is_file():
+        raise InputError(f"parameter file {path} is not a file")
+    try:
+        if path.stat().st_size > _LARGEST_FILE:
+            raise InputError(f"parameter file {path} is larger than {_LARGEST_FILE} bytes")
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as fault:
+        raise InputError(f"parameter file {path} cannot be read: {fault.strerror or fault}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as fault:
+        if isinstance(fault, InputError):
+            raise
+        reason = str(fault).splitlines()[0][:120]
+        raise InputError(f"parameter file {path.name} is not a TOML text file: {reason}") from None
+    if not entries:
+        raise InputError(f"parameter file {path.name} is empty: it needs the keys r, e, m, A, B, g, mu, epsilon")
+    return entries
+
+
+def disk_with_hole(
+    mass: Fraction, radius: Fraction, thickness: Fraction, hole_radius: Fraction, hole_offset: Fraction
+) -> dict[str, Fraction]:
+    """r, e, m, A, B and C of a homogeneous sharp-edged disk with a through-hole beside its centre.
+
+    Lengths in m, ``mass`` in kg (of what is left after drilling). The inertia of the hole's material is taken from
+    that of the full disk (elementary solids and Steiner's theorem, both about the geometric centre).
+    """
+    full = mass * radius**2 / (radius**2 - hole_radius**2)
+    hole = full - mass
+
+    def across(body: Fraction, size: Fraction) -> Fraction:
+        return body * (size**2 / 4 + thickness**2 / 12)
+
+    A = across(full, radius) - across(hole, hole_radius)
+    return {
+        "r": radius,
+        "e": hole * hole_offset / mass,
+        "m": mass,
+        "A": A,
+        "B": A - hole * hole_offset**2,
+        "C": full * radius**2 / 2 - hole * (hole_radius**2 / 2 + hole_offset**2),
+    }
+
+
+_COMMON: dict[str, Any] = {"g": "9.81", "mu": "0.3", "epsilon": "0.1"}
+_DISK: dict[str, Any] = {"r": "0.045", "e": "2.5e-3", "m": "0.435", **_COMMON}
+
+#: Table 1 of the paper as it stands.
+PRINTED = Parameters(**_DISK, A="0.249e-3", B="0.227e-3", C="0.468e-3", name="printed")
+#: Inside Table 1's rounding; reproduces all five results that the paper prints.
+CALIBRATED = Parameters(**_DISK, A="0.24884e-3", B="0.22656e-3", name="calibrated")
+#: A disk of radius 45 mm, 10 mm thick, with a hole of radius 15 mm whose centre lies 20 mm from the disk's.
+GEOMETRY = Parameters(
+    **disk_with_hole(*(Fraction(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))),
+    **_COMMON,
+    name="geometry",
+)
+NAMED_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}

@@ -1,0 +1,1 @@
+"""What the flow organises into: scenes, limit cycles, connections. Every function takes the engine to use."""

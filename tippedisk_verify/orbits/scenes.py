@@ -1,0 +1,273 @@
+"""The six panels of the paper's Figures 3D and proj_3D: two orbits each, and what each of them ends on.
+
+A scene declares what it needs. Panels b to f need a plain integrator and samples; panel a, where orbits leave the model,
+needs the event sin(beta) = 0 as well. Nothing else is built for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Literal
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
+from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import PI, Exact, Measured, exact
+from tippedisk_verify.theory.equilibria import is_stable, linearization
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["INITIAL_STATES", "SCENES", "Ending", "Orbit", "Panel", "Scene", "scene_named", "section_amplitudes"]
+
+_QUARTER = PI * Fraction(1, 2)
+#: The paper's initial states x_0^1 and x_0^2, as (beta, gamma, v) [rad, rad, rad/s].
+INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
+    (_QUARTER, -_QUARTER, exact(2)),
+    (_QUARTER, _QUARTER + exact("0.4"), exact(0)),
+)
+
+# Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance below 1e-4 of itself.
+_DURATION = 120
+_SAMPLES_PER_SECOND = 100
+# What an orbit ends on does not need the baseline's last digits, and they cost it tenfold.
+_LOOSER = 1e-10
+
+AttractorKind = Literal["inverted spinning", "limit cycle", "flat", "undecided"]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One panel: its speed, relative to Omega_h or Omega_crit, and what it needs beyond a plain integrator."""
+
+    name: str
+    base: Literal["Omega_h", "Omega_crit"]
+    offset: Fraction  #: [rad/s]
+    flat_event: bool = False  #: orbits leave the model's domain here, and when is part of the answer
+
+    @property
+    def title(self) -> str:
+        sign = "−" if self.offset < 0 else "+"
+        label = {"Omega_h": r"\Omega_\mathrm{h}", "Omega_crit": r"\Omega_\mathrm{crit}"}[self.base]
+        return rf"({self.name}) $\Omega = {label} {sign} {float(abs(self.offset)):g}$ rad/s"
+
+    def omega(self, parameters: Parameters, omega_h: Measured | None) -> Measured:
+        """The panel's speed [rad/s]. Raises InputError if it needs an Omega_h that is not given."""
+        if self.base == "Omega_crit":
+            base = omega_crit(parameters, 20)
+        elif omega_h is None:
+            raise InputError(f"scene {self.name} needs Omega_h")
+        else:
+            base = omega_h
+        return Measured(base.value + self.offset, base.uncertainty)
+
+
+#: The panels, with the labels of the paper's Figure 3D.
+SCENES: tuple[Scene, ...] = (
+    Scene("a", "Omega_h", Fraction(-1, 10), flat_event=True),
+    Scene("b", "Omega_h", Fraction(1, 100)),
+    Scene("c", "Omega_h", Fraction(1, 10)),
+    Scene("d", "Omega_crit", Fraction(-1, 2)),
+    Scene("e", "Omega_crit", Fraction(-1, 5)),
+    Scene("f", "Omega_crit", Fraction(1, 2)),
+)
+
+
+def scene_named(name: str) -> Scene:
+    """The panel of that letter. Raises InputError if there is none."""
+    for scene in SCENES:
+        if scene.name == name:
+            return scene
+    raise InputError(f"scene '{name[:40]}' is not known: use a, b, c, d, e, f or all")
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What an orbit ends on, by the criterion of `classified`."""
+
+    kind: AttractorKind
+    reason: str
+    time: Measured | None = None  #: when the disk lies flat [s]
+    amplitude: Measured | None = None  #: |gamma - pi/2| of the limit cycle at beta = pi/2 [rad]
+    wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
+
+    def json(self) -> dict[str, object]:
+        entries: dict[str, object] = {"kind": self.kind, "reason": self.reason}
+        if self.time is not None:
+            entries["time"] = self.time.json()
+        if self.amplitude is not None:
+            entries["gamma_bar_at_section"] = self.amplitude.json()
+        if self.wells_passed is not None:
+            entries["wells_passed"] = self.wells_passed
+        return entries
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """One trajectory of a panel."""
+
+    start: tuple[Exact, Exact, Exact]
+    times: Any  #: (n,) [s]
+    states: Any  #: (n, 3) [rad, rad, rad/s]
+    ending: Ending
+    steps: int
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A computed scene."""
+
+    scene: Scene
+    omega: Measured  #: [rad/s]
+    inverted_stable: bool
+    noninverted_stable: bool
+    orbits: tuple[Orbit, ...]
+    compiled: tuple[Build, ...]  #: what was built or used for it
+
+    def json(self) -> dict[str, object]:
+        return {
+            "omega": self.omega.json(),
+            "attractor": [orbit.ending.json() for orbit in self.orbits],
+            "compiled": [build.json() for build in self.compiled],
+        }
+
+
+def compute(
+    scene: Scene,
+    parameters: Parameters,
+    engine: Engine,
+    *,
+    omega_h: Measured | None = None,
+    friction: Friction = "linear",
+) -> Panel:
+    """Integrate a panel's orbits and say what each ends on.
+
+    Raises InputError if the panel needs an Omega_h that is not given, Shortfall if an integration fails.
+    """
+    import numpy
+
+    omega = scene.omega(parameters, omega_h)
+    if omega.value <= 0:
+        raise InputError(f"scene {scene.name}: its speed {float(omega):g} rad/s is not positive")
+    times = numpy.arange(_DURATION * _SAMPLES_PER_SECOND + 1) / _SAMPLES_PER_SECOND
+    orbits = []
+    compiled: dict[Build, None] = {}
+    stable = is_stable(linearization(parameters, omega.value))
+    for start in INITIAL_STATES:
+        request = Request(
+            parameters,
+            omega.value,
+            start,
+            float(times[-1]),
+            friction=friction,
+            times=times,
+            tolerance=None if engine.name == "taylor" else _LOOSER,
+            domain="event" if scene.flat_event else "samples",
+        )
+        result = engine(request)
+        if not result.status.usable:
+            raise Shortfall(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
+        ending, used = classified(result, request, engine, omega, stable)
+        compiled |= dict.fromkeys((*result.built, *used))
+        count = len(result.samples)
+        orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
+    return Panel(
+        scene=scene,
+        omega=omega,
+        inverted_stable=stable,
+        noninverted_stable=is_stable(linearization(parameters, omega.value, "noninverted")),
+        orbits=tuple(orbits),
+        compiled=tuple(compiled),
+    )
+
+
+def classified(
+    result: Result, request: Request, engine: Engine, omega: Measured, inverted_stable: bool
+) -> tuple[Ending, tuple[Build, ...]]:
+    """What an orbit ends on, and what was built to say so.
+
+    *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| at the crossings of
+    beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted spinning*: it is
+    asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05. *Limit cycle*: the
+    changes A_(n+1) - A_n shrink geometrically over the last ten, and the limit they tend to lies above 0.05, with a
+    remaining distance below a hundredth of it. Anything else is *undecided*.
+    """
+    if result.status is Status.FLAT:
+        return _flat(result, request, engine, omega)
+    amplitudes = section_amplitudes(request.times, result.samples, float(omega))
+    if len(amplitudes) < 12:
+        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
+    last = [float(value) for value in amplitudes[-11:]]
+    changes = [after - before for before, after in zip(last, last[1:], strict=False)]
+    if inverted_stable and max(changes) < 0 and last[-1] < 0.05:
+        return Ending("inverted spinning", f"section amplitude falls steadily, to {last[-1]:.2g} rad"), ()
+    # Below the interpolation error of the crossings a change is noise; a converged orbit has only such changes.
+    noise = 1e-6 * last[-1]
+    if max(map(abs, changes)) <= noise:
+        limit, remaining = last[-1], noise
+    else:
+        ratio = (abs(changes[-1]) / abs(changes[0])) ** (1 / (len(changes) - 1)) if changes[0] else math.inf
+        if ratio >= 1:
+            return Ending("undecided", "section amplitudes have not settled; integrate longer"), ()
+        remaining = abs(changes[-1]) * ratio / (1 - ratio)
+        limit = last[-1] + math.copysign(remaining, changes[-1])
+    if limit > 0.05 and remaining < limit / 100:
+        # Twice the distance still to go, because the ratio is an estimate.
+        amplitude = Measured.of(limit, 2 * remaining + noise)
+        return Ending("limit cycle", "section amplitudes converge geometrically", amplitude=amplitude), ()
+    return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away"), ()
+
+
+def section_amplitudes(times: Sequence[float], samples: Any, omega: float) -> Any:
+    """|gamma - pi/2| [rad] at the crossings of beta = pi/2 after the start, from samples.
+
+    Cubic Hermite interpolation between neighbouring samples, with the derivatives that the state itself gives: at 100
+    samples a second the error is below 1e-6 of the amplitude.
+    """
+    import numpy
+
+    beta, gamma, v = samples[1:, 0], samples[1:, 1], samples[1:, 2]
+    step = float(times[1] - times[0])
+    offset = beta - math.pi / 2
+    index = numpy.flatnonzero(offset[:-1] * offset[1:] < 0)
+    left, right = offset[index], offset[index + 1]
+    share = left / (left - right)
+    for _ in range(4):  # Newton on the cubic, from the secant's root: converges to rounding
+        value, slope = _hermite(share, left, right, v[index] * step, v[index + 1] * step)
+        share = share - value / slope
+    rate = -omega * numpy.cos(beta) * step
+    angle, _ = _hermite(share, gamma[index], gamma[index + 1], rate[index], rate[index + 1])
+    return abs(angle - math.pi / 2)
+
+
+def _hermite(s: Any, left: Any, right: Any, left_slope: Any, right_slope: Any) -> tuple[Any, Any]:
+    rise = right - left
+    c2 = 3 * rise - 2 * left_slope - right_slope
+    c3 = left_slope + right_slope - 2 * rise
+    return left + s * (left_slope + s * (c2 + s * c3)), left_slope + s * (2 * c2 + 3 * s * c3)
+
+
+def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
+    wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
+    when, built = _flat_time(result, request, engine, omega)
+    reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
+    return Ending("flat", reason, time=when, wells_passed=wells), built
+
+
+def _flat_time(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
+    """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
+    plain = replace(request, times=None)
+    if engine.name == "taylor":
+        timed = engine(replace(plain, error_estimate=True))
+        error = timed.error.time if timed.error is not None else math.inf
+        built = timed.built
+    else:
+        # The change under a hundredfold looser tolerance overstates the error about a hundredfold.
+        plain = replace(plain, tolerance=None)
+        timed = engine(plain)
+        error = abs(float(engine(replace(plain, tolerance=1e-11)).time) - float(timed.time))
+        built = timed.built
+    moved = engine(replace(plain, omega=omega.value + omega.uncertainty))
+    return Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15), built

@@ -1,0 +1,213 @@
+"""Figures. Matplotlib is imported here and nowhere else, and only when a figure is drawn."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.files import write_bytes
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.scenes import Panel
+from tippedisk_verify.theory.slow_manifold import slow_manifold
+
+__all__ = ["draw_scenes_2d", "draw_scenes_3d", "save"]
+
+# Okabe and Ito's palette: told apart by readers with any colour vision, and of different lightness in grey.
+_ORBITS = ("#0072B2", "#E69F00")
+_STABLE, _UNSTABLE = "#D55E00", "#000000"
+_ATTRACTOR = "#009E73"
+_SURFACE = "#B0B0B0"
+_DRAWN_SECONDS = 30.0
+_STYLE = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.linewidth": 0.6,
+    "lines.solid_joinstyle": "round",
+    "savefig.dpi": 160,
+    "svg.hashsalt": "tippedisk",
+    "figure.facecolor": "white",
+}
+
+
+def _pyplot() -> Any:
+    import matplotlib
+
+    matplotlib.use("Agg", force=False)
+    import matplotlib.pyplot as plt
+
+    plt.rcParams.update(_STYLE)
+    return plt
+
+
+def save(figure: Any, folder: Path, name: str) -> list[Path]:
+    """Write ``name.png`` and ``name.svg`` into ``folder`` and close the figure; returns the paths."""
+    written = []
+    for kind in ("png", "svg"):
+        stream = io.BytesIO()
+        figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else {})
+        written.append(write_bytes(folder / f"{name}.{kind}", stream.getvalue()))
+    _pyplot().close(figure)
+    return written
+
+
+def _grid(panels: Sequence[Panel], size: tuple[float, float], **subplot: Any) -> tuple[Any, list[Any]]:
+    plt = _pyplot()
+    columns = 1 if len(panels) == 1 else 2
+    rows = math.ceil(len(panels) / columns)
+    figure = plt.figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    return figure, [figure.add_subplot(rows, columns, index + 1, **subplot) for index in range(len(panels))]
+
+
+def _drawn(panel: Panel) -> list[Any]:
+    """The states of each orbit that are drawn; a panel's gamma range is what they cover, at most one turn each way."""
+    return [orbit.states[orbit.times <= _DRAWN_SECONDS] for orbit in panel.orbits]
+
+
+def _clipped(states: Any) -> Any:
+    """The part within one well to either side: further wells repeat it, and would squeeze the picture."""
+    import numpy
+
+    far = numpy.flatnonzero(abs(states[:, 1] - math.pi / 2) > 1.6 * math.pi)
+    return states[: far[0]] if len(far) else states
+
+
+def _last_turn(panel: Panel) -> Any:
+    """One period of the limit cycle, from the end of the orbit that has settled best; None elsewhere."""
+    import numpy
+
+    settled = [orbit for orbit in panel.orbits if orbit.ending.kind == "limit cycle"]
+    if not settled:
+        return None
+    best = min(settled, key=lambda orbit: float(orbit.ending.amplitude.uncertainty) if orbit.ending.amplitude else 1.0)
+    falling = numpy.flatnonzero((best.states[:-1, 0] > math.pi / 2) & (best.states[1:, 0] <= math.pi / 2))
+    return best.states[falling[-2] : falling[-1] + 2] if len(falling) > 1 else None
+
+
+def _equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]]:
+    """(gamma, stable) of the equilibria whose gamma lies in the range drawn."""
+    low, high = min(gammas), max(gammas)
+    found = []
+    for turn in range(-3, 4):
+        for start, stable in ((math.pi / 2, panel.inverted_stable), (-math.pi / 2, panel.noninverted_stable)):
+            gamma = start + 2 * math.pi * turn
+            if low - 0.2 <= gamma <= high + 0.2:
+                found.append((gamma, stable))
+    return found
+
+
+def _angle_axis(axis: Any, low: float, high: float) -> None:
+    first, last = math.ceil(low / (math.pi / 2)), math.floor(high / (math.pi / 2))
+    halves = [half for half in range(first, last + 1) if last - first <= 6 or half % 2]
+    names = {0: "0", 1: "π/2", 2: "π", -1: "−π/2", -2: "−π"}
+    labels = [names.get(half, f"{half // 2}π" if half % 2 == 0 else f"{half}π/2".replace("-", "−")) for half in halves]
+    axis.set_ticks([half * math.pi / 2 for half in halves], labels)
+
+
+def draw_scenes_2d(panels: Sequence[Panel]) -> Any:
+    """The panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D)."""
+    figure, axes = _grid(panels, (4.6, 3.1))
+    for panel, axis in zip(panels, axes, strict=True):
+        gammas: list[float] = [-math.pi / 2, 3 * math.pi / 2]
+        for states, colour in zip(map(_clipped, _drawn(panel)), _ORBITS, strict=True):
+            axis.plot(states[:, 0], states[:, 1], color=colour, lw=0.7, zorder=2)
+            axis.plot(states[0, 0], states[0, 1], "x", color="black", ms=6, mew=1.3, zorder=7)
+            gammas += [float(states[:, 1].min()), float(states[:, 1].max())]
+        cycle = _last_turn(panel)
+        if cycle is not None:
+            axis.plot(cycle[:, 0], cycle[:, 1], color=_ATTRACTOR, lw=2.0, zorder=3)
+        for gamma, stable in _equilibria(panel, gammas):
+            _equilibrium_mark(axis, (math.pi / 2,), (gamma,), stable)
+        axis.set_title(panel.scene.title)
+        axis.set_xlabel("β [rad]")
+        axis.set_ylabel("γ [rad]")
+        axis.set_xlim(0, math.pi)
+        _angle_axis(axis.xaxis, 0, math.pi)
+        _angle_axis(axis.yaxis, min(gammas), max(gammas))
+        axis.grid(lw=0.3, alpha=0.5)
+    _legend(figure)
+    return figure
+
+
+def _equilibrium_mark(axis: Any, x: Any, y: Any, stable: bool, **more: Any) -> None:
+    axis.plot(
+        x,
+        y,
+        *more.pop("z", ()),
+        marker="o",
+        ls="none",
+        ms=6,
+        mfc=_STABLE if stable else "white",
+        mec=_STABLE if stable else _UNSTABLE,
+        mew=1.4,
+        zorder=6,
+    )
+
+
+def _legend(figure: Any, surface: bool = False) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    def mark(**style: Any) -> Any:
+        return Line2D([], [], **style)
+
+    handles = [
+        mark(color=_ORBITS[0], lw=1.2, label=r"orbit from $x_0^1 = (\pi/2, -\pi/2, 2)$"),
+        mark(color=_ORBITS[1], lw=1.2, label=r"orbit from $x_0^2 = (\pi/2, \pi/2 + 0.4, 0)$"),
+        mark(color=_ATTRACTOR, lw=2.0, label="limit cycle"),
+        mark(color="black", marker="x", ls="none", mew=1.3, label="start"),
+        mark(marker="o", ls="none", mfc=_STABLE, mec=_STABLE, label="stable equilibrium"),
+        mark(marker="o", ls="none", mfc="white", mec=_UNSTABLE, mew=1.4, label="unstable equilibrium"),
+    ]
+    if surface:
+        handles.append(Patch(facecolor=_SURFACE, alpha=0.6, label="slow manifold, order 1"))
+        handles.append(mark(color="#606060", lw=0.7, label="critical manifold, order 0"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+
+
+def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters) -> Any:
+    """The panels in (beta, gamma, v) with the slow manifold of orders 0 and 1 (the paper's Figure 3D)."""
+    import numpy
+
+    figure, axes = _grid(panels, (4.6, 3.7), projection="3d", computed_zorder=False)
+    constants = parameters.at(DOUBLE)
+    for panel, axis in zip(panels, axes, strict=True):
+        omega = float(panel.omega)
+        orbits = [_clipped(states) for states in _drawn(panel)]
+        low = min(-math.pi / 2, *(float(states[:, 1].min()) for states in orbits))
+        high = max(3 * math.pi / 2, *(float(states[:, 1].max()) for states in orbits))
+        reach = max(0.75, *(float(abs(states[:, 0] - math.pi / 2).max()) for states in orbits))
+        # Close to sin(beta) = 0 the order-1 term diverges: the surface ends where it stops being an approximation.
+        reach = min(reach + 0.05, 1.0)
+        beta, gamma = numpy.meshgrid(
+            numpy.linspace(math.pi / 2 - reach, math.pi / 2 + reach, 33), numpy.linspace(low, high, 65)
+        )
+        surface = slow_manifold(numpy, constants, omega, beta, gamma, order=1)
+        rolling = slow_manifold(numpy, constants, omega, beta, gamma, order=0)
+        sheet = axis.plot_surface(
+            beta, gamma, surface, color=_SURFACE, alpha=0.45, lw=0, rstride=1, cstride=1, zorder=1
+        )
+        sheet.set_rasterized(True)  # thousands of facets: a vector file of them would be megabytes
+        axis.plot_wireframe(beta, gamma, rolling, color="#606060", lw=0.3, alpha=0.6, rstride=8, cstride=8, zorder=1)
+        for states, colour in zip(orbits, _ORBITS, strict=True):
+            axis.plot(*states.T, color=colour, lw=0.8, zorder=3)
+            axis.plot(*states[:1].T, marker="x", ls="none", color="black", ms=6, mew=1.3, zorder=5)
+        cycle = _last_turn(panel)
+        if cycle is not None:
+            axis.plot(*cycle.T, color=_ATTRACTOR, lw=2.0, zorder=4)
+        for place, stable in _equilibria(panel, (low, high)):
+            _equilibrium_mark(axis, (math.pi / 2,), (place,), stable, z=((0.0,),))
+        axis.set_title(panel.scene.title, pad=0)
+        axis.set_xlabel("β [rad]", labelpad=2)
+        axis.set_ylabel("γ [rad]", labelpad=4)
+        axis.set_zlabel("dβ/dt [rad/s]", labelpad=1)
+        axis.set_xticks([math.pi / 2 - 0.5, math.pi / 2, math.pi / 2 + 0.5], ["π/2−0.5", "π/2", "π/2+0.5"])
+        _angle_axis(axis.yaxis, low, high)
+        axis.tick_params(pad=0, labelsize=8)
+        axis.view_init(elev=36, azim=-58)
+        axis.set_box_aspect((1, 1.35, 0.8), zoom=1.12)
+    _legend(figure, surface=True)
+    return figure

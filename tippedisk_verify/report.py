@@ -1,0 +1,192 @@
+"""What the main job writes: results.json, report.md, figures and CSV data. Each file is whole or absent."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.evidence.claims import Audit, Claim, Finding, Verdict
+from tippedisk_verify.files import write_csv, write_text
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Measured
+from tippedisk_verify.orbits.scenes import Panel
+from tippedisk_verify.theory.slow_manifold import slow_manifold
+
+__all__ = ["claim_json", "results_json", "shown", "summary", "write_report", "write_scene_data"]
+
+_CSV_SECONDS = 60.0
+_CSV_EVERY = 2  # of the 100 samples a second
+
+
+def shown(value: Measured | str) -> str:
+    """A computed value as a table cell: at most twelve decimals' worth of a number."""
+    if isinstance(value, str):
+        return value
+    text, width = value.decimals()
+    return text if width == "0" else f"{float(text):.12g}"
+
+
+def claim_json(claim: Claim, finding: Finding, audit: Audit) -> dict[str, Any]:
+    """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
+
+    def entry(value: Measured | str) -> Any:
+        return value if isinstance(value, str) else value.json()
+
+    computed = finding.computed.get(audit.parameters.name)
+    return {
+        "name": claim.name,
+        "source": claim.source,
+        "statement": claim.statement,
+        "printed": claim.printed,
+        "computed": None if computed is None else entry(computed),
+        "computed_by_set": {name: entry(value) for name, value in finding.computed.items()},
+        "verdict": finding.verdict.value,
+        "sets": list(finding.sets),
+        "note": finding.note,
+        "methods": list(finding.methods),
+        "own_check": claim.own_check,
+    }
+
+
+def summary(findings: Sequence[tuple[Claim, Finding]]) -> dict[str, Any]:
+    """How many claims met each verdict, and which of our own checks fell short."""
+    counts = {verdict.value: 0 for verdict in Verdict}
+    for _, finding in findings:
+        counts[finding.verdict.value] += 1
+    failed = [claim.name for claim, finding in findings if claim.own_check and finding.verdict is not Verdict.HOLDS]
+    return {"claims": len(findings), **counts, "own_checks_failed": failed}
+
+
+def results_json(audit: Audit, findings: Sequence[tuple[Claim, Finding]]) -> dict[str, Any]:
+    """The main job's JSON object."""
+    return {
+        "claims": [claim_json(claim, finding, audit) for claim, finding in findings],
+        "summary": summary(findings),
+        "parameters": {"name": audit.parameters.name, **audit.parameters.decimals()},
+        "friction": audit.friction,
+        "provenance": _provenance(),
+    }
+
+
+def _provenance() -> dict[str, str]:
+    from importlib.metadata import PackageNotFoundError, version
+
+    from tippedisk_verify import __version__
+
+    def installed(package: str) -> str:
+        try:
+            return version(package)
+        except PackageNotFoundError:  # pragma: no cover - every one of them is a dependency
+            return "unknown"
+
+    return {
+        "tippedisk-verify": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        **{package: installed(package) for package in ("heyoka", "numpy", "scipy", "mpmath", "matplotlib")},
+    }
+
+
+def write_report(
+    folder: Path, audit: Audit, findings: Sequence[tuple[Claim, Finding]], panels: Sequence[Panel]
+) -> dict[str, Any]:
+    """Everything into ``folder``; returns what went into results.json."""
+    results = results_json(audit, findings)
+    if panels:
+        from tippedisk_verify.plots import draw_scenes_2d, draw_scenes_3d, save
+
+        save(draw_scenes_3d(panels, audit.parameters), folder, "scenes_3d")
+        save(draw_scenes_2d(panels), folder, "scenes_2d")
+        for panel in panels:
+            write_scene_data(folder, panel, audit.parameters)
+        results["scenes"] = {panel.scene.name: panel.json() for panel in panels}
+    write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
+    write_csv(
+        folder / "claims.csv",
+        ("name", "source", "printed", "verdict", "sets", *audit.sets, "note"),
+        [
+            (
+                claim.name,
+                claim.source,
+                claim.printed,
+                finding.verdict.value,
+                " ".join(finding.sets),
+                *(str(finding.computed.get(name, "")) for name in audit.sets),
+                finding.note,
+            )
+            for claim, finding in findings
+        ],
+    )
+    write_text(folder / "report.md", _markdown(audit, findings, bool(panels), results))
+    return results
+
+
+def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None:
+    """``scene_X_orbit_N.csv`` for each orbit and ``scene_X_slow_manifold.csv`` for the surface."""
+    import math
+
+    import numpy
+
+    for index, orbit in enumerate(panel.orbits, start=1):
+        drawn = (orbit.times <= _CSV_SECONDS).nonzero()[0][::_CSV_EVERY]
+        rows = numpy.column_stack((orbit.times[drawn], orbit.states[drawn])).tolist()
+        header = ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]")
+        write_csv(folder / f"scene_{panel.scene.name}_orbit_{index}.csv", header, rows)
+    constants, omega = parameters.at(DOUBLE), float(panel.omega)
+    beta, gamma = numpy.meshgrid(
+        numpy.linspace(math.pi / 2 - 1, math.pi / 2 + 1, 33), numpy.linspace(-math.pi / 2, 3 * math.pi / 2, 65)
+    )
+    surfaces = [slow_manifold(numpy, constants, omega, beta, gamma, order=order).ravel() for order in (0, 1)]
+    rows = numpy.column_stack((beta.ravel(), gamma.ravel(), *surfaces)).tolist()
+    header = ("beta [rad]", "gamma [rad]", "v at order 0 [rad/s]", "v at order 1 [rad/s]")
+    write_csv(folder / f"scene_{panel.scene.name}_slow_manifold.csv", header, rows)
+
+
+def _markdown(audit: Audit, findings: Sequence[tuple[Claim, Finding]], figures: bool, results: dict[str, Any]) -> str:
+    counts = results["summary"]
+    lines = [
+        "# The tippedisk's claims, audited",
+        "",
+        f"Parameter set *{audit.parameters.name}*, {audit.friction} friction law."
+        f" {counts['claims']} claims: {counts['holds']} hold, {counts['holds-for']} hold for some parameter sets,"
+        f" {counts['does-not-follow']} do not follow, {counts['undecided']} are undecided."
+        + (
+            f" **Own checks that fell short: {', '.join(counts['own_checks_failed'])}.**"
+            if counts["own_checks_failed"]
+            else ""
+        ),
+        "",
+        "| claim | source | paper | " + " | ".join(audit.sets) + " | verdict |",
+        "|---" * (4 + len(audit.sets)) + "|",
+    ]
+    for claim, finding in findings:
+        cells = [shown(finding.computed[name]) if name in finding.computed else "" for name in audit.sets]
+        verdict = finding.verdict.value
+        if finding.verdict is Verdict.HOLDS_FOR:
+            verdict += ": " + ", ".join(finding.sets)
+        row = (claim.name, claim.source, claim.printed, *cells, verdict)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
+    lines += ["", "## Each claim", ""]
+    for claim, finding in findings:
+        note = f" ({finding.note}.)" if finding.note else ""
+        lines.append(
+            f"- **{claim.name}**: {claim.statement}. *{finding.verdict.value}*{note}"
+            f" Recompute: `tippedisk-verify verify --only {claim.name}`"
+        )
+    if figures:
+        lines += [
+            "",
+            "## The six scenes",
+            "",
+            "![Orbits and slow manifold in state space](scenes_3d.png)",
+            "",
+            "![The same, projected onto beta and gamma](scenes_2d.png)",
+            "",
+            "Beside this file: `scene_X_orbit_N.csv` and `scene_X_slow_manifold.csv` hold what is drawn, `results.json`"
+            " every number with its uncertainty, `claims.csv` the table above.",
+        ]
+    lines += ["", "Computed with " + ", ".join(f"{k} {v}" for k, v in results["provenance"].items()) + ".", ""]
+    return "\n".join(lines)
