@@ -181,9 +181,9 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
         }
         _print_json(result)
     elif not common.quiet:
-        for panel in panels:
-            click.echo(f"scene {panel.scene.name}: Omega = {panel.omega} rad/s")
-            for start, orbit in enumerate(panel.orbits, start=1):
+        for drawn in panels:
+            click.echo(f"scene {drawn.scene.name}: Omega = {drawn.omega} rad/s")
+            for start, orbit in enumerate(drawn.orbits, start=1):
                 ending = orbit.ending
                 detail = f" at {ending.time} s" if ending.time is not None else ""
                 click.echo(f"  orbit {start}: {ending.kind}{detail} ({ending.reason})")

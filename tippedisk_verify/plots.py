@@ -22,7 +22,7 @@ _STABLE, _UNSTABLE = "#D55E00", "#000000"
 _ATTRACTOR = "#009E73"
 _SURFACE = "#B0B0B0"
 _DRAWN_SECONDS = 30.0
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.linewidth": 0.6,
@@ -39,7 +39,8 @@ def _pyplot() -> Any:
     matplotlib.use("Agg", force=False)
     import matplotlib.pyplot as plt
 
-    plt.rcParams.update(_STYLE)
+    for key, value in _STYLE.items():
+        plt.rcParams[key] = value
     return plt
 
 

@@ -1,7 +1,7 @@
 """The paper's claims, one by one, and what becomes of each.
 
-A claim examines itself on every audited parameter set and returns a `Finding`. A claim that does not follow is a result;
-only the suite's own cross-checks (``own_check``) can fail.
+A claim examines itself on every audited parameter set and returns a `Finding`. A claim that does not follow is a
+result; only the suite's own cross-checks (``own_check``) can fail.
 """
 
 from __future__ import annotations
@@ -257,7 +257,7 @@ def _stiff(audit: Audit, name: str) -> Measured:
 
 
 def _friction_free(audit: Audit) -> Finding:
-    """Omega_crit of each set with friction changed by large factors: the linearisation loses stability at the same speed."""
+    """With friction changed by large factors, the linearisation loses stability at the same speed."""
     holds: dict[str, bool | None] = {}
     for name, parameters in audit.sets.items():
         square = omega_crit_squared(parameters)

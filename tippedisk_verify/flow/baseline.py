@@ -40,7 +40,7 @@ _COMPLEX_STEP = 1e-40
 _PER_STEP = 40  # evaluations of the right-hand side that no method's step exceeds
 
 
-class _OutOfSteps(Exception):
+class _OutOfStepsError(Exception):
     pass
 
 
@@ -104,7 +104,7 @@ class Baseline:
             nonlocal calls
             calls += 1
             if calls > budget:
-                raise _OutOfSteps
+                raise _OutOfStepsError
             return rates(t, y)
 
         options: dict[str, Any] = {}
@@ -114,7 +114,7 @@ class Baseline:
         times = None if request.times is None else numpy.asarray([DOUBLE.number(t) for t in request.times])
         try:
             solution = solve_ivp(
-                counted if request.max_steps < 10_000_000 else rates,
+                counted,
                 (0.0, duration),
                 initial,
                 method=self.method,
@@ -125,7 +125,7 @@ class Baseline:
                 events=[_event(event, constants, omega) for event in watched] or None,
                 **options,
             )
-        except _OutOfSteps:
+        except _OutOfStepsError:
             return Result(Status.STEP_LIMIT, 0.0, numpy.array(start), 0, evaluations=calls)
         return self._result(request, solution, watched, initial, times)
 

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.model.precision import DOUBLE, Precision, exact
 
 __all__ = [
     "FLAT",
@@ -104,13 +104,13 @@ class Request:
     friction: Friction = "linear"
     precision: Precision = DOUBLE
     tolerance: float | None = None
-    times: Sequence[Any] | None = None  #: sample times, rising from 0 (falling for a backward run)
+    times: Any = None  #: sample times, strictly rising from 0 or later (falling for a backward run)
     dense: bool = False  #: a function of time that interpolates to the integrator's accuracy
     variations: tuple[Variation, ...] = ()  #: derivatives of the final state with respect to these
     events: tuple[Event, ...] = ()
     error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
     domain: Literal["event", "samples", "none"] = "event"
-    max_steps: int = 10_000_000
+    max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
 
 class EventRecord(NamedTuple):
@@ -210,5 +210,22 @@ def checked(request: Request) -> None:
         raise InputError("max_steps must be at least 1")
     if request.tolerance is not None and not 0 < request.tolerance < 1:
         raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
+    if request.times is not None:
+        _check_times(request.times, -1 if float(exact(request.duration)) < 0 else 1)
     if request.events and len({event.name for event in request.events}) != len(request.events):
         raise InputError("two events of one request have the same name")
+
+
+def _check_times(times: Any, sign: int) -> None:
+    """Sample times must be finite, strictly monotonic, and on the run's side of 0."""
+    import numpy
+
+    if not len(times):
+        raise InputError("sample times are given but there are none: leave them out instead")
+    try:
+        ahead = numpy.array([sign * float(time) for time in times]) if not hasattr(times, "dtype") else sign * times
+        rising = bool(ahead[0] >= 0) and bool((ahead[1:] > ahead[:-1]).all())
+    except (TypeError, ValueError, InputError):
+        raise InputError("sample times must be numbers") from None
+    if not rising:
+        raise InputError("sample times must be strictly monotonic, from 0 on in the direction of the run")

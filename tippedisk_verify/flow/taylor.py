@@ -132,6 +132,8 @@ class _Integrator:
         self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(_PARAMETERS), **options)
         self._identity = stepper.state[3:].copy() if request.variations else None
         self._zero = number(0)
+        self._finished = hy.taylor_outcome.time_limit
+        self._sin = precision.ops.sin
         self._parameters: Parameters | None = None
         self.build = Build(
             engine="taylor",
@@ -151,6 +153,9 @@ class _Integrator:
             state = [part if type(part) is float else number(part) for part in request.state]
             duration = request.duration if type(request.duration) is float else number(request.duration)
             omega = request.omega if type(request.omega) is float else number(request.omega)
+            if not math.isfinite(state[0] + state[1] + state[2] + duration + omega):
+                for value in (*state, duration, omega):
+                    number(value)  # names the culprit, if it is not only the sum that overflows
         else:
             state = [number(part) for part in request.state]
             duration, omega = number(request.duration), number(request.omega)
@@ -170,25 +175,33 @@ class _Integrator:
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
-        if request.domain != "none" and self.precision.ops.sin(state[0]) <= 0:
+        if request.domain != "none" and self._sin(state[0]) <= 0:
             return self._result(Status.FLAT, 0)
         samples = dense = None
         if request.times is not None and not request.dense:
-            times = request.times if _native(request.times, self.precision) else self.precision.array(request.times)
+            times = self._grid(request.times)
             outcome, low, _, steps, _, samples = stepper.propagate_grid(times, max_steps=request.max_steps)
-            samples = samples[:, :3]
-            if outcome.name == "time_limit" and stepper.time != duration:
+            samples = samples[len(times) - len(request.times) :, :3]
+            if outcome == self._finished and stepper.time != duration:
                 outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
                 steps += more
         else:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, c_output=request.dense
             )
-        result = self._result(self._status(outcome, low), steps, samples, dense)
+        status = Status.REACHED if outcome == self._finished else self._status(outcome, low)
+        result = self._result(status, steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return replace(result, samples=result.dense(reached))
         return result
+
+    def _grid(self, times: Any) -> Any:
+        """The sample times in this arithmetic, with 0 in front if they do not start there (heyoka wants it)."""
+        import numpy
+
+        grid = times if _native(times, self.precision) else self.precision.array(times)
+        return grid if grid[0] == self._zero else numpy.concatenate((self.precision.array([0]), grid))
 
     def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
         stepper = self._stepper
@@ -213,8 +226,6 @@ class _Integrator:
 
     def _status(self, outcome: Any, smallest_step: Any) -> Status:
         name = outcome.name
-        if name == "time_limit":
-            return Status.REACHED
         if name == "err_nf_state":
             return Status.NON_FINITE
         if name == "step_limit":

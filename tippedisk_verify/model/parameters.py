@@ -221,16 +221,17 @@ def disk_with_hole(
     }
 
 
-_COMMON: dict[str, Any] = {"g": "9.81", "mu": "0.3", "epsilon": "0.1"}
-_DISK: dict[str, Any] = {"r": "0.045", "e": "2.5e-3", "m": "0.435", **_COMMON}
+_F = Fraction
+_COMMON: dict[str, Any] = {"g": _F("9.81"), "mu": _F("0.3"), "epsilon": _F("0.1")}
+_DISK: dict[str, Any] = {"r": _F("0.045"), "e": _F("2.5e-3"), "m": _F("0.435"), **_COMMON}
 
 #: Table 1 of the paper as it stands.
-PRINTED = Parameters(**_DISK, A="0.249e-3", B="0.227e-3", C="0.468e-3", name="printed")
+PRINTED = Parameters(**_DISK, A=_F("0.249e-3"), B=_F("0.227e-3"), C=_F("0.468e-3"), name="printed")
 #: Inside Table 1's rounding; reproduces all five results that the paper prints.
-CALIBRATED = Parameters(**_DISK, A="0.24884e-3", B="0.22656e-3", name="calibrated")
+CALIBRATED = Parameters(**_DISK, A=_F("0.24884e-3"), B=_F("0.22656e-3"), name="calibrated")
 #: A disk of radius 45 mm, 10 mm thick, with a hole of radius 15 mm whose centre lies 20 mm from the disk's.
 GEOMETRY = Parameters(
-    **disk_with_hole(*(Fraction(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))),
+    **disk_with_hole(*(_F(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))),
     **_COMMON,
     name="geometry",
 )

@@ -317,7 +317,7 @@ class Precision:
 
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
         size = mantissa.bit_length() + exponent
-        if mantissa and (self.kind == "double" and size > 1024 or self.kind != "real" and size > 16384):
+        if mantissa and ((self.kind == "double" and size > 1024) or (self.kind != "real" and size > 16384)):
             raise InputError(f"a number of about 2^{size} is too large for {self.name} precision")
         if self.kind == "double":
             if mantissa and size < -1021:  # subnormal: the division rounds once where ldexp would round twice
@@ -331,8 +331,8 @@ class Precision:
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
-        two = self.type(2, self.bits)
-        return self.type(mantissa, self.bits) * two**exponent
+        # The exponent too as a number of these bits: heyoka would take a plain integer for one of 64.
+        return self.type(mantissa, self.bits) * self.type(2, self.bits) ** self.type(exponent, self.bits)
 
 
 DOUBLE = Precision("double", 53)

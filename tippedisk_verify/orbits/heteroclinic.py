@@ -1,7 +1,7 @@
 """The connection between the saddles: at which speed noninverted spinning's unstable branch reaches its own copy.
 
-Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma = 3 pi/2 and goes on
-from well to well; above it the branch turns back before. By the point symmetry the other branch does the same.
+Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma = 3 pi/2 and goes
+on from well to well; above it the branch turns back before. By the point symmetry the other branch does the same.
 """
 
 from __future__ import annotations
@@ -83,15 +83,15 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, friction: Friction
     """Omega_h by bisection on what the unstable branch does, to the last digits of double precision.
 
     With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
-    arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand. Another
-    engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
+    arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
+    Another engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
     Raises Shortfall if the branch does not change sides between Omega_crit / 2 and Omega_crit.
     """
     follow = _Follower(parameters, engine, friction)
     lower, upper = _bisected(follow, DOUBLE)
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     if engine.name != "taylor":
-        loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11)) / 2
+        loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11), Fraction(0)) / 2
         half_width += abs(loose - centre)
         return Connection(Measured(centre, half_width), "bisection at two tolerances", follow.runs)
     wider = companion(DOUBLE)

@@ -1,15 +1,15 @@
 """The six panels of the paper's Figures 3D and proj_3D: two orbits each, and what each of them ends on.
 
-A scene declares what it needs. Panels b to f need a plain integrator and samples; panel a, where orbits leave the model,
-needs the event sin(beta) = 0 as well. Nothing else is built for them.
+A scene declares what it needs. Panels b to f need a plain integrator and samples; panel a, where orbits leave the
+model, needs the event sin(beta) = 0 as well. Nothing else is built for them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError, Shortfall
@@ -200,7 +200,7 @@ def classified(
     if len(amplitudes) < 12:
         return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
     last = [float(value) for value in amplitudes[-11:]]
-    changes = [after - before for before, after in zip(last, last[1:], strict=False)]
+    changes = [after - before for before, after in pairwise(last)]
     if inverted_stable and max(changes) < 0 and last[-1] < 0.05:
         return Ending("inverted spinning", f"section amplitude falls steadily, to {last[-1]:.2g} rad"), ()
     # Below the interpolation error of the crossings a change is noise; a converged orbit has only such changes.
@@ -220,7 +220,7 @@ def classified(
     return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away"), ()
 
 
-def section_amplitudes(times: Sequence[float], samples: Any, omega: float) -> Any:
+def section_amplitudes(times: Any, samples: Any, omega: float) -> Any:
     """|gamma - pi/2| [rad] at the crossings of beta = pi/2 after the start, from samples.
 
     Cubic Hermite interpolation between neighbouring samples, with the derivatives that the state itself gives: at 100

@@ -1,0 +1,21 @@
+"""Profiles for the property tests: ``ci`` by default, ``full`` with HYPOTHESIS_PROFILE=full."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from tippedisk_verify.flow.taylor import Taylor
+
+# The first call of a test compiles; that is not a slow example.
+settings.register_profile("ci", max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("full", max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+@pytest.fixture(scope="session")
+def taylor() -> Taylor:
+    """One engine for the whole run, so that each kind of integrator is compiled once."""
+    return Taylor()

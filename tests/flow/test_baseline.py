@@ -1,0 +1,33 @@
+"""What the baseline refuses, and its statuses."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.problems import STARTS
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Request, Status
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import EXTENDED
+
+
+@pytest.mark.parametrize("change", [{"precision": EXTENDED}, {"error_estimate": True}, {"friction": "rough"}])
+def test_refusals(change) -> None:
+    wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
+    with pytest.raises(InputError):
+        Baseline()(Request(**wanted))
+    with pytest.raises(InputError):
+        Baseline("Euler")
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_flat_and_step_limit(friction) -> None:
+    assert Baseline()(Request(PRINTED, "29.9", STARTS[0], 10, friction=friction)).status is Status.FLAT
+    assert Baseline()(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=2)).status is Status.STEP_LIMIT
+    assert Baseline()(Request(PRINTED, 30.4, (3.5, 0, 0), 10.0, friction=friction)).status is Status.FLAT
+
+
+def test_parameter_derivatives_of_the_smooth_law_are_refused() -> None:
+    with pytest.raises(InputError, match="linear friction law only"):
+        Baseline()(Request(PRINTED, 30.4, STARTS[1], 1.0, friction="smooth", variations=("Omega",)))

@@ -1,0 +1,202 @@
+"""Engines against each other and against themselves in more bits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import mpmath
+import numpy
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.model import transcription as paper
+from tests.problems import SETS, SPEEDS, STARTS, decimals, physical_parameters, states
+from tippedisk_verify.flow.baseline import METHODS, Baseline
+from tippedisk_verify.flow.contract import SECTION, Event, Request, Status
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, fraction
+
+ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
+
+
+def distance(left, right) -> Fraction:
+    return max(abs(fraction(a) - fraction(b)) for a, b in zip(numpy.ravel(left), numpy.ravel(right), strict=True))
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+@pytest.mark.parametrize("omega", SPEEDS)
+@pytest.mark.parametrize("start", STARTS, ids=["x1", "x2"])
+def test_double_against_200_bits_and_scipy(taylor: Taylor, parameters, omega, start) -> None:
+    """The figures that the suite claims: 10 s, or until the disk lies flat."""
+    result = taylor(Request(parameters, omega, start, 10, error_estimate=True))
+    truth = taylor(Request(parameters, omega, start, 10, precision=bits(200)))
+    assert result.status is truth.status
+    for mine, true, width in zip(result.state, truth.state, result.error.state, strict=True):
+        assert abs(fraction(mine) - fraction(true)) <= Fraction(width)
+    assert abs(fraction(result.time) - fraction(truth.time)) <= Fraction(result.error.time)
+    # Away from Omega_h an orbit passes no saddle closely, and double loses a digit less.
+    assert result.error.largest <= (1e-12 if omega in ("30.8", "31.4") else 1e-11)
+
+    best = Baseline("DOP853")(Request(parameters, omega, start, 10))
+    assert best.status is truth.status
+    if truth.status is Status.FLAT:
+        # The two end at slightly different times; v changes by 1e2 rad/s^2 there.
+        assert abs(best.time - float(truth.time)) < 1e-10
+    assert distance(best.state, truth.state) < Fraction(1, 10**10)
+
+
+def test_mpmath_odefun_agrees_to_35_digits(taylor: Taylor) -> None:
+    """A third integrator, and the tests' own transcription of the equations: nothing is shared but the paper."""
+    p = PRINTED
+    result = taylor(Request(p, "30.4", STARTS[1], "0.05", precision=bits(200)))
+    with mpmath.workdps(40):
+        numbers = {name: mpmath.mpf(getattr(p, name).numerator) / getattr(p, name).denominator
+                   for name in ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")}  # fmt: skip
+        r, e, m, A, Bbar, g, mu, epsilon = numbers.values()
+        omega = mpmath.mpf("30.4")
+
+        def rates(t, state):
+            beta, gamma, v = state
+            gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))
+            return list(
+                paper.state_rates(
+                    sum(paper.mass_matrix(A, Bbar, m, r, e, beta, gamma)),
+                    sum(paper.gyroscopic_forces(A, Bbar, m, r, e, omega, beta, gamma, v)),
+                    paper.gravitational_force(m, g, r, e, beta, gamma),
+                    paper.force_direction(r, e, beta, gamma),
+                    paper.linear_friction(mu, m, g, epsilon, gamma_y),
+                    omega,
+                    beta,
+                    v,
+                )
+            )
+
+        solution = mpmath.odefun(rates, 0, [mpmath.pi / 2, mpmath.pi / 2 + mpmath.mpf("0.4"), mpmath.mpf(0)])
+        for mine, other in zip(result.state, solution(mpmath.mpf("0.05")), strict=True):
+            assert abs(fraction(mine) - fraction(other)) < Fraction(1, 10**35)
+
+
+@settings(max_examples=60)
+@given(parameters=physical_parameters(), omega=decimals("5", "60"), start=states)
+def test_error_estimates_hold_for_any_disk(parameters, omega, start) -> None:
+    """Honesty apart from success: whatever happens within 0.3 s, the half-widths hold it."""
+    engine = _shared()
+    request = Request(parameters, omega, start, "0.3", error_estimate=True, max_steps=20_000)
+    result = engine(request)
+    truth = engine(Request(parameters, omega, start, "0.3", precision=bits(160), max_steps=20_000))
+    if result.error is None or not numpy.isfinite(result.error.state).all():
+        return  # it says that it does not know
+    assert result.status is truth.status
+    for mine, true, width in zip(result.state, truth.state, result.error.state, strict=True):
+        assert abs(fraction(mine) - fraction(true)) <= Fraction(float(width))
+
+
+_ENGINES: list[Taylor] = []
+
+
+def _shared() -> Taylor:
+    if not _ENGINES:
+        _ENGINES.append(Taylor())
+    return _ENGINES[0]
+
+
+def test_error_follows_the_tolerance(taylor: Taylor) -> None:
+    """Convergence in the tolerance: over eight decades the error falls in proportion, for both engines."""
+    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 2, precision=bits(200))).state
+    tolerances = [10.0**-k for k in range(4, 13)]
+    for engine in (taylor, Baseline("DOP853"), Baseline("RK45")):
+        errors = [
+            float(distance(engine(Request(PRINTED, "30.4", STARTS[1], 2, tolerance=t)).state, truth))
+            for t in tolerances
+        ]
+        slope = numpy.polyfit(numpy.log(tolerances), numpy.log(numpy.maximum(errors, 1e-16)), 1)[0]
+        # Proportional means slope 1; step-size control leaves it within a fifth over this range.
+        assert 0.8 < slope < 1.25, (engine.name, errors)
+
+
+def test_more_bits_give_more_digits(taylor: Taylor) -> None:
+    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=bits(300))).state
+    for precision in (DOUBLE, EXTENDED, QUADRUPLE, bits(60), bits(150), bits(220)):
+        result = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=precision))
+        # One second near the inverted state loses less than two digits.
+        assert distance(result.state, truth) < 100 * precision.epsilon, precision.name
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_baselines_agree_with_each_other(method: str, friction) -> None:
+    request = Request(PRINTED, "30.4", STARTS[1], 1, friction=friction, tolerance=1e-9)
+    reference = Baseline("DOP853")(Request(PRINTED, "30.4", STARTS[1], 1, friction=friction))
+    # BDF lets about 1e3 of its local tolerance through over a second.
+    assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
+
+
+def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) -> None:
+    request = Request(PRINTED, "30.4", STARTS[1], 2, variations=ALL_VARIATIONS)
+    mine = taylor(request).derivatives
+    theirs = Baseline("DOP853")(request).derivatives
+    scale = abs(mine).max(axis=0)
+    # DOP853 at a local tolerance of 1e-13.
+    assert (abs(mine - theirs).max(axis=0) < 1e-11 * scale).all()
+    # Third road: central differences of 200-bit runs in Omega.
+    step = Fraction(1, 10**20)
+    ends = [
+        taylor(Request(PRINTED, Fraction("30.4") + sign * step, STARTS[1], 2, precision=bits(200))).state
+        for sign in (1, -1)
+    ]
+    for row in range(3):
+        slope = (fraction(ends[0][row]) - fraction(ends[1][row])) / (2 * step)
+        assert float(slope) == pytest.approx(mine[row, 3], rel=1e-12)  # round-off of 2 s in double
+
+
+@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+def test_backward_undoes_forward(make) -> None:
+    engine = make()
+    there = engine(Request(PRINTED, "30.4", STARTS[1], 0.05))
+    back = engine(Request(PRINTED, "30.4", there.state, -0.05, times=[-0.01, -0.05]))
+    # Backward the stiff direction grows by e^(129 * 0.05), about 630.
+    assert distance(back.state, [float(part) for part in STARTS[1]]) < Fraction(1, 10**10)
+    assert back.samples.shape == (2, 3)
+    assert distance(back.samples[-1], back.state) < Fraction(1, 10**10)
+
+
+@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+def test_samples_dense_output_and_events_tell_one_story(make) -> None:
+    engine = make()
+    times = numpy.linspace(0, 3, 31)
+    sampled = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, times=times))
+    dense = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, times=times, dense=True))
+    assert sampled.samples.shape == dense.samples.shape == (31, 3)
+    # DOP853's interpolant has order 7: its error is larger than that of the steps.
+    assert abs(sampled.samples - dense.dense(times)).max() < (1e-13 if engine.name == "taylor" else 1e-7)
+    assert distance(sampled.state, dense.state) < Fraction(1, 10**9)
+    crossing = Event("crossing", SECTION.function, -1, terminal=False)
+    events = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, events=(crossing,), dense=True))
+    assert len(events.events) == 4  # one falling crossing in each period of 0.91 s
+    for record in events.events:
+        assert record.name == "crossing"
+        assert abs(record.state[0] - numpy.pi / 2) < 1e-9
+
+
+def test_engines_find_the_same_terminal_event(taylor: Taylor) -> None:
+    falling = Event("falling", SECTION.function, -1)
+    start = (1.2, 1.5, 0.0)
+    first = taylor(Request(PRINTED, "30.4", start, 5.0, events=(falling,)))
+    second = Baseline()(Request(PRINTED, "30.4", start, 5.0, events=(falling,)))
+    assert first.status is second.status is Status.EVENT
+    assert first.events[-1].name == second.events[-1].name == "falling"
+    assert first.time == pytest.approx(second.time, abs=1e-10)  # brentq's own tolerance in solve_ivp
+
+
+@given(duration=st.floats(0.1, 3), share=st.floats(0.05, 0.9))
+def test_the_flow_is_a_flow(duration: float, share: float) -> None:
+    """x(t + s) = x(t) after x(s): the cached integrator keeps nothing from one call to the next."""
+    engine = _shared()
+    first = duration * share
+    whole = engine(Request(PRINTED, 30.4, STARTS[1], duration))
+    half = engine(Request(PRINTED, 30.4, STARTS[1], first))
+    rest = engine(Request(PRINTED, 30.4, half.state, duration - first))
+    # The split time is rounded once (2^-53 of it, times speeds below 20 rad/s), and the flow loses a digit or two.
+    assert distance(whole.state, rest.state) < Fraction(1, 10**12)

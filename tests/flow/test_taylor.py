@@ -1,0 +1,135 @@
+"""What the Taylor engine builds, and how its runs end."""
+
+from __future__ import annotations
+
+import math
+
+import heyoka
+import numpy
+import pytest
+
+from tests.problems import STARTS
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status, raise_unless_usable
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+
+
+def test_the_factored_form_is_small() -> None:
+    engine = Taylor()
+    engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none"))
+    assert engine.builds[0].u_variables <= 55
+
+
+def test_one_build_serves_all_parameters_and_speeds() -> None:
+    engine = Taylor()
+    for parameters in (PRINTED, CALIBRATED, PRINTED.changed(mu="0.2")):
+        for omega in (30.0, 31.0):
+            engine(Request(parameters, omega, STARTS[1], 0.1))
+    assert len(engine.builds) == 1
+
+
+def test_changing_parameters_changes_the_answer_and_back(taylor: Taylor) -> None:
+    ends = [taylor(Request(p, 30.4, STARTS[1], 1.0)).state for p in (PRINTED, CALIBRATED, PRINTED)]
+    assert (ends[0] == ends[2]).all()
+    assert (ends[0] != ends[1]).any()
+
+
+def test_only_what_is_needed_is_built() -> None:
+    engine = Taylor()
+    engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="samples"))
+    assert [(b.precision, b.events, b.variations) for b in engine.builds] == [("double", (), ())]
+    engine(Request(PRINTED, 30.4, STARTS[1], 0.1))
+    assert engine.builds[-1].events == ("flat",)
+    engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True))
+    assert engine.builds[-1].precision == "extended"
+    assert len(engine.builds) == 3
+
+
+@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name)
+def test_first_step_from_the_section_has_the_usual_size(precision) -> None:
+    """The trap with powers: a recurrence that divides by cos(beta) starts with steps of 1e-13 there, or NaN."""
+    result = Taylor()(Request(PRINTED, "30.4", STARTS[1], "0.05", precision=precision))
+    # The stiff rate of about 130 per second limits a step of any order to some hundredths of a second.
+    assert result.status is Status.REACHED
+    assert result.steps <= 25
+
+
+def test_paper_form_and_factored_form_integrate_alike() -> None:
+    """The paper's own terms, compiled: same trajectory, more operations."""
+    from tippedisk_verify.model import equations
+    from tippedisk_verify.model.parameters import Constants
+
+    c = PRINTED.at(DOUBLE)
+    state = heyoka.make_vars("beta", "gamma", "v")
+    numbers = Constants(*(heyoka.expression(float(value)) for value in c))
+    omega = heyoka.expression(30.4)
+    here = equations.terms(heyoka, numbers, omega, *state)
+    force = equations.friction_force(numbers, here.sliding_velocity, "linear")
+    rate = (here.gyroscopic + here.gravity + here.direction * force) / here.mass
+    system = list(zip(state, (state[2], -omega * heyoka.cos(state[0]), rate), strict=True))
+    stepper = heyoka.taylor_adaptive(system, [float(part) for part in STARTS[1]], compact_mode=True)
+    stepper.propagate_until(2.0)
+    factored = Taylor()(Request(PRINTED, 30.4, STARTS[1], 2.0))
+    # Two seconds near the inverted state: a few hundred roundings.
+    assert abs(stepper.state - factored.state).max() < 500 * 2.0**-52
+
+
+def test_a_disk_that_lies_flat_stops_the_run(taylor: Taylor) -> None:
+    result = taylor(Request(PRINTED, "29.9", STARTS[0], 10))
+    assert result.status is Status.FLAT
+    assert result.events[-1].name == FLAT.name
+    assert abs(math.sin(result.state[0])) < 1e-12  # sin(beta) at the event, with |v| of about 11 rad/s
+    assert 5 < result.time < 6
+
+
+def test_samples_mode_notices_leaving_the_domain(taylor: Taylor) -> None:
+    times = numpy.linspace(0, 10, 101)
+    for sample_times in (times, None):
+        result = taylor(Request(PRINTED, "29.9", STARTS[0], 10, times=sample_times, domain="samples"))
+        assert result.status is Status.FLAT
+        assert 5 < result.time < 6
+
+
+def test_starting_outside_the_domain(taylor: Taylor) -> None:
+    result = taylor(Request(PRINTED, 30.4, (-0.1, 0.0, 0.0), 1.0))
+    assert (result.status, result.time, result.steps) == (Status.FLAT, 0.0, 0)
+    assert list(result.state) == [-0.1, 0.0, 0.0]
+
+
+def test_step_limit_and_its_message(taylor: Taylor) -> None:
+    result = taylor(Request(PRINTED, 30.4, STARTS[1], 10.0, max_steps=5))
+    assert result.status is Status.STEP_LIMIT
+    with pytest.raises(ArithmeticError, match="raise max_steps"):
+        raise_unless_usable(result)
+
+
+def test_overflow_is_non_finite(taylor: Taylor) -> None:
+    result = taylor(Request(PRINTED, 30.4, (1.5, 0.0, 1e200), 1.0, domain="none"))
+    assert result.status is Status.NON_FINITE
+
+
+def test_error_estimate_admits_not_knowing(taylor: Taylor) -> None:
+    """Backward for a second: the stiff direction grows by e^129, and no digit is left."""
+    result = taylor(Request(PRINTED, 30.4, STARTS[1], -1.0, error_estimate=True, domain="none"))
+    assert result.error.largest > 1 or result.status is Status.NON_FINITE
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"state": (1, 2)}, "three components"),
+        ({"max_steps": 0}, "max_steps"),
+        ({"tolerance": 2.0}, "tolerance"),
+        ({"friction": "smooth"}, "linear friction law only"),
+        ({"variations": ("mass",)}, "no derivative"),
+        ({"omega": "nan"}, "finite"),
+        ({"duration": math.inf}, "finite"),
+        ({"events": (SECTION, Event("section", FLAT.function))}, "same name"),
+    ],
+)
+def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
+    wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
+    with pytest.raises(InputError, match=word):
+        taylor(Request(**wanted))

@@ -1,0 +1,118 @@
+"""Parameter sets are what their sources say, and wrong ones are refused in plain words."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
+from tippedisk_verify.model.precision import DOUBLE, bits, fraction
+
+GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+
+
+def test_geometry_agrees_with_the_solid_integrated_numerically() -> None:
+    """Second derivation: midpoint sums over the drilled disk, which converge to the closed form."""
+    import numpy
+
+    # Radial and angular midpoints of the full disk minus those of the hole; exact in the thickness direction.
+    def moments(radius: float, centre: float) -> tuple[float, float, float, float]:
+        rho = (numpy.arange(400) + 0.5) / 400 * radius
+        phi = (numpy.arange(400) + 0.5) / 400 * 2 * numpy.pi
+        weight = rho[:, None] * (radius / 400) * (2 * numpy.pi / 400) * numpy.ones(400)
+        x = centre + rho[:, None] * numpy.cos(phi)
+        y = rho[:, None] * numpy.sin(phi)
+        return tuple(float((weight * f).sum()) for f in (1 + 0 * x, x, x * x, y * y))
+
+    full, hole = moments(0.045, 0.0), moments(0.015, -0.020)
+    area, first, xx, yy = (a - b for a, b in zip(full, hole, strict=True))
+    density = 0.435 / area
+    slab = 0.435 * 0.010**2 / 12
+    # 400 midpoints: the relative error of the radial sums is about 1/400^2.
+    tolerance = 2 / 400**2
+    assert density * first / 0.435 == pytest.approx(float(GEOMETRY.e), rel=tolerance)
+    assert density * yy + slab == pytest.approx(float(GEOMETRY.A), rel=tolerance)
+    assert density * xx + slab == pytest.approx(float(GEOMETRY.B), rel=tolerance)
+    assert density * (xx + yy) == pytest.approx(float(GEOMETRY.C or 0), rel=tolerance)
+
+
+def test_named_sets_are_as_documented() -> None:
+    assert (GEOMETRY.e, GEOMETRY.A, GEOMETRY.B) == (Fraction("0.0025"), Fraction("0.2483125e-3"), Fraction("0.2265625e-3"))
+    assert PRINTED.Bbar == Fraction("0.227e-3") - Fraction("0.435") * Fraction("0.0025") ** 2
+    # Inside Table 1's rounding: half a unit of the last printed digit.
+    for name in ("r", "e", "m"):
+        assert getattr(CALIBRATED, name) == getattr(PRINTED, name)
+    for name in ("A", "B"):
+        assert abs(getattr(CALIBRATED, name) - getattr(PRINTED, name)) < Fraction("0.5e-6")
+
+
+def test_constants_are_rounded_once_from_exact_values() -> None:
+    for precision in (DOUBLE, bits(200)):
+        constants = PRINTED.at(precision)
+        assert constants is PRINTED.at(precision)
+        for name, true in PRINTED.rational()._asdict().items():
+            assert abs(fraction(getattr(constants, name)) - true) <= true * precision.epsilon / 2
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"m": "-1"}, "m must be positive"),
+        ({"m": 0}, "m must be positive"),
+        ({"e": "0.05"}, "smaller than the radius"),
+        ({"r": "nan"}, "parameter r"),
+        ({"g": float("inf")}, "parameter g"),
+        ({"B": "0.3e-3"}, "B must not exceed A"),
+        ({"B": "1e-6"}, "Bbar"),
+        ({"C": "0.1e-3"}, "A must not exceed C"),
+        ({"mu": "pi"}, "multiple of pi"),
+    ],
+)
+def test_each_fault_has_its_line(change: dict[str, object], word: str) -> None:
+    with pytest.raises(InputError, match=word) as caught:
+        PRINTED.changed(**change)
+    # A disk with e >= r has its centre of gravity outside, and B cannot hold m e^2 either.
+    assert len(caught.value.faults) == (2 if "e" in change else 1)
+
+
+def test_several_faults_are_all_named() -> None:
+    with pytest.raises(InputError) as caught:
+        PRINTED.changed(m=-1, r="x", g=0)
+    assert len(caught.value.faults) == 3
+
+
+def test_toml_round_trip(tmp_path: Path) -> None:
+    path = tmp_path / "disk.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    read = Parameters.named(str(path))
+    assert read == PRINTED.changed(C=None, name="disk")
+    assert read.decimals()["A"] == "0.000249"
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        (b"", "is empty"),
+        (b"\x00\xff\xfe", "not a TOML text file"),
+        (GOOD.replace("mu", "nu").encode(), "unknown key 'nu'"),
+        (GOOD.replace('"0.435"', "0.435").encode(), "quoted decimal"),
+        (GOOD.replace('"0.435"', '"-0.435"').encode(), "m must be positive"),
+        (GOOD.replace('"0.0025"', '"0.045"').encode(), "smaller than the radius"),
+        (GOOD.replace('m = "0.435"\n', "").encode(), "key 'm' is missing"),
+        (b"a = " + b"[" * 5000, "not a TOML text file"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, content: bytes, word: str) -> None:
+    path = tmp_path / "disk.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=word):
+        Parameters.named(str(path))
+
+
+@pytest.mark.parametrize("name", ["nowhere.toml", ".", "prnted", "/", "a/b.toml"])
+def test_missing_sets_are_refused(name: str) -> None:
+    with pytest.raises(InputError):
+        Parameters.named(name)

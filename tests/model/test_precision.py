@@ -1,0 +1,187 @@
+"""Numbers go in and out exactly, and printed digits are justified."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import heyoka
+import mpmath
+import numpy
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    PI,
+    QUADRUPLE,
+    Exact,
+    Measured,
+    bits,
+    bits_for_digits,
+    companion,
+    exact,
+    fraction,
+    precision_named,
+)
+
+ALL = (DOUBLE, EXTENDED, QUADRUPLE, bits(24), bits(200), bits(1000))
+decimal_texts = st.builds(
+    lambda sign, digits, exponent: f"{sign}{digits}e{exponent}",
+    st.sampled_from(["", "-"]),
+    st.integers(0, 10**60),
+    st.integers(-400, 300),
+)
+
+
+@settings(max_examples=10_000)
+@given(text=decimal_texts, count=st.integers(24, 700))
+def test_decimals_and_heyoka_reals_go_both_ways_exactly(text: str, count: int) -> None:
+    precision = bits(count)
+    value = precision.number(text)
+    there = precision.mpf(value)
+    assert fraction(there) == fraction(value)
+    assert precision.number(there) == value
+    assert value.prec == count
+    # Correct rounding, checked against the exact rational: no nearer number of that precision exists.
+    assert abs(fraction(value) - Fraction(text)) <= abs(Fraction(text)) / 2**count
+    # MPFR's own decimal input is a second, independent rounding of the same decimal.
+    assert heyoka.real(text, count) == value
+
+
+@pytest.mark.parametrize("precision", ALL, ids=lambda p: p.name)
+@given(text=decimal_texts)
+def test_every_precision_converts_to_mpmath_and_back(precision, text: str) -> None:
+    try:
+        value = precision.number(text)
+    except InputError:
+        assert precision.kind == "double"
+        assert abs(Fraction(text)) >= 2**1023
+        return
+    assert precision.number(precision.mpf(value)) == value
+    if precision.kind == "double":
+        assert value == float(Fraction(text))
+
+
+@given(mantissa=st.integers(-(2**64) + 1, 2**64 - 1), exponent=st.integers(-16400, 16300))
+def test_extended_numbers_are_exact_down_to_subnormals(mantissa: int, exponent: int) -> None:
+    value = numpy.ldexp(numpy.longdouble(mantissa), exponent)
+    if numpy.isfinite(value):
+        assert EXTENDED.number(fraction(value)) == value
+        assert fraction(EXTENDED.mpf(value)) == fraction(value)
+
+
+@pytest.mark.parametrize("precision", ALL, ids=lambda p: p.name)
+def test_pi_is_rounded_once(precision) -> None:
+    # 1100 bits of mpmath's pi are the reference: more than any precision here, so one rounding is visible.
+    with mpmath.workprec(1100):
+        reference = fraction(+mpmath.pi)
+    assert abs(fraction(precision.pi) - reference) <= Fraction(2) ** (1 - precision.bits)
+    assert fraction(precision.number(PI * 3)) == fraction(precision.number(exact("3*pi")))
+
+
+def test_sums_with_pi_round_correctly_even_under_cancellation() -> None:
+    near = Fraction(bits(300).mpf(bits(300).pi).man) / 2 ** (-bits(300).mpf(bits(300).pi).exp)
+    left_over = DOUBLE.number(Exact(-near, Fraction(1)))
+    with mpmath.workprec(800):
+        expected = float(+mpmath.pi - mpmath.mpf(near.numerator) / near.denominator)
+    assert left_over == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("pi/2 + 0.4", Exact(Fraction(2, 5), Fraction(1, 2))),
+        ("-3*pi/2", Exact(Fraction(0), Fraction(-3, 2))),
+        ("3 pi/2", Exact(Fraction(0), Fraction(3, 2))),
+        ("1/3", Exact(Fraction(1, 3))),
+        ("-1e-30", Exact(Fraction(-1, 10**30))),
+        (".5", Exact(Fraction(1, 2))),
+    ],
+)
+def test_texts_are_read_exactly(text: str, value: Exact) -> None:
+    assert exact(text) == value
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "nan", "inf", "abc", "1..2", "1/0", "pi pi", "--1", "1e-3-", "1e400000", "1 2", "0x10", "١"]
+)
+def test_what_is_no_number_is_refused(text: str) -> None:
+    if text == "١":  # a digit in Unicode, and Fraction would take it; so do we, or refuse it: never a traceback
+        assert exact(text).rational in (0, 1)
+        return
+    if text == "1 2":
+        assert exact(text) == Exact(Fraction(12))  # blanks are ignored
+        return
+    with pytest.raises(InputError):
+        exact(text)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, None, "x" * 10, [1], True, heyoka.real("inf", 50)])
+def test_non_numbers_are_refused(value: object) -> None:
+    with pytest.raises(InputError):
+        exact(value)
+
+
+def test_floats_mean_their_binary_value() -> None:
+    assert exact(0.1).rational == Fraction(0.1) != Fraction(1, 10)
+    assert exact(Decimal("0.1")).rational == Fraction(1, 10)
+
+
+@given(
+    value=st.fractions(),
+    width=st.fractions(min_value=Fraction(1, 10**60), max_value=10**6),
+    offset=st.fractions(-1, 1),
+)
+def test_printed_intervals_hold_what_the_numbers_hold(value: Fraction, width: Fraction, offset: Fraction) -> None:
+    measured = Measured(value, width)
+    text, printed_width = measured.decimals()
+    truth = value + offset * width
+    assert abs(Fraction(text) - truth) <= Fraction(printed_width)
+    # Two digits of the half-width (10 % at worst) and the rounding of the value (5 %).
+    assert Fraction(printed_width) <= width * Fraction(116, 100)
+
+
+@given(value=st.fractions())
+def test_exact_values_print_exactly_or_say_what_was_cut(value: Fraction) -> None:
+    text, width = Measured(value, Fraction(0)).decimals()
+    assert abs(Fraction(text) - value) <= Fraction(width)
+
+
+def test_linear_algebra_solves_in_every_precision() -> None:
+    matrix = [["2", "1", "0"], ["1/3", "3", "-1"], ["0", "0.7", "5"]]
+    right = ["1", "2", "3"]
+    with mpmath.workdps(400):
+        entries = [[mpmath.mpf(Fraction(c).numerator) / Fraction(c).denominator for c in row] for row in matrix]
+        truth = mpmath.lu_solve(mpmath.matrix(entries), mpmath.matrix([1, 2, 3]))
+        for precision in ALL:
+            numbers = numpy.array([precision.array(row) for row in matrix])
+            solution = precision.solve(numbers, precision.array(right))
+            for mine, true in zip(solution, truth, strict=True):
+                # The matrix is well conditioned (< 10): a few ulps for three eliminations.
+                assert abs(fraction(mine) - fraction(true)) < 64 * precision.epsilon
+            eigenvalues = precision.eigenvalues(numbers)
+            assert abs(complex(sum(eigenvalues)) - 10) < 64 * max(float(precision.epsilon), 2.0**-52)
+
+
+def test_companions_have_more_bits() -> None:
+    for precision in ALL:
+        assert companion(precision).bits >= precision.bits + 11
+
+
+def test_names_and_bounds() -> None:
+    assert precision_named("real200") == precision_named("200") == bits(200)
+    assert precision_named("extended") is EXTENDED
+    assert bits(50).digits >= 14
+    for wrong in ("single", "real", "", "-5", "1e3", "9" * 30):
+        with pytest.raises(InputError):
+            precision_named(wrong)
+    for digits in (0, -1, 10**9):
+        with pytest.raises(InputError):
+            bits_for_digits(digits)
+    with pytest.raises(InputError):
+        bits(1)
