@@ -10,7 +10,7 @@ The rooms, each importing only from those before it:
 
 >>> import tippedisk_verify as tv
 >>> print(tv.omega_crit(tv.PRINTED, digits=20))
-30.88659268864356727828610 ± 1.3e-23
+30.8865926886435672782860903 ± 1.3e-23
 >>> tv.equilibrium(tv.PRINTED, "30.4", "inverted").stable
 False
 >>> result = tv.Taylor()(tv.Request(tv.PRINTED, "30.4", ("pi/2", "pi/2 + 0.4", 0), 10, error_estimate=True))

@@ -7,18 +7,21 @@ Nothing but click is imported until a command runs.
 from __future__ import annotations
 
 import json
+import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import click
 
 from tippedisk_verify import __version__
 from tippedisk_verify.errors import InputError, Shortfall
 
-__all__ = ["main"]
+__all__ = ["entry", "main"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -42,9 +45,9 @@ def common_options(command: F) -> F:
     def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
         from tippedisk_verify.model.equations import checked_friction
         from tippedisk_verify.model.parameters import Parameters
+        from tippedisk_verify.model.precision import bits_for_digits
 
-        if digits < 1:
-            raise InputError(f"--digits must be at least 1, not {digits}")
+        bits_for_digits(digits)  # refuses what no precision can hold
         chosen = Common(Parameters.named(parameters), checked_friction(friction), digits, as_json, quiet)
         return command(chosen, **options)
 
@@ -123,7 +126,7 @@ def _computed(audit: Any, scenes: Sequence[str]) -> list[Any]:
     for scene in scenes:
         try:
             panels.append(audit.panel(scene, audit.parameters.name))
-        except (Shortfall, ArithmeticError):
+        except (Shortfall, ArithmeticError, InputError):
             continue
     return panels
 
@@ -193,6 +196,8 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
 def _folder(out: str | None) -> Any:
     if out is None:
         return None
+    if not out:
+        raise InputError("--out needs the name of a folder")
     from tippedisk_verify.files import output_folder
 
     return output_folder(out)
@@ -204,17 +209,20 @@ def _print_json(result: dict[str, Any]) -> None:
 
 def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from tippedisk_verify.report import shown
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
-    table = Table(title=f"Claims ({audit.parameters.name}, {audit.friction} friction)", title_justify="left")
+    table = Table(title=escape(f"Claims ({audit.parameters.name}, {audit.friction} friction)"), title_justify="left")
     for heading in ("claim", "paper", *audit.sets, "verdict"):
-        table.add_column(heading, overflow="fold")
+        table.add_column(escape(heading), overflow="fold")
     for claim, finding in findings:
         verdict = finding.verdict.value
-        text = f"[{colours[verdict]}]{verdict}[/]" + (": " + ", ".join(finding.sets) if verdict == "holds-for" else "")
+        text = f"[{colours[verdict]}]{verdict}[/]" + (
+            ": " + escape(", ".join(finding.sets)) if verdict == "holds-for" else ""
+        )
         cells = [shown(finding.computed[name]) if name in finding.computed else "" for name in audit.sets]
         table.add_row(claim.name, claim.printed, *cells, text)
     console = Console()
@@ -227,7 +235,7 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
 def _progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
     """A live bar on a terminal's standard error, nothing anywhere else."""
     if common.quiet or not sys.stderr.isatty():
-        yield lambda label, steps: None
+        yield lambda label, steps: _raise_if_interrupted()
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -235,13 +243,38 @@ def _progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=total)
-        yield lambda label, steps: bar.update(task, description=label, advance=steps)
+
+        def advance(label: str, steps: int) -> None:
+            _raise_if_interrupted()
+            bar.update(task, description=label, advance=steps)
+
+        yield advance
+
+
+_interrupted = False
+
+
+def _interrupt(number: int, frame: object) -> NoReturn:
+    """Ctrl-C, remembered as well: an extension module that is being imported may clear the exception."""
+    global _interrupted
+    _interrupted = True
+    raise KeyboardInterrupt
+
+
+def _raise_if_interrupted() -> None:
+    if _interrupted:
+        raise KeyboardInterrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status. For tests: takes the arguments as a list."""
+    global _interrupted
+    _interrupted = False
     try:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, _interrupt)
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
+        sys.stdout.flush()  # here, where a full disk can still be told
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
     except click.ClickException as fault:
@@ -255,9 +288,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
         click.echo("tippedisk-verify: interrupted", err=True)
         return 130
     except BrokenPipeError:  # the reader of our output has had enough
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as fault:
+        where = f" {fault.filename}" if fault.filename else ""
+        return _refused(f"cannot write{where}: {fault.strerror or fault}")
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, signal.default_int_handler)
     return status if isinstance(status, int) else 0
+
+
+def entry() -> NoReturn:
+    """The console script: `main`, with its status as the process's, also after Ctrl-C."""
+    status = main()
+    if status == 130:
+        # An interrupt inside exec() leaves a mark that makes Python end by the signal instead of with our status.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)
 
 
 def _refused(message: str) -> int:
@@ -267,7 +317,3 @@ def _refused(message: str) -> int:
 
 def _one_line(message: str) -> str:
     return " ".join(message.split())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -11,7 +11,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, fraction
 
-GOOD = 'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+GOOD = (
+    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
 
 
 def test_geometry_agrees_with_the_solid_integrated_numerically() -> None:
@@ -40,7 +42,11 @@ def test_geometry_agrees_with_the_solid_integrated_numerically() -> None:
 
 
 def test_named_sets_are_as_documented() -> None:
-    assert (GEOMETRY.e, GEOMETRY.A, GEOMETRY.B) == (Fraction("0.0025"), Fraction("0.2483125e-3"), Fraction("0.2265625e-3"))
+    assert (GEOMETRY.e, GEOMETRY.A, GEOMETRY.B) == (
+        Fraction("0.0025"),
+        Fraction("0.2483125e-3"),
+        Fraction("0.2265625e-3"),
+    )
     assert PRINTED.Bbar == Fraction("0.227e-3") - Fraction("0.435") * Fraction("0.0025") ** 2
     # Inside Table 1's rounding: half a unit of the last printed digit.
     for name in ("r", "e", "m"):
@@ -88,7 +94,7 @@ def test_toml_round_trip(tmp_path: Path) -> None:
     path = tmp_path / "disk.toml"
     path.write_text(GOOD, encoding="utf-8")
     read = Parameters.named(str(path))
-    assert read == PRINTED.changed(C=None, name="disk")
+    assert read == PRINTED.changed(C=None, name="disk.toml")
     assert read.decimals()["A"] == "0.000249"
 
 

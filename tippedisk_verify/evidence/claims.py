@@ -7,7 +7,7 @@ result; only the suite's own cross-checks (``own_check``) can fail.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
@@ -144,64 +144,56 @@ def audited(audit: Audit, claims: Sequence[Claim]) -> Iterator[tuple[Claim, Find
 def _number(
     printed: str, compute_one: Callable[[Audit, str], Measured], note: str, methods: tuple[str, ...]
 ) -> Callable[[Audit], Finding]:
-    def examine(audit: Audit) -> Finding:
-        values = {name: compute_one(audit, name) for name in audit.sets}
-        return Finding(dict(values), {name: rounds_to(value, printed) for name, value in values.items()}, note, methods)
+    def one(audit: Audit, name: str) -> tuple[Measured, bool | None]:
+        value = compute_one(audit, name)
+        return value, rounds_to(value, printed)
 
-    return examine
+    return _per_set(one, note, methods)
 
 
-def _stability(which: EquilibriumName, shift: Fraction, expected: bool) -> Callable[[Audit], Finding]:
-    """Stability at Omega_crit + shift and at seven further speeds on that side, exactly."""
+def _per_set(
+    one: Callable[[Audit, str], tuple[Measured | str, bool | None]], note: str, methods: tuple[str, ...]
+) -> Callable[[Audit], Finding]:
+    """Examine each set by itself: what cannot be had for one of them leaves the others' answers alone."""
 
     def examine(audit: Audit) -> Finding:
         computed: dict[str, Measured | str] = {}
         holds: dict[str, bool | None] = {}
-        for name, parameters in audit.sets.items():
-            # A rational within 1e-30 of Omega_crit; the shift is far larger, so the side is certain.
-            crit = omega_crit(parameters, 30).value
-            step = abs(shift)
-            speeds = [crit + (step if shift > 0 else -step) * 2**power for power in range(8)]
-            speeds = [speed for speed in speeds if speed > 0]
-            answers = {is_stable(linearization(parameters, speed, which)) for speed in speeds}
-            verb = {True: "stable", False: "unstable"}
-            computed[name] = " and ".join(verb[answer] for answer in sorted(answers))
-            holds[name] = answers == {expected}
-        side = "above" if shift > 0 else "below"
-        note = (
-            f"exact Routh-Hurwitz in rational arithmetic at eight speeds {side} Omega_crit, the nearest 0.1 rad/s away"
-        )
-        return Finding(computed, holds, note, ("exact arithmetic",))
+        notes = [note] if note else []
+        for name in audit.sets:
+            try:
+                computed[name], holds[name] = one(audit, name)
+            except (Shortfall, ArithmeticError, InputError) as reason:
+                computed[name], holds[name] = "-", None
+                notes.append(f"{name}: {reason}")
+        return Finding(computed, holds, "; ".join(notes), methods)
 
     return examine
 
 
-def _both(*examinations: Callable[[Audit], Finding]) -> Callable[[Audit], Finding]:
-    def examine(audit: Audit) -> Finding:
-        findings = [examination(audit) for examination in examinations]
-        first = findings[0]
-        return Finding(
-            {name: ", ".join(str(finding.computed[name]) for finding in findings) for name in first.computed},
-            {name: all(finding.holds[name] for finding in findings) for name in first.holds},
-            "; ".join(finding.note for finding in findings),
-            first.methods,
-        )
+def _stability(which: EquilibriumName, sides: tuple[int, ...], expected: bool) -> Callable[[Audit], Finding]:
+    """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
 
-    return examine
+    def one(audit: Audit, name: str) -> tuple[str, bool]:
+        # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
+        crit = omega_crit(audit.sets[name], 30).value
+        speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
+        answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
+        return " and ".join("stable" if answer else "unstable" for answer in sorted(answers)), answers == {expected}
+
+    where = " and ".join({-1: "below", 1: "above"}[side] for side in sides)
+    note = f"exact Routh-Hurwitz in rational arithmetic at eight speeds {where} Omega_crit, the nearest 0.4 % away"
+    return _per_set(one, note, ("exact arithmetic",))
 
 
 def _scene(name: str, expected: tuple[str, ...], note: str) -> Callable[[Audit], Finding]:
-    def examine(audit: Audit) -> Finding:
-        computed: dict[str, Measured | str] = {}
-        holds: dict[str, bool | None] = {}
-        for set_name in audit.sets:
-            endings = [orbit.ending for orbit in audit.panel(name, set_name).orbits]
-            computed[set_name] = "; ".join(_said(ending) for ending in endings)
-            undecided = any(ending.kind == "undecided" for ending in endings)
-            holds[set_name] = None if undecided else all(ending.kind in expected for ending in endings)
-        return Finding(computed, holds, note, (audit.engine.name,))
+    def one(audit: Audit, set_name: str) -> tuple[str, bool | None]:
+        endings = [orbit.ending for orbit in audit.panel(name, set_name).orbits]
+        undecided = any(ending.kind == "undecided" for ending in endings)
+        outcome = None if undecided else all(ending.kind in expected for ending in endings)
+        return "; ".join(_said(ending) for ending in endings), outcome
 
-    return examine
+    return _per_set(one, note, ("trajectories",))
 
 
 def _said(ending: Any) -> str:
@@ -223,13 +215,13 @@ def _engines(audit: Audit) -> Finding:
     crit = omega_crit(parameters, 20).value
     worst = Fraction(0)
     claimed = Fraction(0)
-    for shift in ("-0.6", "-0.1", "0.5"):
+    for share in ("0.98", "0.997", "1.016"):
         for start in INITIAL_STATES:
-            request = Request(parameters, crit + Fraction(shift), start, 10)
-            mine = taylor(Request(parameters, crit + Fraction(shift), start, 10, error_estimate=True))
+            request = Request(parameters, crit * Fraction(share), start, 10)
+            mine = taylor(replace(request, error_estimate=True))
             theirs = scipy(request)
             if mine.status is not theirs.status or mine.error is None:
-                note = f"at Omega_crit {shift}: {mine.status.value} against {theirs.status.value}"
+                note = f"at {share} Omega_crit: {mine.status.value} against {theirs.status.value}"
                 return Finding({parameters.name: "the engines end differently"}, {parameters.name: False}, note)
             worst = max(worst, *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)))
             claimed = max(claimed, Fraction(mine.error.largest))
@@ -309,24 +301,21 @@ CLAIMS: tuple[Claim, ...] = (
         "Section sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
-        _stability("inverted", Fraction(1, 10), True),
+        _stability("inverted", (1,), True),
     ),
     Claim(
         "inverted_unstable_below",
         "Section sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
-        _stability("inverted", Fraction(-1, 10), False),
+        _stability("inverted", (-1,), False),
     ),
     Claim(
         "noninverted_unstable",
         "Section sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
-        _both(
-            _stability("noninverted", Fraction(-1, 10), False),
-            _stability("noninverted", Fraction(1, 10), False),
-        ),
+        _stability("noninverted", (-1, 1), False),
     ),
     Claim(
         "period_crit",

@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
+    START_WINDOW,
     STATE_VARIATIONS,
     Event,
     EventRecord,
@@ -21,6 +22,7 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
     checked,
+    starts_on,
 )
 from tippedisk_verify.model.equations import checked_friction, field, jacobian
 from tippedisk_verify.model.parameters import Constants
@@ -70,6 +72,9 @@ class Baseline:
         constants = request.parameters.at(DOUBLE)
         if request.domain != "none" and math.sin(start[0]) <= 0:
             return Result(Status.FLAT, 0.0, _array(start), 0)
+        if not duration:
+            none = None if request.times is None else _array([start] * len(request.times))
+            return Result(Status.REACHED, 0.0, _array(start), 0, samples=none)
         return self._integrate(request, constants, omega, start, duration, friction)
 
     def _integrate(
@@ -99,10 +104,12 @@ class Baseline:
             watched.append(FLAT)
         budget = request.max_steps * _PER_STEP
         calls = 0
+        latest: tuple[float, Any] = (0.0, initial)
 
         def counted(t: float, y: Any) -> Any:
-            nonlocal calls
+            nonlocal calls, latest
             calls += 1
+            latest = (t, y)
             if calls > budget:
                 raise _OutOfStepsError
             return rates(t, y)
@@ -122,11 +129,16 @@ class Baseline:
                 dense_output=request.dense or bool(request.events),
                 rtol=tolerance,
                 atol=tolerance,
-                events=[_event(event, constants, omega) for event in watched] or None,
+                events=[_event(event, constants, omega, start, vector_field) for event in watched] or None,
                 **options,
             )
-        except _OutOfStepsError:
-            return Result(Status.STEP_LIMIT, 0.0, numpy.array(start), 0, evaluations=calls)
+        except (_OutOfStepsError, ValueError, OverflowError) as stop:
+            # The C library's sine of an infinity is a ValueError; anything else of that kind is a mistake of ours.
+            finite = bool(numpy.isfinite(latest[1]).all())
+            if not isinstance(stop, _OutOfStepsError) and finite and abs(latest[1]).max() < 1e150:
+                raise
+            status = Status.STEP_LIMIT if isinstance(stop, _OutOfStepsError) else Status.NON_FINITE
+            return Result(status, float(latest[0]), numpy.array(latest[1][:3]), 0, evaluations=calls)
         return self._result(request, solution, watched, initial, times)
 
     def _result(self, request: Request, solution: Any, watched: list[Event], initial: Any, times: Any) -> Result:
@@ -136,12 +148,11 @@ class Baseline:
             EventRecord(event.name, float(when), state[:3].copy())
             for event, found, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
             for when, state in zip(found, states, strict=True)
-            if event.terminal or when != 0.0
         ]
         records.sort(key=lambda record: abs(record.time))
         status, when, final = _ending(solution, watched)
         if final is None:
-            final = solution.y[:, -1] if solution.y.size else initial
+            final = solution.y[:, -1] if len(solution.y) and solution.y.size else initial
         if (
             times is not None
             and status is Status.REACHED
@@ -155,7 +166,7 @@ class Baseline:
             time=when if when is not None else DOUBLE.number(request.duration),
             state=numpy.array(final[:3]),
             steps=len(solution.t) - 1 if times is None else 0,
-            samples=None if times is None else solution.y[:3].T.copy(),
+            samples=None if times is None else (solution.y[:3].T.copy() if len(solution.y) else numpy.empty((0, 3))),
             dense=(lambda t: dense(numpy.asarray(t))[:3].T) if request.dense else None,
             derivatives=derivatives,
             events=tuple(records),
@@ -172,14 +183,24 @@ class Baseline:
         return numpy.concatenate(parts)
 
 
-def _array(values: Sequence[float]) -> Any:
+def _array(values: Sequence[Any]) -> Any:
     import numpy
 
     return numpy.array(values)
 
 
-def _event(event: Event, constants: Constants, omega: float) -> Callable[[float, Any], float]:
+def _event(
+    event: Event, constants: Constants, omega: float, start: list[float], vector_field: Any
+) -> Callable[[float, Any], float]:
+    at_start: float | None = None
+    if event.name != FLAT.name and starts_on(event, math, constants, omega, start, 2.0**-52):
+        # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
+        ahead = [part + START_WINDOW * rate for part, rate in zip(start, vector_field(*start), strict=True)]
+        at_start = float(event.function(math, constants, omega, *ahead))
+
     def crossing(t: float, y: Any) -> float:
+        if t == 0.0 and at_start is not None:
+            return at_start
         return float(event.function(math, constants, omega, *y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
@@ -233,7 +254,7 @@ def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, 
                 return (Status.FLAT if event.name == FLAT.name else Status.EVENT), float(found[-1]), states[-1]
     if solution.status == 0:
         return Status.REACHED, None, None
-    if not numpy.all(numpy.isfinite(solution.y[:, -1:])):
+    if len(solution.y) and not numpy.all(numpy.isfinite(solution.y[:, -1:])):
         return Status.NON_FINITE, float(solution.t[-1]), None
     small = "step size" in str(solution.message).lower()
     when = float(solution.t[-1]) if len(solution.t) else 0.0

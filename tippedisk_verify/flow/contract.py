@@ -60,7 +60,8 @@ class Event:
     """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
 
     ``direction`` is +1 (rising), -1 (falling) or 0 (both). A terminal event ends the run on the crossing; others are
-    recorded. The name identifies the function: engines keep what they built for it.
+    recorded. A start on the surface, up to rounding, is no crossing. Define an event once and pass the same object:
+    engines keep what they built for it.
     """
 
     name: str
@@ -211,21 +212,39 @@ def checked(request: Request) -> None:
     if request.tolerance is not None and not 0 < request.tolerance < 1:
         raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
     if request.times is not None:
-        _check_times(request.times, -1 if float(exact(request.duration)) < 0 else 1)
-    if request.events and len({event.name for event in request.events}) != len(request.events):
-        raise InputError("two events of one request have the same name")
+        _check_times(request.times, float(exact(request.duration)))
+    if request.domain not in ("event", "samples", "none"):
+        raise InputError(f"domain is event, samples or none, not '{request.domain}'")
+    if request.events:
+        names = [event.name for event in request.events]
+        if len(set(names)) != len(names):
+            raise InputError("two events of one request have the same name")
+        if FLAT.name in names and FLAT not in request.events:
+            raise InputError(f"the event name '{FLAT.name}' is taken by sin(beta) = 0")
+    if len(set(request.variations)) != len(request.variations):
+        raise InputError("a variation is asked for twice")
 
 
-def _check_times(times: Any, sign: int) -> None:
-    """Sample times must be finite, strictly monotonic, and on the run's side of 0."""
+def _check_times(times: Any, duration: float) -> None:
+    """Sample times must be strictly monotonic and lie between 0 and the duration."""
     import numpy
 
     if not len(times):
         raise InputError("sample times are given but there are none: leave them out instead")
     try:
-        ahead = numpy.array([sign * float(time) for time in times]) if not hasattr(times, "dtype") else sign * times
-        rising = bool(ahead[0] >= 0) and bool((ahead[1:] > ahead[:-1]).all())
-    except (TypeError, ValueError, InputError):
+        plain = times.astype(float) if hasattr(times, "dtype") else numpy.array([float(exact(time)) for time in times])
+    except (TypeError, ValueError):
         raise InputError("sample times must be numbers") from None
-    if not rising:
-        raise InputError("sample times must be strictly monotonic, from 0 on in the direction of the run")
+    ahead = plain if duration >= 0 else -plain
+    if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and ahead[-1] <= abs(duration)):
+        raise InputError("sample times must be strictly monotonic, from 0 on and up to the duration")
+
+
+#: Within this time of a start on an event's surface [s], a crossing is the start itself: no orbit leaves a surface and
+#: comes back that soon, at accelerations of up to some 1e5 rad/s^2.
+START_WINDOW = 2.0**-30
+
+
+def starts_on(event: Event, ops: Any, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
+    """Whether the event function is zero at the start, up to the rounding of the start."""
+    return bool(abs(event.function(ops, constants, omega, *state)) <= 64 * epsilon)

@@ -16,6 +16,7 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
+    START_WINDOW,
     Build,
     ErrorEstimate,
     EventRecord,
@@ -23,10 +24,11 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
     checked,
+    starts_on,
 )
 from tippedisk_verify.model.equations import checked_friction, field
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
 __all__ = ["Taylor"]
 
@@ -101,11 +103,10 @@ class _Integrator:
             )
         self.precision = precision = request.precision
         begin = time.perf_counter()
-        import heyoka as hy
-
-        self._hy = hy
+        hy = heyoka_module()
         number, fp_type = precision.number, precision.type
         system, self._crossings = _system(request, events)
+        self._events = events
         self._records: list[EventRecord] = []
         self._terminal = [event for event in events if event.terminal]
         options: dict[str, Any] = {"fp_type": fp_type, "high_accuracy": high_accuracy, "compact_mode": compact}
@@ -178,6 +179,7 @@ class _Integrator:
         if request.domain != "none" and self._sin(state[0]) <= 0:
             return self._result(Status.FLAT, 0)
         samples = dense = None
+        on_surface = self._leave_surfaces(request, omega, state, duration) if request.events else ()
         if request.times is not None and not request.dense:
             times = self._grid(request.times)
             outcome, low, _, steps, _, samples = stepper.propagate_grid(times, max_steps=request.max_steps)
@@ -190,6 +192,10 @@ class _Integrator:
                 duration, max_steps=request.max_steps, c_output=request.dense
             )
         status = Status.REACHED if outcome == self._finished else self._status(outcome, low)
+        if on_surface:
+            self._records[:] = [
+                record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
+            ]
         result = self._result(status, steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
@@ -197,11 +203,35 @@ class _Integrator:
         return result
 
     def _grid(self, times: Any) -> Any:
-        """The sample times in this arithmetic, with 0 in front if they do not start there (heyoka wants it)."""
+        """The sample times in this arithmetic, from the present time on, which heyoka wants in front."""
         import numpy
 
         grid = times if _native(times, self.precision) else self.precision.array(times)
-        return grid if grid[0] == self._zero else numpy.concatenate((self.precision.array([0]), grid))
+        now = self._stepper.time
+        if grid[0] == now:
+            return grid
+        if grid[0] == self._zero:  # a start on a surface was left behind, by less than a sample can show
+            grid = grid[1:]
+        return numpy.concatenate((numpy.array([now], dtype=grid.dtype), grid))
+
+    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[str, ...]:
+        """Names of the events whose surface the start lies on; passes by the terminal ones that fire there.
+
+        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does.
+        """
+        constants = request.parameters.at(self.precision)
+        epsilon, ops = float(self.precision.epsilon), self.precision.ops
+        names = tuple(event.name for event in request.events if starts_on(event, ops, constants, omega, state, epsilon))
+        if any(event.terminal and event.name in names for event in self._events):
+            stepper = self._stepper
+            limit = self.precision.number(START_WINDOW)
+            if abs(duration) > limit:
+                target = limit if duration > 0 else -limit
+                # An event that fires starts its cooldown, so that the next call goes on beyond it.
+                for _ in self._events:
+                    if stepper.propagate_until(target)[0] == self._finished:
+                        break
+        return names
 
     def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
         stepper = self._stepper
@@ -247,8 +277,7 @@ class _Integrator:
 
 def _system(request: Request, events: tuple[Any, ...]) -> tuple[Any, dict[str, Any]]:
     """The heyoka system that the request needs, and the event functions by name."""
-    import heyoka as hy
-
+    hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
     pars = dict(zip(_PARAMETERS, (hy.par[index] for index in range(len(_PARAMETERS))), strict=True))
     omega = pars["Omega"]
@@ -278,13 +307,13 @@ def _copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
     """heyoka's continuous output hands out its own memory; this hands out copies of the state's part."""
 
     def states(times: Any) -> Any:
-        return output(precision.array(list(times)))[:, :3].copy()
+        return output(times if _native(times, precision) else precision.array(list(times)))[:, :3].copy()
 
     return states
 
 
 def _outside(result: Result, precision: Precision) -> bool:
-    """Whether the end or a sample has sin(beta) <= 0, or the samples' steps are too wide to be sure between them."""
+    """Whether the end or a sample has sin(beta) <= 0."""
     import numpy
 
     sine = numpy.sin
@@ -298,31 +327,38 @@ def _outside(result: Result, precision: Precision) -> bool:
 def _compared(precision: Precision, wider: Precision, result: Result, check: Result) -> ErrorEstimate:
     """Half-widths from the distance to a run with at least 11 more bits.
 
-    The wider run's own error is about 2^-11 or less of the first one's; 1/64 of the largest distance leaves it a
-    factor of 32, also where one component's distance is small by chance. Half an ulp of the value itself is the
-    least that can be claimed.
+    The wider run's own error is about 2^-11 or less of the first one's. An eighth of the largest distance leaves it a
+    factor of 256, also where one component's distance is small by chance; an ulp of each value is the least claimed.
+    An event's time has no neighbours to lean on: it borrows an eighth of the state's distance over the state's speed.
     """
     import numpy
+
+    ulp = wider.number(precision.epsilon)
 
     def widths(values: Any, truths: Any) -> Any:
         exact = _widened(values, wider)
         away = abs(exact - truths)
         rows = away if away.ndim > 1 else away[None, :]
         largest = numpy.array([max(row, default=0) for row in rows], dtype=rows.dtype)
-        bound = away + (largest[:, None] if away.ndim > 1 else largest[0]) / 64
-        bound = bound + abs(exact) * wider.number(precision.epsilon / 2)
+        bound = away + (largest[:, None] if away.ndim > 1 else largest[0]) / 8 + abs(exact) * ulp
         return bound.astype(float) if precision.kind == "double" else bound
 
-    endings_differ = result.status is not check.status or len(result.events) != len(check.events)
-    if endings_differ or (result.samples is not None and len(result.samples) != len(check.samples)):
-        endless = numpy.full(3, math.inf)
-        return ErrorEstimate(state=endless, time=math.inf)
+    def time_width(mine: Any, theirs: Any, state: Any, truth: Any) -> float:
+        own = float(widths(_alone(mine), _alone(theirs))[0])
+        speed = max(abs(float(state[2])), abs(float(numpy.cos(state[0]))), 1e-300)
+        return own + float(max(abs(_widened(state, wider) - truth))) / 8 / speed
+
+    names = [[record.name for record in run.events] for run in (result, check)]
+    unlike = result.status is not check.status or names[0] != names[1]
+    if unlike or (result.samples is not None and len(result.samples) != len(check.samples)):
+        return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
+    ended = result.status is not Status.REACHED
     return ErrorEstimate(
         state=widths(result.state, check.state),
-        time=float(widths(_alone(result.time), _alone(check.time))[0]) if result.status is not Status.REACHED else 0.0,
+        time=time_width(result.time, check.time, result.state, check.state) if ended else 0.0,
         samples=None if result.samples is None else widths(result.samples, check.samples),
         events=tuple(
-            float(widths(_alone(mine.time), _alone(theirs.time))[0])
+            time_width(mine.time, theirs.time, mine.state, theirs.state)
             for mine, theirs in zip(result.events, check.events, strict=True)
         ),
         variations=None if result.derivatives is None else widths(result.derivatives, check.derivatives),

@@ -163,24 +163,24 @@ class Parameters:
         faults = [f"unknown key '{key[:40]}' (known: {', '.join(allowed)})" for key in entries if key not in allowed]
         faults += [f"key '{key}' is missing" for key in allowed if key != "C" and key not in entries]
         faults += [
-            f'{key} must be a quoted decimal such as "0.435", not {str(value)[:40]}'
+            f'{key} must be a quoted decimal such as "0.435", not a bare {type(value).__name__}'
             for key, value in entries.items()
             if key in allowed and not isinstance(value, str)
         ]
         if faults:
             raise InputError(f"parameter file {path.name}: {fault}" for fault in faults)
         try:
-            return cls(**entries, name=path.stem)
+            return cls(**entries, name=path.name.encode(errors="replace").decode())
         except InputError as fault:
             raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
 
 
 def _toml_entries(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        raise InputError(f"parameter file {path} does not exist")
-    if not path.is_file():
-        raise InputError(f"parameter file {path} is not a file")
     try:
+        if not path.exists():
+            raise InputError(f"parameter file {path} does not exist")
+        if not path.is_file():
+            raise InputError(f"parameter file {path} is not a file")
         if path.stat().st_size > _LARGEST_FILE:
             raise InputError(f"parameter file {path} is larger than {_LARGEST_FILE} bytes")
         entries = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -12,6 +12,9 @@ from __future__ import annotations
 
 import math
 import re
+import signal
+import threading
+from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -21,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from types import ModuleType
 
 __all__ = [
@@ -37,14 +40,16 @@ __all__ = [
     "companion",
     "exact",
     "fraction",
+    "heyoka_module",
     "precision_named",
 ]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
-_LARGEST_TEXT = 100_000
+# Python converts integers of up to 4300 decimal digits; nothing here needs more.
+_LARGEST_TEXT = 4_000
+_MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
-_MOST_DIGITS = 1_000_000
 
 _NUMBER = r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 _TERM = re.compile(
@@ -136,10 +141,12 @@ def fraction(value: object) -> Fraction:
 
 
 def _parse(text: str) -> Exact:
-    stripped = re.sub(r"\s+", "", text)
     shown = text.strip()[:60]
     complaint = f"'{shown}' is not a finite decimal number such as 30.4, 1e-3, 1/3 or pi/2+0.4"
-    if not stripped or len(stripped) > _LARGEST_TEXT:
+    if len(text) > _LARGEST_TEXT:
+        raise InputError(f"'{shown}...' is longer than {_LARGEST_TEXT} characters")
+    stripped = re.sub(r"\s+", "", text)
+    if not stripped or re.search(r"[\d.]\s+[\d.]", text):
         raise InputError(complaint)
     total = Exact(Fraction(0))
     position = 0
@@ -243,7 +250,7 @@ class Precision:
             import numpy
 
             return numpy.longdouble
-        hy = _heyoka()
+        hy = heyoka_module()
         return hy.real128 if self.kind == "quadruple" else hy.real
 
     @cached_property
@@ -252,6 +259,11 @@ class Precision:
         import numpy
 
         return math if self.kind == "double" else numpy
+
+    @cached_property
+    def _lowest(self) -> int:
+        """Numbers below 2**(this - 1) are subnormal."""
+        return {"double": -1021, "extended": -16381, "quadruple": -16381}.get(self.kind, -(1 << 62))
 
     @cached_property
     def context(self) -> Any:
@@ -273,8 +285,13 @@ class Precision:
                 raise InputError(f"a finite number is needed, not {value}")
             return float(value)
         pair = None if isinstance(value, str | int | Fraction | Decimal | Exact) else _mantissa_exponent(value)
-        if pair is None or pair[0].bit_length() > self.bits:
-            pair = exact(value).rounded(self.bits)
+        if pair is None or pair[0].bit_length() > self.bits or pair[0].bit_length() + pair[1] < self._lowest:
+            number = exact(value)
+            pair = number.rounded(self.bits)
+            if pair[0].bit_length() + pair[1] < self._lowest and not number.pi_multiple:
+                # Subnormal: whole multiples of the smallest number, rounded once and from the exact value.
+                unit = self._lowest - self.bits
+                pair = round(number.rational * (1 << -unit)), unit
         return self._from_mantissa(*pair)
 
     def array(self, values: Sequence[object]) -> Any:
@@ -320,8 +337,6 @@ class Precision:
         if mantissa and ((self.kind == "double" and size > 1024) or (self.kind != "real" and size > 16384)):
             raise InputError(f"a number of about 2^{size} is too large for {self.name} precision")
         if self.kind == "double":
-            if mantissa and size < -1021:  # subnormal: the division rounds once where ldexp would round twice
-                return float(Fraction(mantissa, 1 << -exponent))
             return math.ldexp(mantissa, exponent)
         if self.kind == "extended":
             import numpy
@@ -374,7 +389,7 @@ def companion(precision: Precision) -> Precision:
     if precision.kind == "double" and _has_extended():
         return EXTENDED
     if precision.kind in ("double", "extended"):
-        return QUADRUPLE if hasattr(_heyoka(), "real128") else bits(128)
+        return QUADRUPLE if hasattr(heyoka_module(), "real128") else bits(128)
     return bits(precision.bits + 64)
 
 
@@ -387,12 +402,34 @@ def _has_extended() -> bool:
 
 # -------------------------------------------------------------------------------------------- exact conversions
 @lru_cache(maxsize=1)
-def _heyoka() -> ModuleType:
+def heyoka_module() -> ModuleType:
     """heyoka, with the memory handler without which arrays of its MPFR numbers leak."""
-    import heyoka
+    with _interrupts_deferred():
+        import heyoka
 
-    heyoka.install_custom_numpy_mem_handler()
+        heyoka.install_custom_numpy_mem_handler()
     return heyoka  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Hold Ctrl-C back: half-imported extension modules swallow it or break. Only the main thread gets it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed = False
+
+    def remember(number: int, frame: object) -> None:
+        nonlocal pressed
+        pressed = True
+
+    before = signal.signal(signal.SIGINT, remember)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt
 
 
 @lru_cache(maxsize=256)
@@ -429,8 +466,8 @@ def _mantissa_exponent(value: Any) -> tuple[int, int] | None:
         return int(numpy.ldexp(part, 64)), int(exponent) - 64
     if kind in ("real", "real128"):
         return _heyoka_mantissa(value, getattr(value, "prec", 113))
-    if hasattr(value, "__float__") and kind in ("float32", "float16", "int64", "int32"):
-        return _mantissa_exponent(value.item())
+    if getattr(value, "shape", None) == () and getattr(value, "dtype", "object") != "object":
+        return _mantissa_exponent(value.item())  # numpy's other scalars
     raise InputError(f"a number is needed, not an object of type {kind}")
 
 

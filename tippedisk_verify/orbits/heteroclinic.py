@@ -92,7 +92,9 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, friction: Friction
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     if engine.name != "taylor":
         loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11), Fraction(0)) / 2
-        half_width += abs(loose - centre)
+        # Its tightest tolerance is near round-off, so the error need not shrink with the tolerance: four times the
+        # shift, and sixteen ulps of the speed for what the passage does to rounding.
+        half_width += 4 * abs(loose - centre) + centre / 2**48
         return Connection(Measured(centre, half_width), "bisection at two tolerances", follow.runs)
     wider = companion(DOUBLE)
     while (

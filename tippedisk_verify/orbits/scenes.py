@@ -34,6 +34,12 @@ _DURATION = 120
 _SAMPLES_PER_SECOND = 100
 # What an orbit ends on does not need the baseline's last digits, and they cost it tenfold.
 _LOOSER = 1e-10
+# A section amplitude below this is close to the inverted state [rad].
+_SMALL = 0.05
+# Error of a section amplitude [rad]: the Taylor engine's dense output is as good as its steps, and an orbit near an
+# attracting cycle keeps only the latest rounding errors, of inputs too; SciPy's interpolant has order 7.
+_TAYLOR_CROSSING_ERROR = 1e-12
+_SCIPY_CROSSING_ERROR = 1e-7
 
 AttractorKind = Literal["inverted spinning", "limit cycle", "flat", "undecided"]
 
@@ -163,6 +169,7 @@ def compute(
             float(times[-1]),
             friction=friction,
             times=times,
+            dense=True,
             tolerance=None if engine.name == "taylor" else _LOOSER,
             domain="event" if scene.flat_event else "samples",
         )
@@ -190,63 +197,54 @@ def classified(
 
     *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| at the crossings of
     beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted spinning*: it is
-    asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05. *Limit cycle*: the
-    changes A_(n+1) - A_n shrink geometrically over the last ten, and the limit they tend to lies above 0.05, with a
-    remaining distance below a hundredth of it. Anything else is *undecided*.
+    asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05 rad. *Limit cycle*:
+    the changes A_(n+1) - A_n shrink geometrically, and the limit they tend to lies above 0.05 rad, with a remaining
+    distance below a hundredth of it. Anything else is *undecided*.
     """
     if result.status is Status.FLAT:
         return _flat(result, request, engine, omega)
-    amplitudes = section_amplitudes(request.times, result.samples, float(omega))
+    amplitudes = [float(value) for value in section_amplitudes(request.times, result)]
+    error = _TAYLOR_CROSSING_ERROR if engine.name == "taylor" else _SCIPY_CROSSING_ERROR
     if len(amplitudes) < 12:
         return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
-    last = [float(value) for value in amplitudes[-11:]]
-    changes = [after - before for before, after in pairwise(last)]
-    if inverted_stable and max(changes) < 0 and last[-1] < 0.05:
-        return Ending("inverted spinning", f"section amplitude falls steadily, to {last[-1]:.2g} rad"), ()
-    # Below the interpolation error of the crossings a change is noise; a converged orbit has only such changes.
-    noise = 1e-6 * last[-1]
-    if max(map(abs, changes)) <= noise:
-        limit, remaining = last[-1], noise
-    else:
-        ratio = (abs(changes[-1]) / abs(changes[0])) ** (1 / (len(changes) - 1)) if changes[0] else math.inf
-        if ratio >= 1:
-            return Ending("undecided", "section amplitudes have not settled; integrate longer"), ()
-        remaining = abs(changes[-1]) * ratio / (1 - ratio)
-        limit = last[-1] + math.copysign(remaining, changes[-1])
-    if limit > 0.05 and remaining < limit / 100:
+    final = amplitudes[-1]
+    changes = [after - before for before, after in pairwise(amplitudes)]
+    if inverted_stable and max(changes[-10:]) < 0 and final < _SMALL:
+        return Ending("inverted spinning", f"section amplitude falls steadily, to {final:.2g} rad"), ()
+    # The rate is measured where changes stand out of the amplitudes' own error; the last of these are the ones closest
+    # to the limit. What happens after the last crossing follows from the last change, or from that error if it is less.
+    telling = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
+    ratio = (telling[-1] / telling[0]) ** (1 / (len(telling) - 1)) if len(telling) > 2 else math.inf
+    if ratio >= 1:
+        return Ending("undecided", "section amplitudes have not settled; integrate longer"), ()
+    remaining = max(abs(changes[-1]), error) * ratio / (1 - ratio)
+    limit = final + math.copysign(remaining, changes[-1])
+    if limit > _SMALL and remaining < limit / 100:
         # Twice the distance still to go, because the ratio is an estimate.
-        amplitude = Measured.of(limit, 2 * remaining + noise)
+        amplitude = Measured.of(limit, 2 * remaining + error)
         return Ending("limit cycle", "section amplitudes converge geometrically", amplitude=amplitude), ()
     return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away"), ()
 
 
-def section_amplitudes(times: Any, samples: Any, omega: float) -> Any:
-    """|gamma - pi/2| [rad] at the crossings of beta = pi/2 after the start, from samples.
+def section_amplitudes(times: Any, result: Result) -> Any:
+    """|gamma - pi/2| [rad] at the crossings of beta = pi/2 after the start.
 
-    Cubic Hermite interpolation between neighbouring samples, with the derivatives that the state itself gives: at 100
-    samples a second the error is below 1e-6 of the amplitude.
+    Neighbouring samples enclose a crossing; Newton's method on the dense output (its slope is v) locates it.
     """
     import numpy
 
-    beta, gamma, v = samples[1:, 0], samples[1:, 1], samples[1:, 2]
-    step = float(times[1] - times[0])
-    offset = beta - math.pi / 2
+    if result.dense is None:
+        raise InputError("section amplitudes need dense output")
+    offset = result.samples[1:, 0] - math.pi / 2
     index = numpy.flatnonzero(offset[:-1] * offset[1:] < 0)
+    if not len(index):
+        return numpy.empty(0)
     left, right = offset[index], offset[index + 1]
-    share = left / (left - right)
-    for _ in range(4):  # Newton on the cubic, from the secant's root: converges to rounding
-        value, slope = _hermite(share, left, right, v[index] * step, v[index + 1] * step)
-        share = share - value / slope
-    rate = -omega * numpy.cos(beta) * step
-    angle, _ = _hermite(share, gamma[index], gamma[index + 1], rate[index], rate[index + 1])
-    return abs(angle - math.pi / 2)
-
-
-def _hermite(s: Any, left: Any, right: Any, left_slope: Any, right_slope: Any) -> tuple[Any, Any]:
-    rise = right - left
-    c2 = 3 * rise - 2 * left_slope - right_slope
-    c3 = left_slope + right_slope - 2 * rise
-    return left + s * (left_slope + s * (c2 + s * c3)), left_slope + s * (2 * c2 + 3 * s * c3)
+    crossing = times[index + 1] + (times[index + 2] - times[index + 1]) * left / (left - right)
+    for _ in range(4):  # from a secant over 0.01 s the error is squared to below rounding
+        state = result.dense(crossing)
+        crossing = crossing - (state[:, 0] - math.pi / 2) / state[:, 2]
+    return abs(result.dense(crossing)[:, 1] - math.pi / 2)
 
 
 def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
@@ -258,10 +256,12 @@ def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> 
 
 def _flat_time(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
-    plain = replace(request, times=None)
+    plain = replace(request, times=None, dense=False)
     if engine.name == "taylor":
         timed = engine(replace(plain, error_estimate=True))
         error = timed.error.time if timed.error is not None else math.inf
+        if not math.isfinite(error):
+            raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
         built = timed.built
     else:
         # The change under a hundredfold looser tolerance overstates the error about a hundredfold.

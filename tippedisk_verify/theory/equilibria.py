@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import PI, Exact, Measured, bits, bits_for_digits, exact
 
@@ -142,7 +142,10 @@ def _eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenv
         coefficients = [
             ctx.mpf(part.numerator) / part.denominator for part in map(Fraction, characteristic_polynomial(matrix))
         ]
-        roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=2 * ctx.prec)
+        try:
+            roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=2 * ctx.prec)
+        except ctx.NoConvergence:
+            raise Shortfall("the eigenvalues did not converge: are the parameters of a possible disk?") from None
         polished = []
         for root in roots:
             better = root
@@ -159,7 +162,7 @@ def _eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenv
             break
         guard *= 2
         if guard > 16 * digits + 1000:
-            raise InputError("two eigenvalues coincide to all digits tried: move Omega away from the double eigenvalue")
+            raise Shortfall("two eigenvalues coincide to all digits tried: move Omega away from the double eigenvalue")
     polished.sort(key=lambda pair: (-pair[0].real, -pair[0].imag))
     return tuple(_enclosed(root, radius) for root, radius in polished)  # type: ignore[return-value]
 

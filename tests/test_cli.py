@@ -1,0 +1,182 @@
+"""The command line as a user meets it: one JSON object, one line for each mistake, whole files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cli import main
+
+GOOD = (
+    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
+
+
+def test_scene_reports_one_plain_integrator(capsys) -> None:
+    assert main(["scene", "b", "c", "d", "e", "f", "--json", "--omega-h", "30.0488682607225"]) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert captured.err == ""
+    assert result["compiled_for_omega_h"] == []
+    built = {json.dumps(build) for scene in result["scenes"].values() for build in scene["compiled"]}
+    assert len(built) == 1
+    only = json.loads(built.pop())
+    assert (only["precision"], only["variations"], only["events"]) == ("double", [], [])
+    assert [orbit["kind"] for orbit in result["scenes"]["f"]["attractor"]] == ["inverted spinning"] * 2
+    for scene in result["scenes"].values():
+        assert set(scene["omega"]) == {"value", "uncertainty"}
+
+
+def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "new" / "folder"
+    assert main(["scene", "a", "--out", str(out)]) == 0
+    names = sorted(path.name for path in out.iterdir())
+    assert names == [
+        "scene_a_orbit_1.csv",
+        "scene_a_orbit_2.csv",
+        "scene_a_slow_manifold.csv",
+        "scenes_2d.png",
+        "scenes_2d.svg",
+        "scenes_3d.png",
+        "scenes_3d.svg",
+    ]
+    header, first, *_ = (out / "scene_a_orbit_1.csv").read_text(encoding="utf-8").splitlines()
+    assert header == "t [s],beta [rad],gamma [rad],v [rad/s]"
+    assert first.startswith("0.0,1.5707963267948966,-1.5707963267948966,2.0")
+    assert "flat at" in capsys.readouterr().out
+
+
+def test_verify_json_and_report(tmp_path: Path, capsys) -> None:
+    assert main(["verify", "--json", "--out", str(tmp_path), "--only", "omega_crit", "scene_d,scene_f"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [claim["name"] for claim in result["claims"]] == ["omega_crit", "scene_d", "scene_f"]
+    for claim in result["claims"]:
+        assert {"name", "source", "printed", "computed", "verdict", "note"} <= set(claim)
+        assert claim["verdict"] in ("holds", "holds-for", "does-not-follow", "undecided")
+    assert result["claims"][0]["computed"]["value"].startswith("30.88659268")
+    assert result["claims"][0]["sets"] == ["calibrated", "geometry"]
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8")) == result
+    assert "omega_crit" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert (tmp_path / "scenes_3d.png").stat().st_size > 10_000
+
+
+def test_verify_table_names_sets_of_a_file(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "[b]printed.toml"
+    path.write_text(GOOD, encoding="utf-8")
+    assert main(["verify", "--only", "omega_crit", "--parameters", str(path)]) == 0
+    printed = capsys.readouterr().out
+    assert "[b]printed.toml" in printed
+    assert "30.8865926886" in printed
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["scene", "g"],
+        ["scene"],
+        ["scene", "a", "--omega-h", "nan"],
+        ["scene", "a", "--omega-h", "-3"],
+        ["scene", "a", "--omega-h", "1e400"],
+        ["scene", "a", "--omega-h", "abc"],
+        ["scene", "a", "--omega-h", "30." + "1" * 5000],
+        ["scene", "a", "--omega-h", "0.05"],
+        ["scene", "d", "--digits", "0"],
+        ["scene", "d", "--digits", "40"],
+        ["scene", "d", "--digits", "x"],
+        ["scene", "d", "--friction", "sticky"],
+        ["scene", "d", "--parameters", "nowhere.toml"],
+        ["scene", "d", "--parameters", "nobody"],
+        ["scene", "d", "--parameters", "x" * 300 + ".toml"],
+        ["scene", "d", "--out", "/dev/null/x"],
+        ["scene", "d", "--out", ""],
+        ["scene", "d", "--wrong"],
+        ["verify", "--only", "omega_krit"],
+        ["verify", "omega_crit"],
+        ["verify", "--digits", "-1"],
+        ["verify", "--only", "omega_crit", "--digits", "5000"],
+        ["verify", "--out", "/proc/nothing"],
+        ["launch"],
+    ],
+    ids=lambda arguments: " ".join(arguments)[:50],
+)
+def test_bad_input_is_one_line_and_status_2(arguments: list[str], capsys) -> None:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.endswith("\n")
+    assert captured.err.count("\n") == 1, captured.err
+    assert len(captured.err) < 400
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\x00\x01\xff",
+        GOOD.encode() + b'weight = "1"\n',
+        GOOD.replace('"0.435"', '"-0.435"').encode(),
+        GOOD.replace('"0.0025"', '"0.045"').encode(),
+        GOOD.replace('"0.0025"', '"nan"').encode(),
+        GOOD.replace('"0.045"', "0x" + "f" * 9000).encode(),
+        GOOD.replace('"0.045"', '"0.' + "4" * 9000 + '"').encode(),
+        b"[" * 100_000,
+    ],
+    ids=["empty", "binary", "unknown key", "negative mass", "e >= r", "nan", "huge hex", "long decimal", "nested"],
+)
+def test_bad_parameter_files(content: bytes, tmp_path: Path, capsys) -> None:
+    path = tmp_path / "disk.toml"
+    path.write_bytes(content)
+    assert main(["scene", "d", "--json", "--parameters", str(path)]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1, captured.err
+
+
+def test_a_folder_in_the_way_is_bad_input(tmp_path: Path, capsys) -> None:
+    (tmp_path / "results.json").mkdir()
+    assert main(["verify", "--only", "omega_crit", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_an_odd_but_possible_disk_gets_its_table(tmp_path: Path, capsys) -> None:
+    """Gravity so small that Omega_crit - 0.5 is negative: those claims stay undecided, the others are answered."""
+    path = tmp_path / "low.toml"
+    path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
+    only = ["omega_crit", "inverted_unstable_below", "scene_d"]
+    assert main(["verify", "--json", "--parameters", str(path), "--only", *only]) == 0
+    claims = {claim["name"]: claim for claim in json.loads(capsys.readouterr().out)["claims"]}
+    assert claims["inverted_unstable_below"]["verdict"] == "holds"
+    assert claims["scene_d"]["verdict"] == "holds-for"
+    assert "not positive" in claims["scene_d"]["note"]
+
+
+def test_help_and_version(capsys) -> None:
+    assert main(["--help"]) == 0
+    assert "verify" in capsys.readouterr().out
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("tippedisk-verify ")
+    assert main([]) == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
+@pytest.mark.parametrize("delay", [0.3, 0.6, 1.2])
+def test_interrupt_is_130(delay: float) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tippedisk_verify", "verify", "--friction", "smooth"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert b"Traceback" not in err

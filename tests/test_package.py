@@ -1,0 +1,71 @@
+"""The house: what importing loads, which room imports which, and the reading guide as an example."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tippedisk_verify as tv
+
+ROOT = Path(tv.__file__).parent
+# Each room and the rooms it may import from.
+ALLOWED = {
+    "model": {"errors", "model"},
+    "theory": {"errors", "model", "theory"},
+    "flow": {"errors", "model", "flow"},
+    "orbits": {"errors", "model", "theory", "flow", "orbits"},
+    "evidence": {"errors", "model", "theory", "flow", "orbits", "evidence"},
+}
+
+
+@pytest.mark.parametrize("room", ALLOWED)
+def test_rooms_import_only_from_rooms_before_them(room: str) -> None:
+    for path in (ROOT / room).glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [node.module]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            for name in names:
+                parts = name.split(".")
+                if parts[0] == "tippedisk_verify" and len(parts) > 1:
+                    assert parts[1] in ALLOWED[room], f"{path.name} imports {name}"
+                if parts[0] == "heyoka":
+                    assert path.name == "precision.py", f"{path.name} imports heyoka by itself"
+
+
+def test_importing_loads_nothing_heavy() -> None:
+    program = (
+        "import sys, tippedisk_verify, tippedisk_verify.model.equations, tippedisk_verify.cli\n"
+        "print([m for m in ('heyoka', 'scipy', 'matplotlib', 'mpmath', 'numpy', 'rich') if m in sys.modules])"
+    )
+    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert printed.strip() == "[]"
+
+
+def test_scenes_without_a_folder_need_no_matplotlib() -> None:
+    program = (
+        "import sys; from tippedisk_verify.cli import main\n"
+        "status = main(['scene', 'd', '--json', '--quiet'])\n"
+        "sys.exit(status or 'matplotlib' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=False).returncode == 0
+
+
+def test_public_names_exist() -> None:
+    for name in tv.__all__:
+        assert getattr(tv, name) is not None
+    assert set(tv.__all__) <= set(dir(tv))
+    with pytest.raises(AttributeError):
+        _ = tv.nothing  # type: ignore[attr-defined]
+
+
+def test_the_reading_guide_runs() -> None:
+    failed, tried = doctest.testmod(tv)
+    assert (failed, tried > 3) == (0, True)

@@ -1,0 +1,118 @@
+"""Eigenvalues against the characteristic polynomial, numpy and the flow's own Jacobian."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy
+import pytest
+from hypothesis import given
+
+from tests.problems import SETS, decimals, physical_parameters
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE, bits, fraction
+from tippedisk_verify.theory.equilibria import (
+    characteristic_polynomial,
+    equilibrium,
+    is_stable,
+    left_eigenvector,
+    linearization,
+    location,
+    right_eigenvector,
+)
+
+
+@pytest.mark.parametrize("name", ["inverted", "noninverted"])
+@given(parameters=physical_parameters(), omega=decimals("1", "60"))
+def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
+    """Second derivation: the general Jacobian at the equilibrium, in 200 bits."""
+    precision = bits(200)
+    ctx = precision.context
+    constants = type(parameters.at(precision))(*(precision.mpf(value) for value in parameters.at(precision)))
+    state = [precision.mpf(precision.number(part)) for part in location(name)]
+    rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(*state)
+    matrix = linearization(parameters, omega, name)
+    expected = [[0, 0, 1], [matrix.omega, 0, 0], [matrix.A31, matrix.A32, matrix.A33]]
+    for row, expected_row in zip(rows, expected, strict=True):
+        for entry, value in zip(row, expected_row, strict=True):
+            # pi/2 is rounded to 200 bits, and second derivatives reach some 1e6 times the entries.
+            size = 1 + abs(matrix.A31) + abs(matrix.A32) + abs(matrix.A33)
+            assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
+
+
+@pytest.mark.parametrize("digits", [12, 50, 200])
+@given(parameters=physical_parameters(), omega=decimals("1", "60"))
+def test_eigenvalues_solve_the_characteristic_polynomial(digits, parameters, omega) -> None:
+    """Residual, trace and determinant, relative to the sum of the terms' absolute values."""
+    found = equilibrium(parameters, omega, "inverted", digits)
+    coefficients = [Fraction(part) for part in characteristic_polynomial(linearization(parameters, omega))]
+    roots = [(value.re.value, value.im.value) for value in found.eigenvalues]
+    unit = Fraction(1, 10**digits)
+    for re, im in roots:
+        powers = [(Fraction(1), Fraction(0))]
+        for _ in range(3):
+            last = powers[-1]
+            powers.append((last[0] * re - last[1] * im, last[0] * im + last[1] * re))
+        powers.reverse()
+        real = sum(c * p[0] for c, p in zip(coefficients, powers, strict=True))
+        imaginary = sum(c * p[1] for c, p in zip(coefficients, powers, strict=True))
+        size = sum(abs(c) * (abs(p[0]) + abs(p[1])) for c, p in zip(coefficients, powers, strict=True))
+        # Each root is off by less than a unit of its last digit, which changes each power by at most three units.
+        assert abs(real) + abs(imaginary) <= 4 * unit * size
+    width = sum(value.re.uncertainty for value in found.eigenvalues)
+    assert abs(sum(re for re, _ in roots) + coefficients[1]) <= width
+
+
+@given(parameters=physical_parameters(), omega=decimals("1", "60"))
+def test_half_widths_hold_and_stability_matches(parameters, omega) -> None:
+    for name in ("inverted", "noninverted"):
+        coarse = equilibrium(parameters, omega, name, 10)
+        fine = equilibrium(parameters, omega, name, 40)
+        for rough, sharp in zip(coarse.eigenvalues, fine.eigenvalues, strict=True):
+            assert rough.re.holds(sharp.re.value)
+            assert rough.im.holds(sharp.im.value)
+        assert coarse.stable == all(value.re.value < 0 for value in fine.eigenvalues)
+        assert sum(value.im.value for value in fine.eigenvalues) == 0
+
+
+@given(parameters=physical_parameters(), omega=decimals("1", "60"))
+def test_noninverted_is_never_stable(parameters, omega) -> None:
+    """By the sign of the polynomial at 0: a0 < 0 leaves a positive root."""
+    matrix = linearization(parameters, omega, "noninverted")
+    assert characteristic_polynomial(matrix)[3] < 0
+    assert not is_stable(matrix)
+
+
+def test_against_numpy_in_double() -> None:
+    for parameters in SETS:
+        rows = equations.jacobian(math, parameters.at(DOUBLE), 30.4, "linear")(math.pi / 2, math.pi / 2, 0.0)
+        theirs = sorted(numpy.linalg.eigvals(numpy.array(rows)), key=lambda z: (-z.real, -z.imag))
+        mine = [complex(v.re, v.im) for v in equilibrium(parameters, "30.4", "inverted").eigenvalues]
+        # LAPACK's backward error is a few ulps of the norm, about 4e3 here; the eigenvalues are well separated.
+        assert numpy.allclose(theirs, mine, rtol=0, atol=4e3 * 16 * 2.0**-52)
+
+
+def test_eigenvectors_of_the_saddle() -> None:
+    matrix = linearization(PRINTED, Fraction("30.4"), "noninverted")
+    for value in equilibrium(PRINTED, "30.4", "noninverted", 40).eigenvalues:
+        growth = value.re.value
+        x, y = right_eigenvector(matrix, growth), left_eigenvector(matrix, growth)
+        rows = ((0, 0, 1), (matrix.omega, 0, 0), (matrix.A31, matrix.A32, matrix.A33))
+        image = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
+        transposed = [sum(row[column] * y[index] for index, row in enumerate(rows)) for column in range(3)]
+        for got, wanted in zip((*image, *transposed), (*x, *y), strict=True):
+            assert abs(got - growth * wanted) < Fraction(1, 10**30)  # the eigenvalue is known to 40 digits
+
+
+@pytest.mark.parametrize("omega", ["0", "-3", "nan", "pi", 0.0])
+def test_bad_speeds_are_refused(omega) -> None:
+    with pytest.raises(InputError):
+        equilibrium(PRINTED, omega, "inverted")
+
+
+def test_unknown_equilibrium() -> None:
+    with pytest.raises(InputError):
+        location("sideways")  # type: ignore[arg-type]
