@@ -7,8 +7,8 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.model.precision import Exact, exact
 
 #: Speeds below, between and above the two critical ones, for all three named sets [rad/s].
 SPEEDS = ("29.9", "30.2", "30.4", "30.8", "31.4")

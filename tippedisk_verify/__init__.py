@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
     from tippedisk_verify.flow.taylor import Taylor
+    from tippedisk_verify.model.exact import Exact, exact
+    from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
-    from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Exact, Measured, Precision, bits, exact
+    from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
     from tippedisk_verify.theory.equilibria import equilibrium
@@ -47,7 +49,9 @@ _HOMES = {
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.taylor": ("Taylor",),
     "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "Parameters"),
-    "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Exact", "Measured", "Precision", "bits", "exact"),
+    "model.exact": ("Exact", "exact"),
+    "model.measured": ("Measured",),
+    "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.heteroclinic": ("bisect_omega_h",),
     "orbits.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),

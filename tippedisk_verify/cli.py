@@ -139,7 +139,8 @@ def _computed(audit: Any, scenes: Sequence[str]) -> list[Any]:
 def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     """The panels a to f of the paper's figures 3D and proj_3D."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.model.precision import Measured, exact
+    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.orbits.scenes import SCENES, compute, scene_named
 
     chosen = list(SCENES) if "all" in names else list(dict.fromkeys(scene_named(name) for name in names))

@@ -10,8 +10,9 @@ from typing import Any
 
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, Verdict
 from tippedisk_verify.files import write_csv, write_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Measured
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.scenes import Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 

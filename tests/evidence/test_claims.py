@@ -9,8 +9,8 @@ import pytest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.claims import CLAIMS, Audit, Finding, Verdict, audited, rounds_to, selected
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import Measured
 
 
 @pytest.mark.parametrize(

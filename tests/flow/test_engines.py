@@ -15,8 +15,9 @@ from tests.problems import SETS, SPEEDS, STARTS, decimals, physical_parameters, 
 from tippedisk_verify.flow.baseline import METHODS, Baseline
 from tippedisk_verify.flow.contract import SECTION, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, fraction
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
 ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 

@@ -14,18 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import PI, Exact, exact, fraction
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
-    PI,
     QUADRUPLE,
-    Exact,
-    Measured,
     bits,
     bits_for_digits,
     companion,
-    exact,
-    fraction,
     precision_named,
 )
 

@@ -12,8 +12,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, Event, Request
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import Measured, bits, fraction
+from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.orbits.scenes import (
     INITIAL_STATES,

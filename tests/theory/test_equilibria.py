@@ -12,8 +12,9 @@ from hypothesis import given
 from tests.problems import SETS, decimals, physical_parameters
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model import equations
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits, fraction
+from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import (
     characteristic_polynomial,
     equilibrium,

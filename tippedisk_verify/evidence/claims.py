@@ -17,8 +17,8 @@ from typing import Any
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request
 from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.model.precision import Measured
 from tippedisk_verify.orbits.heteroclinic import Connection, bisect_omega_h
 from tippedisk_verify.orbits.scenes import INITIAL_STATES, SCENES, Panel, compute, scene_named
 from tippedisk_verify.theory.equilibria import EquilibriumName, is_stable, linearization, stiff_eigenvalue_estimate

@@ -13,8 +13,9 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, exact
+from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
     "FLAT",
@@ -89,7 +90,7 @@ SLIDING_REVERSAL = Event(
 class Request:
     """What is wanted of an engine.
 
-    ``omega``, ``state`` and ``duration`` take whatever `model.precision.exact` takes, so that the same request can be
+    ``omega``, ``state`` and ``duration`` take whatever `model.exact.exact` takes, so that the same request can be
     run in any precision. Angles in rad, ``v`` and ``omega`` in rad/s, times in s; the run starts at time 0 and goes
     backward if ``duration`` is negative.
 

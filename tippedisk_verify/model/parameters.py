@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.precision import Measured, Precision, exact
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import Precision
 
 __all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
 

@@ -13,8 +13,10 @@ from typing import Literal
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import Exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Exact, Measured, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
 from tippedisk_verify.theory.hopf import omega_crit
 

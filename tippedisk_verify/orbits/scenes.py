@@ -15,8 +15,9 @@ from typing import Any, Literal
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import PI, Exact, exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import PI, Exact, Measured, exact
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 from tippedisk_verify.theory.hopf import omega_crit
 

@@ -14,8 +14,10 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.exact import PI, Exact, exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import PI, Exact, Measured, bits, bits_for_digits, exact
+from tippedisk_verify.model.precision import bits, bits_for_digits
 
 __all__ = [
     "Eigenvalue",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Measured, bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits
 
 __all__ = ["critical_frequency_squared", "omega_crit", "omega_crit_squared", "period_crit"]
 

@@ -1,0 +1,105 @@
+"""Results: a value with the half-width that holds the truth, and decimals that keep the promise."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import fraction
+
+__all__ = ["Measured"]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A value and the absolute half-width that is claimed to hold the true value.
+
+    Both are exact rationals; `json` and ``str`` print decimals. What they print still holds the truth: the rounding
+    of the printed value is added to the printed half-width, which itself is rounded up.
+    """
+
+    value: Fraction
+    uncertainty: Fraction
+
+    @classmethod
+    def of(cls, value: object, uncertainty: object) -> Measured:
+        """From any numbers that `exact` takes (without pi). Raises InputError if the half-width is negative."""
+        width = fraction(uncertainty)
+        if width < 0:
+            raise InputError("an uncertainty cannot be negative")
+        return cls(fraction(value), width)
+
+    def holds(self, truth: object) -> bool:
+        """Whether ``truth`` lies within the half-width."""
+        return abs(fraction(truth) - self.value) <= self.uncertainty
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    def decimals(self) -> tuple[str, str]:
+        """``(value, uncertainty)`` as decimal strings."""
+        if not self.uncertainty:
+            return _exact_decimals(self.value)
+        # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
+        place = _decimal_magnitude(self.uncertainty) - 2
+        unit = Fraction(10) ** place
+        steps = round(self.value / unit)
+        return _decimal_text(steps, place), _rounded_up(self.uncertainty + abs(self.value - steps * unit))
+
+    def json(self) -> dict[str, str]:
+        """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
+        value, uncertainty = self.decimals()
+        return {"value": value, "uncertainty": uncertainty}
+
+    def __str__(self) -> str:
+        value, uncertainty = self.decimals()
+        return f"{value} ± {uncertainty}"
+
+
+def _exact_decimals(value: Fraction) -> tuple[str, str]:
+    denominator, twos, fives = value.denominator, 0, 0
+    while denominator % 2 == 0:
+        denominator, twos = denominator // 2, twos + 1
+    while denominator % 5 == 0:
+        denominator, fives = denominator // 5, fives + 1
+    if denominator == 1:
+        place = -max(twos, fives)
+        return _decimal_text(int(value / Fraction(10) ** place), place), "0"
+    place = _decimal_magnitude(value) - 50  # a repeating decimal: fifty digits and the half-width of the cut
+    unit = Fraction(10) ** place
+    steps = round(value / unit)
+    return _decimal_text(steps, place), _rounded_up(abs(value - steps * unit))
+
+
+def _decimal_magnitude(value: Fraction) -> int:
+    """The integer k with 10**k <= |value| < 10**(k+1)."""
+    size = abs(value)
+    guess = math.floor((size.numerator.bit_length() - size.denominator.bit_length()) * math.log10(2))
+    while Fraction(10) ** guess > size:
+        guess -= 1
+    while Fraction(10) ** (guess + 1) <= size:
+        guess += 1
+    return guess
+
+
+def _rounded_up(value: Fraction) -> str:
+    """Two significant digits, never smaller than ``value``."""
+    place = _decimal_magnitude(value) - 1
+    steps = math.ceil(value / Fraction(10) ** place)
+    return _decimal_text(steps, place)
+
+
+def _decimal_text(steps: int, place: int) -> str:
+    """``steps * 10**place`` as a decimal string, in scientific notation only where it is far from 1."""
+    digits = str(abs(steps))
+    sign = "-" if steps < 0 else ""
+    magnitude = len(digits) - 1 + place
+    if steps and (magnitude < -5 or (place > 0 and magnitude > 15)):
+        mantissa = digits[0] + ("." + digits[1:] if len(digits) > 1 else "")
+        return f"{sign}{mantissa}e{magnitude}"
+    if place >= 0:
+        return sign + digits + "0" * place
+    digits = digits.rjust(1 - place, "0")
+    return f"{sign}{digits[:place]}.{digits[place:]}"
