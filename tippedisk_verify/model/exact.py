@@ -1,8 +1,8 @@
 """Exact inputs: what a value means before it meets an arithmetic.
 
 A decimal string, a rational, a float or a high-precision number each stand for one real number, possibly plus a
-rational multiple of pi (`Exact`). Floating-point numbers of every kind are taken apart into an integer mantissa and a power of
-two, so nothing is lost on the way in.
+rational multiple of pi (`Exact`). Floating-point numbers of every kind are taken apart into an integer mantissa and
+a power of two, so nothing is lost on the way in.
 """
 
 from __future__ import annotations

@@ -1,14 +1,54 @@
-"""The Hopf point of inverted spinning."""
+"""The Hopf point of inverted spinning: where, how fast it is crossed, and what is born there.
+
+All formulas hold for the linear friction law; the smooth law has the same linear part, but its field is only once
+continuously differentiable, so it has no first Lyapunov coefficient.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any, Literal
 
+from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 
-__all__ = ["critical_frequency_squared", "omega_crit", "omega_crit_squared", "period_crit"]
+__all__ = [
+    "HopfPoint",
+    "critical_frequency_squared",
+    "criticality",
+    "criticality_margin",
+    "hopf_point",
+    "normal_form",
+    "omega_crit",
+    "omega_crit_squared",
+    "period_crit",
+]
+
+Criticality = Literal["supercritical", "subcritical", "degenerate"]
+
+
+@dataclass(frozen=True)
+class HopfPoint:
+    """Everything local about the Hopf point, to the digits asked for."""
+
+    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
+    period: Measured  #: [s] of the cycle at its birth
+    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
+    criticality: Criticality  #: of the first Lyapunov coefficient's sign, decided exactly
+    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
+    period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
+
+    def json(self) -> dict[str, object]:
+        return {
+            name: value.json() if isinstance(value, Measured) else value
+            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
+        }
 
 
 def omega_crit_squared(parameters: Parameters) -> Fraction:
@@ -25,6 +65,23 @@ def critical_frequency_squared(parameters: Parameters) -> Fraction:
     return parameters.e / (parameters.r + parameters.e) * omega_crit_squared(parameters)
 
 
+def criticality_margin(parameters: Parameters) -> Fraction:
+    """A (r - 2 e) - Bbar r (2 r - e) / (2 (r + e)) [kg m^3]: positive where the Hopf point is supercritical.
+
+    Equal to (chi Omega^2 + m g e (r + e)) / Omega^2 at Omega_crit with the consistent chi; friction does not enter.
+    """
+    p = parameters
+    return p.A * (p.r - 2 * p.e) - p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e))
+
+
+def criticality(parameters: Parameters) -> Criticality:
+    """On which side of Omega_crit the cycles are, by the exact sign of `criticality_margin`."""
+    margin = criticality_margin(parameters)
+    if not margin:
+        return "degenerate"
+    return "supercritical" if margin > 0 else "subcritical"
+
+
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The critical spinning speed [rad/s] to ``digits`` significant digits."""
     return _from_root(omega_crit_squared(parameters), digits, lambda ctx, root: root)
@@ -35,8 +92,88 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     return _from_root(critical_frequency_squared(parameters), digits, lambda ctx, root: 2 * ctx.pi / root)
 
 
-def _from_root(square: Fraction, digits: int, function: object) -> Measured:
+def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any]) -> Measured:
     ctx = bits(bits_for_digits(digits + 5)).context
-    value = function(ctx, ctx.sqrt(ctx.mpf(square.numerator) / square.denominator))  # type: ignore[operator]
+    value = function(ctx, ctx.sqrt(ctx.mpf(square.numerator) / square.denominator))
     # Five operations, each correctly rounded: 8 ulps hold them.
     return Measured.of(value, abs(value) * 8 * ctx.eps)
+
+
+def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
+    """The Hopf point to ``digits`` significant digits.
+
+    Each quantity is evaluated twice, the second time with 20 more digits; their distance, and no less than a unit of
+    the first run's last digits, is the half-width. Raises Shortfall where the first Lyapunov coefficient vanishes.
+    """
+    kind = criticality(parameters)
+    if kind == "degenerate":
+        raise Shortfall("the first Lyapunov coefficient vanishes exactly: the amplitude law has no first-order slope")
+    rough, sharp = (normal_form(parameters, bits_for_digits(digits + extra)) for extra in (15, 35))
+    measured = {}
+    for name, value in sharp.items():
+        # The distance is the rough run's error; a tenth of a unit in the last digit asked for is the least claimed.
+        distance = abs(value - rough[name])
+        if distance > abs(value) * 10 ** (-digits):
+            raise Shortfall(f"{name} loses more than 15 digits to cancellation: ask for more digits")
+        measured[name] = Measured.of(value, distance + abs(value) * 10 ** (-digits - 5))
+    return HopfPoint(criticality=kind, **measured)
+
+
+def normal_form(parameters: Parameters, working_bits: int) -> dict[str, Any]:
+    """The numbers of `HopfPoint` in an arithmetic of ``working_bits``, as mpmath numbers.
+
+    Kuznetsov, Elements of Applied Bifurcation Theory, Eq. (5.39) without its quadratic terms, which the point symmetry
+    removes: c_1 = <p, C(q, q, qbar)> / 2 and l_1 = Re c_1 / omega, with A q = i omega q, A^T p = -i omega p,
+    <q, q> = <p, q> = 1. On the centre manifold z' = lambda(Omega) z + c_1 z |z|^2 and x = z q + conj(z q), so
+    |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+    """
+    ctx = bits(working_bits).context
+    constants = Constants(
+        *(ctx.mpf(value.numerator) / value.denominator for value in map(Fraction, parameters.rational()))
+    )
+    square = omega_crit_squared(parameters)
+    speed = ctx.sqrt(ctx.mpf(square.numerator) / square.denominator)
+    reach, ratio = constants.r + constants.e, constants.k / constants.b
+    frequency = speed * ctx.sqrt(constants.e / reach)
+    a32, a33 = -ratio * constants.e * reach * speed, -ratio * reach**2
+    root = ctx.mpc(0, frequency)
+    right = [root, speed, root**2]
+    size = ctx.sqrt(sum(abs(part) ** 2 for part in right))
+    right = [part / size for part in right]
+    left = [(root - a33) * root, a32, root]  # row vector with left A = i omega left; conj(p) in the formulas
+    scale = sum(a * b for a, b in zip(left, right, strict=True))
+    left = [part / scale for part in left]
+
+    def cubic(coefficients: dict[tuple[int, int, int], Any]) -> Any:
+        """C(q, q, qbar) of one component: the third derivatives applied to q, q and its conjugate."""
+        return sum(value * _trilinear(powers, right, ctx) for powers, value in coefficients.items())
+
+    acceleration = cubic(cubic_acceleration(derived(constants, speed)))
+    kinematic = cubic({(3, 0, 0): -speed / 6})  # gamma_bar' = Omega sin(beta_bar)
+    coefficient = (left[1] * kinematic + left[2] * acceleration) / 2
+    # d(lambda)/d(Omega) = <p, dA/dOmega q>: dA/dOmega has the entries 1, -2 Omega and A32 / Omega.
+    drift = left[1] * right[0] + left[2] * (-2 * speed * right[0] + a32 / speed * right[1])
+    growth = drift.real / coefficient.real  # |z|^2 per unit of Omega_crit - Omega
+    return {
+        "omega_crit": speed,
+        "period": 2 * ctx.pi / frequency,
+        "first_lyapunov_coefficient": coefficient.real / frequency,
+        "transversality": drift.real,
+        "amplitude_squared_slope": 4 * abs(right[0]) ** 2 * growth,
+        "period_slope": -2 * ctx.pi / frequency**2 * (coefficient.imag * growth - drift.imag),
+    }
+
+
+def _trilinear(powers: tuple[int, int, int], q: list[Any], ctx: Any) -> Any:
+    """The symmetric trilinear form of the monomial x^i y^j z^k (times 3!) at (q, q, conj q).
+
+    Six orderings of three factors: each factor in turn takes the conjugate, twice.
+    """
+    factors = [index for index, power in enumerate(powers) for _ in range(power)]
+    total = ctx.mpc(0)
+    for conjugated in range(3):
+        product = ctx.mpc(2)
+        for position, index in enumerate(factors):
+            product *= ctx.conj(q[index]) if position == conjugated else q[index]
+        total += product
+    return total

@@ -1,16 +1,58 @@
-"""The slow invariant manifold of the linear law: orders 0 and 1 in closed form.
+"""The slow invariant manifold of the linear law, to any order in epsilon.
 
-v = h_c(beta, gamma) + epsilon h_1(beta, gamma) + O(epsilon^2), away from sin(beta) = 0 where attraction vanishes.
+v = h_c + epsilon h_1 + ... + epsilon^N h_N + O(epsilon^(N+1)), away from sin(beta) = 0 where attraction vanishes. The
+fast equation epsilon v' = -a (v - h_c) + epsilon g_1 has a linear g_0 and a quadratic g_1, so the invariance condition
+gives each order explicitly:
+
+    a h_n = [g_1]_(n-1) - sum_(i+j=n-1) (d h_i / d beta) h_j + Omega cos(beta) d h_(n-1) / d gamma.
+
+The series looks divergent (|h_n|^(1/n) grows about linearly in n): it is asymptotic, with a best order at each point.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any, NamedTuple
 
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import terms
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import bits, bits_for_digits, heyoka_module
+from tippedisk_verify.theory.equilibria import EquilibriumName, location
+from tippedisk_verify.theory.jets import Jet, coordinate_sine
 
-__all__ = ["critical_manifold", "first_correction", "slow_manifold"]
+__all__ = [
+    "POINTS",
+    "ReducedEquilibrium",
+    "SlowManifold",
+    "attraction_rate",
+    "compiled",
+    "critical_manifold",
+    "first_correction",
+    "invariance_residual",
+    "orders",
+    "reduced_equilibrium",
+    "reduced_omega_crit",
+    "slow_manifold",
+    "study",
+]
+
+_HIGHEST_ORDER = 40
+#: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi, spread by a Kronecker
+#: sequence of the plastic number's powers: no pattern of the field can hide from them.
+POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
+    (
+        Fraction(15708, 10000) + 2 * (Fraction(7549 * n % 10000, 10000) - Fraction(1, 2)),
+        Fraction(15708, 10000) + Fraction(62832, 10000) * (Fraction(5698 * n % 10000, 10000) - Fraction(1, 2)),
+    )
+    for n in range(1, 21)
+)
 
 
 def critical_manifold(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
@@ -32,8 +74,309 @@ def first_correction(ops: Any, constants: Constants, omega: Any, beta: Any, gamm
 
 
 def slow_manifold(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1) -> Any:
-    """v [rad/s] on the slow manifold, truncated at ``order`` 0 or 1 (Eq. slow_manifold_tippdisk)."""
+    """v [rad/s] on the slow manifold, truncated at ``order`` 0 or 1 (Eq. slow_manifold_tippdisk); arrays welcome."""
     surface = critical_manifold(ops, constants, omega, beta, gamma)
     if order == 0:
         return surface
     return surface + constants.epsilon * first_correction(ops, constants, omega, beta, gamma)
+
+
+def attraction_rate(ops: Any, constants: Constants, beta: Any, gamma: Any) -> Any:
+    """d(v')/d(v) of the friction term [1/s]: -M^-1 (mu m g / epsilon) rho^2 sin^2(beta), negative, 0 where flat."""
+    here = terms(ops, constants, 0, beta, gamma, 0)
+    return -constants.mu * constants.m * constants.g * here.direction**2 / here.mass / constants.epsilon
+
+
+@lru_cache(maxsize=8)
+def compiled(order: int) -> Callable[[Any, Any, Constants, Any], Any]:
+    """The truncated series as machine code for arrays in double: ``f(beta, gamma, constants, omega) -> v`` [rad/s].
+
+    The recursion is carried out on heyoka's expressions and their symbolic derivatives, and compiled once per order;
+    symbolic growth limits it to order 5. Raises InputError beyond.
+    """
+    if not 0 <= order <= 5:
+        raise InputError(f"compiled evaluation goes from order 0 to 5, not {order}: use orders() beyond")
+    hy = heyoka_module()
+    beta, gamma = hy.make_vars("beta", "gamma")
+    names = ("omega", "r", "e", "a", "b", "g", "traction", "epsilon")
+    par = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
+    constants = Constants(**{name: par.get(name) for name in Constants._fields})
+    sines = (hy.sin(beta), hy.cos(beta), hy.sin(gamma), hy.cos(gamma))
+    series = _expanded(
+        _fast(constants, par["omega"], *sines), order, lambda h: hy.diff(h, beta), lambda h: hy.diff(h, gamma)
+    )
+    total, power = series[0], par["epsilon"]
+    for term in series[1:]:
+        total, power = total + power * term, power * par["epsilon"]
+    function = hy.cfunc([total], [beta, gamma], compact_mode=True)
+
+    def surface(beta: Any, gamma: Any, constants: Constants, omega: Any) -> Any:
+        import numpy
+
+        points = numpy.array(numpy.broadcast_arrays(beta, gamma), dtype=float)
+        flat = numpy.ascontiguousarray(points.reshape(2, -1))
+        values = [float(omega), *(float(getattr(constants, name)) for name in names[1:])]
+        used = numpy.array(values)[: function.nparams, None]  # low orders know fewer parameters
+        pars = numpy.ascontiguousarray(numpy.repeat(used, flat.shape[1], axis=1))
+        return function(flat, pars=pars)[0].reshape(points.shape[1:])
+
+    return surface
+
+
+class _Fast(NamedTuple):
+    """What the recursion needs: a, h_c, g_1 = q_0 + q_1 v + q_2 v^2, and Omega cos(beta); jets or expressions."""
+
+    rate: Any
+    rolling: Any
+    q0: Any
+    q1: Any
+    q2: Any
+    drift: Any
+
+
+def _fast(c: Constants, omega: Any, sin_b: Any, cos_b: Any, sin_g: Any, cos_g: Any) -> _Fast:
+    """From Eqs. per_g0 and per_g1, all divided by m."""
+    rho = c.e * sin_g + c.r
+    lever = rho * cos_b
+    inertia = (c.a - c.b) * (cos_g * cos_g) + c.b
+    mass = inertia + lever * lever
+    grip = rho * sin_b
+    constant = omega * omega * (inertia * sin_b * cos_b + c.e * (lever * cos_b * cos_b * sin_b * sin_g)) - c.g * lever
+    mixed = 2 * (c.a - c.b) * sin_g + c.e * (rho * (3 * (sin_b * sin_b) - 2))
+    return _Fast(
+        rate=c.traction * (grip * grip) / mass,
+        rolling=c.e * omega * (sin_b * cos_g) / rho,
+        q0=constant / mass,
+        q1=-omega * (cos_b * cos_g * mixed) / mass,
+        q2=lever * rho * sin_b / mass,
+        drift=omega * cos_b,
+    )
+
+
+def _jets(ops: Any, c: Constants, omega: Any, beta: Any, gamma: Any, degree: int) -> _Fast:
+    return _fast(c, omega, *coordinate_sine(ops, beta, degree, 0), *coordinate_sine(ops, gamma, degree, 1))
+
+
+def _expanded(
+    fast: _Fast,
+    highest: int,
+    by_beta: Callable[[Any], Any] = Jet.by_beta,
+    by_gamma: Callable[[Any], Any] = Jet.by_gamma,
+) -> list[Any]:
+    """h_0 ... h_highest, whatever the terms are made of."""
+    series = [fast.rolling]
+    for n in range(1, highest + 1):
+        last = series[n - 1]
+        right = fast.q1 * last + fast.drift * by_gamma(last)
+        if n == 1:
+            right = right + fast.q0
+        for i in range(n):
+            right = right + fast.q2 * (series[i] * series[n - 1 - i]) - by_beta(series[i]) * series[n - 1 - i]
+        series.append(right / fast.rate)
+    return series
+
+
+def orders(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+    """[h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...], in the arithmetic of the arguments.
+
+    Raises InputError for an order below 0 or above 40.
+    """
+    _checked_order(highest)
+    return [jet.value for jet in _expanded(_jets(ops, constants, omega, beta, gamma, highest), highest)]
+
+
+def invariance_residual(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int) -> Any:
+    """epsilon (dh/dx) f - g [m rad/s^3] of the series truncated at ``order``: of size epsilon^(order + 1)."""
+    return _residuals(ops, constants, omega, beta, gamma, order)[-1]
+
+
+def _residuals(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+    """The residual of each truncation, from one expansion."""
+    _checked_order(highest)
+    fast = _jets(ops, constants, omega, beta, gamma, highest + 1)
+    series = _expanded(fast, highest)
+    found = []
+    for order in range(highest + 1):
+        surface = _summed(series[: order + 1], constants.epsilon)
+        v = surface.value
+        moved = surface.by_beta().value * v - surface.by_gamma().value * fast.drift.value
+        inertial = fast.q0.value + fast.q1.value * v + fast.q2.value * v * v
+        found.append(constants.epsilon * (moved - inertial) + fast.rate.value * (v - fast.rolling.value))
+    return found
+
+
+def _summed(series: list[Jet], epsilon: Any) -> Jet:
+    """The truncated series as one jet; each order costs one degree."""
+    total = series[-1]
+    for jet in reversed(series[:-1]):
+        total = jet.cut(total.degree) + epsilon * total
+    return total
+
+
+def _checked_order(order: int) -> None:
+    if not 0 <= order <= _HIGHEST_ORDER:
+        raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {order}")
+
+
+# --------------------------------------------------------------------------------------------- the reduced flow
+class ReducedEquilibrium(NamedTuple):
+    """Linearisation of beta' = h(beta, gamma), gamma' = -Omega cos(beta) at an equilibrium: l^2 - trace l + det = 0."""
+
+    trace: Any  #: dh/d(beta) [1/s]
+    determinant: Any  #: -Omega dh/d(gamma) [1/s^2]
+
+    def eigenvalues(self, ctx: Any) -> tuple[Any, Any]:
+        root = ctx.sqrt(ctx.mpc(self.trace**2 / 4 - self.determinant))
+        return self.trace / 2 + root, self.trace / 2 - root
+
+
+def reduced_equilibrium(
+    parameters: Parameters, omega: Any, name: EquilibriumName, order: int, working_bits: int = 120
+) -> ReducedEquilibrium:
+    """The reduced flow's linearisation; ``omega`` is an mpmath number of that many bits or a Fraction.
+
+    Order 0 has trace 0: noninverted is a saddle and inverted a centre, whatever the speed.
+    """
+    _checked_order(order)
+    precision = bits(working_bits)
+    ctx = precision.context
+    constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
+    speed = ctx.mpf(omega.numerator) / omega.denominator if isinstance(omega, Fraction) else ctx.mpf(omega)
+    beta, gamma, _ = (precision.mpf(precision.number(part)) for part in location(name))
+    surface = _summed(_expanded(_jets(ctx, constants, speed, beta, gamma, order + 1), order), constants.epsilon)
+    return ReducedEquilibrium(surface.c[1][0], -speed * surface.c[0][1])
+
+
+def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> Measured:
+    """The Hopf speed of the reduced flow [rad/s]: where the trace at inverted spinning vanishes.
+
+    At order 1 this is Omega_crit exactly. Raises Shortfall at order 0, where the trace vanishes at every speed, and
+    where no root lies within a tenth of Omega_crit.
+    """
+    from tippedisk_verify.theory.hopf import omega_crit
+
+    _checked_order(order)
+    if order == 0:
+        raise Shortfall(
+            "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
+        )
+    working = bits_for_digits(digits + 15)
+    ctx = bits(working).context
+
+    def trace(speed: Any) -> Any:
+        return reduced_equilibrium(parameters, speed, "inverted", order, working).trace
+
+    guess = ctx.mpf(float(omega_crit(parameters)))
+    try:
+        root = ctx.findroot(
+            trace, (guess * ctx.mpf("0.9995"), guess * ctx.mpf("1.0005")), tol=ctx.mpf(10) ** (-2 * digits)
+        )
+    except (ValueError, ZeroDivisionError):
+        raise Shortfall(
+            f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large"
+        ) from None
+    if abs(root / guess - 1) > ctx.mpf("0.1"):
+        raise Shortfall(f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large")
+    return Measured.of(root, abs(root) * ctx.mpf(10) ** (-digits - 1))
+
+
+# ------------------------------------------------------------------------------------------------------ the study
+@dataclass(frozen=True)
+class SlowManifold:
+    """What can be said of the truncated series at the twenty fixed points of the box."""
+
+    order: int
+    omega: Fraction  #: [rad/s]
+    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) = (1.2, 0.3) [rad/s, rad/m, ...]
+    residual: tuple[float, ...]  #: largest |epsilon (dh/dx) f - g| of the orders 0 ... N at this set's epsilon
+    residual_slope: tuple[float, ...]  #: observed exponent of epsilon in that, for epsilon from 1e-4 to 1e-5
+    best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
+    smallest_term: float  #: that size [rad/s]
+    reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
+    warning: str | None
+
+    def json(self) -> dict[str, object]:
+        return {
+            "order": self.order,
+            "omega": Measured(self.omega, Fraction(0)).json(),
+            "h": [value.json() for value in self.h],
+            "residual": list(self.residual),
+            "residual_slope": list(self.residual_slope),
+            "best_order": self.best_order,
+            "smallest_term": self.smallest_term,
+            "reduced_omega_crit": None if self.reduced_omega_crit is None else self.reduced_omega_crit.json(),
+            "warning": self.warning,
+        }
+
+
+def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -> SlowManifold:
+    """Orders, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
+
+    Raises InputError for an order out of range or a speed that is not positive.
+    """
+    _checked_order(order)
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    rough, sharp = (
+        [_at(parameters, speed.rational, bits_for_digits(digits + extra), Fraction("1.2"), Fraction("0.3"), order)]
+        for extra in (15, 35)
+    )
+    h = tuple(
+        Measured.of(fine, abs(fine - coarse) + abs(fine) * Fraction(1, 10 ** (digits + 3)).__float__())
+        for coarse, fine in zip(rough[0], sharp[0], strict=True)
+    )
+    residual = _largest_residuals(parameters, speed.rational, order)
+    sizes = [_largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (4, 5)]
+    slopes = tuple((math.log(row[0]) - math.log(row[1])) / math.log(10) for row in zip(*sizes, strict=True))
+    best, smallest = _best_order(parameters, speed.rational)
+    warning = None
+    if order > best:
+        warning = (
+            f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the terms grow from order"
+            f" {best + 1} on"
+        )
+    hopf = None if order == 0 else _hopf_or_none(parameters, order, digits)
+    return SlowManifold(order, speed.rational, h, residual, slopes, best, smallest, hopf, warning)
+
+
+def _hopf_or_none(parameters: Parameters, order: int, digits: int) -> Measured | None:
+    try:
+        return reduced_omega_crit(parameters, order, digits)
+    except Shortfall:
+        return None
+
+
+def _numbers(parameters: Parameters, omega: Fraction, working_bits: int) -> tuple[Any, Constants, Any]:
+    precision = bits(working_bits)
+    ctx = precision.context
+    constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
+    return ctx, constants, ctx.mpf(omega.numerator) / omega.denominator
+
+
+def _at(
+    parameters: Parameters, omega: Fraction, working_bits: int, beta: Fraction, gamma: Fraction, highest: int
+) -> list[Any]:
+    ctx, constants, speed = _numbers(parameters, omega, working_bits)
+    place = [ctx.mpf(part.numerator) / part.denominator for part in (beta, gamma)]
+    return orders(ctx, constants, speed, place[0], place[1], highest)
+
+
+def _largest_residuals(parameters: Parameters, omega: Fraction, order: int) -> tuple[float, ...]:
+    """For each order up to the given one; 60 digits, because at small epsilon the residual is tiny beside its terms."""
+    ctx, constants, speed = _numbers(parameters, omega, bits_for_digits(60))
+    places = [[ctx.mpf(part.numerator) / part.denominator for part in point] for point in POINTS]
+    rows = [[abs(value) for value in _residuals(ctx, constants, speed, place[0], place[1], order)] for place in places]
+    return tuple(float(max(column)) for column in zip(*rows, strict=True))
+
+
+def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
+    """Over the fixed points: where the largest term of each order is smallest."""
+    ctx, constants, speed = _numbers(parameters, omega, 120)
+    largest = [0.0] * (highest + 1)
+    for point in POINTS:
+        place = [ctx.mpf(part.numerator) / part.denominator for part in point]
+        for n, value in enumerate(orders(ctx, constants, speed, place[0], place[1], highest)):
+            largest[n] = max(largest[n], float(abs(value) * constants.epsilon**n))
+    best = min(range(1, highest + 1), key=largest.__getitem__)
+    return best, largest[best]

@@ -1,0 +1,82 @@
+"""The equations of motion about inverted spinning, to third order in (beta_bar, gamma_bar, v).
+
+`derived` is what follows from the full equations, `printed` what the paper prints; where they differ is a claim. There
+are no terms of even order, by the point symmetry. Arguments may be numbers of any kind or symbols.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+__all__ = ["Expansion", "cubic_acceleration", "derived", "printed"]
+
+#: Coefficient of beta_bar^i gamma_bar^j v^k by (i, j, k).
+Coefficients = dict[tuple[int, int, int], Any]
+
+
+class Expansion(NamedTuple):
+    """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic), linear friction law."""
+
+    mass: Coefficients  #: M-tilde [kg m^2]
+    gyroscopic: Coefficients  #: h-tilde [N m]
+    gravity: Coefficients  #: f_G [N m]
+    friction: Coefficients  #: w_y lambda_Ty [N m]
+
+
+def derived(constants: Any, omega: Any) -> Expansion:
+    """The expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF."""
+    r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
+    reach = r + e
+    strength = -constants.mu * m * g / constants.epsilon
+    return Expansion(
+        mass={(0, 0, 0): Bbar, (0, 2, 0): A - Bbar, (2, 0, 0): m * reach**2},
+        gyroscopic={
+            (1, 0, 0): -Bbar * omega**2,
+            (1, 2, 0): (Bbar - A) * omega**2,
+            (3, 0, 0): (Bbar * 2 / 3 - m * e * reach) * omega**2,
+            (1, 1, 1): -(2 * (A - Bbar) + m * e * reach) * omega,
+            (1, 0, 2): -m * reach**2,
+        },
+        gravity={(1, 0, 0): m * g * reach, (1, 2, 0): -m * g * e / 2, (3, 0, 0): -m * g * reach / 6},
+        friction={
+            (0, 0, 1): strength * reach**2,
+            (0, 1, 0): strength * e * reach * omega,
+            (0, 3, 0): -strength * omega * e * (4 * e + r) / 6,
+            (2, 1, 0): -strength * 3 * omega * e * reach / 2,
+            (2, 0, 1): -strength * reach**2,
+            (0, 2, 1): -strength * e * reach,
+        },
+    )
+
+
+def printed(constants: Any, omega: Any) -> Expansion:
+    """The expansion as the paper prints it (Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx).
+
+    Two entries differ from `derived`: h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e), and f_G has
+    gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows.
+    """
+    follows = derived(constants, omega)
+    A, Bbar, m, e, reach = constants.A, constants.Bbar, constants.m, constants.e, constants.r + constants.e
+    gravity = dict(follows.gravity)
+    gravity[1, 3, 0] = gravity.pop((1, 2, 0))
+    return follows._replace(
+        gyroscopic=follows.gyroscopic | {(1, 1, 1): -2 * (A - Bbar + m * e * reach) * omega}, gravity=gravity
+    )
+
+
+def cubic_acceleration(expansion: Expansion) -> Coefficients:
+    """Coefficients of the third-order part of v' = (h + f_G + w_y lambda_Ty) / M."""
+    force: Coefficients = {}
+    for part in (expansion.gyroscopic, expansion.gravity, expansion.friction):
+        for powers, value in part.items():
+            force[powers] = force.get(powers, Fraction(0)) + value
+    rest = expansion.mass[0, 0, 0]
+    cubic = {powers: value / rest for powers, value in force.items() if sum(powers) == 3}
+    # 1/M = 1/M_0 - M_2/M_0^2 + ...: the quadratic part of the mass meets the linear part of the force.
+    for heavy, inertia in expansion.mass.items():
+        for powers, value in force.items():
+            if sum(heavy) == 2 and sum(powers) == 1:
+                total = (heavy[0] + powers[0], heavy[1] + powers[1], heavy[2] + powers[2])
+                cubic[total] = cubic.get(total, Fraction(0)) - inertia * value / rest**2
+    return cubic

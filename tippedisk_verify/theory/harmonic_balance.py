@@ -1,0 +1,128 @@
+"""The paper's one-harmonic law at the Hopf point, as printed and made consistent.
+
+Two things separate the forms. The paper prints kappa_1 with the wrong sign of 2 m e (r + e), though its chi comes from
+the right one. And it drops the cubic term of gamma_bar' = Omega sin(beta_bar), which is of the order of what it keeps;
+with it the law has the true slopes at the Hopf point. C is the amplitude of beta_bar [rad], omega the angular frequency
+of the cycle [rad/s].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.theory.hopf import omega_crit_squared
+
+__all__ = ["Form", "OneHarmonic", "chi", "delta", "kappa_1", "kappa_2", "one_harmonic", "slopes"]
+
+Form = Literal["printed", "consistent"]
+
+
+@dataclass(frozen=True)
+class OneHarmonic:
+    """The one-harmonic cycle at a speed."""
+
+    amplitude: Measured  #: C [rad], Eq. Csol
+    frequency: Measured  #: omega [rad/s], Eq. omega_sol
+    period: Measured  #: T = 2 pi / omega [s]
+
+
+def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
+    """kappa_1 [N m]: the cubic part of the sine balance (Eq. sin_balance and below)."""
+    r, e, m, g, A, Bbar = constants.r, constants.e, constants.m, constants.g, constants.A, constants.Bbar
+    reach = r + e
+    sign = -1 if form == "printed" else 1
+    return (
+        (Bbar - 3 * A + sign * 2 * m * e * reach) * omega**2 / 4
+        - m * reach**2 * frequency_squared / 2
+        + m * g * e * omega**2 / frequency_squared / 8
+        - (Bbar - A) * omega**4 / frequency_squared / 4
+        + m * g * reach / 8
+    )
+
+
+def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
+    """kappa_2 [m^2/s^2]: the cubic part of the cosine balance (Eq. kappa2)."""
+    r, e = constants.r, constants.e
+    value = (
+        -e * (r + 4 * e) * omega**4 / frequency_squared / 2
+        + 3 * e * (r + e) * omega**2 / 2
+        + (r + e) ** 2 * frequency_squared
+    )
+    return value if form == "printed" else value - e * (r + e) * omega**2 / 2
+
+
+def delta(constants: Any, omega: Any, form: Form) -> Any:
+    """delta [rad^2/s^2]: omega^2 = e Omega^2 / (r + e) + delta C^2 (Eqs. omega_sol_C4, delta)."""
+    r, e = constants.r, constants.e
+    return -((r - e) if form == "printed" else r) * omega**2 / (8 * (r + e))
+
+
+def chi(constants: Any, form: Form) -> Any:
+    """chi [kg m^3], the constant of the amplitude law (below Eq. Csol)."""
+    r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
+    value = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
+    return value if form == "printed" else value + Bbar * e**2 / (2 * (r + e))
+
+
+def _checked_form(form: str) -> Form:
+    if form not in get_args(Form):
+        raise InputError(f"form '{form[:40]}' is not known: use printed or consistent")
+    return form  # type: ignore[return-value]
+
+
+def _amplitude_squared(constants: Any, omega_squared: Any, form: Form) -> Any:
+    """C^2 of Eq. Csol; negative where the formula has no cycle."""
+    r, e, m, g, Bbar = constants.r, constants.e, constants.m, constants.g, constants.Bbar
+    excess = Bbar * r * omega_squared - m * g * (r + e) ** 2
+    return -4 * e / (r + e) * excess / (chi(constants, form) * omega_squared + m * g * e * (r + e))
+
+
+def one_harmonic(parameters: Parameters, omega: Any, form: Form = "printed", digits: int = 12) -> OneHarmonic:
+    """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s] (a Fraction).
+
+    Raises Shortfall where the formula has no real amplitude or frequency.
+    """
+    form = _checked_form(form)
+    square = _amplitude_squared(parameters.rational(), omega**2, form)
+    ratio = parameters.e / (parameters.r + parameters.e)
+    frequency_squared = omega**2 * ratio + delta(parameters, omega, form) * square
+    if square < 0 or frequency_squared <= 0:
+        raise Shortfall(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
+    ctx = bits(bits_for_digits(digits + 5)).context
+
+    def root(value: Any, factor: Any = 1) -> Any:
+        return factor * ctx.sqrt(ctx.mpf(value.numerator) / value.denominator)
+
+    amplitude, frequency = root(square), root(frequency_squared)
+    period = 2 * ctx.pi / frequency
+    # The squares are exact; at most five rounded operations follow.
+    return OneHarmonic(*(Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, frequency, period)))
+
+
+def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
+    """The law's slopes at the Hopf point: C^2 and T - T_crit per unit of Omega_crit - Omega [rad s, s^2/rad].
+
+    Raises Shortfall where the amplitude law's denominator vanishes at Omega_crit.
+    """
+    form = _checked_form(form)
+    ctx = bits(bits_for_digits(digits + 10)).context
+    c = Constants(*(ctx.mpf(v.numerator) / v.denominator for v in parameters.rational()))
+    square = omega_crit_squared(parameters)
+    crit = ctx.sqrt(ctx.mpf(square.numerator) / square.denominator)
+    r, e, reach = c.r, c.e, c.r + c.e
+    denominator = chi(c, form) * crit**2 + c.m * c.g * e * reach
+    if abs(denominator) < ctx.mpf(10) ** (-digits) * c.m * c.g * e * reach:
+        raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
+    amplitude = 4 * e / reach * 2 * c.Bbar * r * crit / denominator
+    frequency = crit * ctx.sqrt(e / reach)
+    period = ctx.pi / frequency**3 * (2 * crit * e / reach - delta(c, crit, form) * amplitude)
+    # The denominator may cancel up to `digits` digits by the check above only if asked for; here it loses at most two.
+    return (
+        Measured.of(amplitude, abs(amplitude) * ctx.mpf(10) ** (-digits - 5)),
+        Measured.of(period, abs(period) * ctx.mpf(10) ** (-digits - 5)),
+    )

@@ -1,0 +1,468 @@
+"""Numerical harmonic balance of the full, unexpanded equations: limit cycles without an integrator.
+
+The point symmetry leaves odd harmonics only, so half a period holds the cycle. beta_bar is sampled at 2 N points of it,
+for N odd harmonics; gamma_bar follows by integrating gamma_bar' = Omega sin(beta_bar) spectrally, v by differentiating
+beta_bar. The equation of motion at the points, with the phase fixed by beta_bar = 0 and v < 0 at the first, is solved
+by Newton's method in double; above double the same Jacobian serves, each pass gaining a fixed number of digits.
+
+The truncation error is estimated by one Newton step with twice as many harmonics, which is its leading term.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.theory.harmonic_balance import slopes
+from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
+
+__all__ = ["BalancedCycle", "balanced_cycle"]
+
+_MOST_HARMONICS = 1024
+_FIRST_HARMONICS = 12
+_LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
+_COMPLEX_STEP = 1e-40
+
+
+@dataclass(frozen=True)
+class BalancedCycle:
+    """A limit cycle from harmonic balance; every number with a half-width from the truncation estimate."""
+
+    omega: Fraction  #: the spinning speed [rad/s]
+    harmonics: int  #: number of odd harmonics
+    period: Measured  #: T [s]
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2, v < 0 [rad]
+    v_0: Measured  #: v there [rad/s]
+    beta_max: Measured  #: largest |beta - pi/2| [rad]
+    decay: float  #: factor by which the harmonics' amplitudes fall from one odd harmonic to the next
+    amplitudes: tuple[float, ...]  #: of the odd harmonics of beta_bar [rad]
+
+    def json(self) -> dict[str, object]:
+        measured = {name: getattr(self, name).json() for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
+        return {
+            "omega": Measured(self.omega, Fraction(0)).json(),
+            "harmonics": self.harmonics,
+            **measured,
+            "decay": self.decay,
+        }
+
+
+def balanced_cycle(
+    parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
+) -> BalancedCycle:
+    """The limit cycle of the linear law at the speed ``omega`` [rad/s], to ``digits`` significant digits of its period.
+
+    ``harmonics`` fixes the number of odd harmonics; otherwise it grows until the truncation estimate allows the digits.
+    Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; Shortfall if there is no cycle
+    at this speed or the balance does not converge.
+    """
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    if harmonics is not None and not 1 <= harmonics <= _MOST_HARMONICS:
+        raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {harmonics}")
+    bits_for_digits(digits)
+    start = _found(parameters, speed.rational, harmonics)
+    count = start.harmonics
+    while True:
+        cycle, missing = _sharpened(parameters, speed.rational, start, digits)
+        if harmonics is not None or missing <= 0:
+            return cycle
+        if count >= _MOST_HARMONICS:
+            raise Shortfall(f"the balance did not converge with {count} harmonics: this close to Omega_h use shooting")
+        # So many harmonics more as the decay needs for the digits that are missing, and a tenth for the estimate.
+        lost = -math.log10(cycle.decay)
+        count = min(_MOST_HARMONICS, int((count + missing / lost + 2) * 1.1))
+        start = start.resampled(count)
+        start = _newton(parameters, float(speed.rational), start)
+
+
+# ------------------------------------------------------------------------------------------ the discrete problem
+class _Shifted:
+    """sin and cos of beta and gamma from the shifted angles, which need no pi."""
+
+    def __init__(self, sin: Any, cos: Any) -> None:
+        self.sin = cos
+        self.cos = lambda angle: -sin(angle)
+
+
+_DOUBLE_OPS = _Shifted(numpy.sin, numpy.cos)
+
+
+def _operators(count: int, ctx: Any = None) -> tuple[Any, Any]:
+    """Differentiation and integration of odd harmonics on 2 * count points of half a period, in double or mpmath.
+
+    On n points D_jl = (-1)^(j-l) / sin(theta_j - theta_l), from the Fourier differentiation matrix of the whole period
+    folded by f(theta + pi) = -f(theta); its inverse is (2/n) sum over odd k < n of sin(k (theta_j - theta_l)) / k.
+    """
+    n = 2 * count
+    pi, sin = (ctx.pi, ctx.sin) if ctx is not None else (math.pi, math.sin)
+    zero = ctx.mpf(0) if ctx is not None else 0.0
+    sines = [sin(pi * j / n) for j in range(n)]
+    table = [*sines, *(-value for value in sines)]  # sin(pi j / n) for j modulo 2 n
+    slope = [zero, *((-1) ** j / sines[j] for j in range(1, n))]
+    integral = [sum((table[k * j % (2 * n)] / k for k in range(1, n, 2)), zero) * 2 / n for j in range(n)]
+    dtype = float if ctx is None else object
+    row, column = numpy.arange(n)[:, None], numpy.arange(n)[None, :]
+    away = abs(row - column)
+    sign = numpy.sign(row - column)
+    return numpy.array(slope, dtype=dtype)[away] * sign, numpy.array(integral, dtype=dtype)[away] * sign
+
+
+class _Operators:
+    """Double-precision operators, built once per size."""
+
+    _known: dict[int, tuple[Any, Any]] = {}  # noqa: RUF012 - a cache shared by design
+
+    @classmethod
+    def of(cls, count: int) -> tuple[Any, Any]:
+        if count not in cls._known:
+            cls._known[count] = _operators(count)
+        return cls._known[count]
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """beta_bar at the points of half a period, and the cycle's angular frequency."""
+
+    beta: Any
+    frequency: Any
+
+    @property
+    def harmonics(self) -> int:
+        return len(self.beta) // 2
+
+    def coefficients(self) -> tuple[Any, Any]:
+        """Cosine and sine amplitudes of the odd harmonics."""
+        return _amplitudes(self.beta)
+
+    def resampled(self, count: int) -> _Guess:
+        """The same trigonometric polynomial on the points for another number of harmonics."""
+        cosines, sines = self.coefficients()
+        kept = min(count, len(cosines))
+        angles = numpy.outer(numpy.pi * numpy.arange(2 * count) / (2 * count), 2 * numpy.arange(kept) + 1)
+        beta = numpy.cos(angles) @ cosines[:kept] + numpy.sin(angles) @ sines[:kept]
+        return _Guess(beta, self.frequency)
+
+
+def _amplitudes(values: Any) -> tuple[Any, Any]:
+    n = len(values)
+    angles = numpy.outer(2 * numpy.arange(n // 2) + 1, numpy.pi * numpy.arange(n) / n)
+    return numpy.cos(angles) @ values * 2 / n, numpy.sin(angles) @ values * 2 / n
+
+
+def _motion(beta: Any, frequency: Any, omega: Any, operators: tuple[Any, Any], sin: Any) -> tuple[Any, Any]:
+    """gamma_bar and v along the cycle."""
+    slope, integral = operators
+    return omega / frequency * (integral @ sin(beta)), frequency * (slope @ beta)
+
+
+def _residual(constants: Any, omega: Any, guess: _Guess, operators: tuple[Any, Any], ops: Any, sin: Any) -> Any:
+    """v' minus the acceleration at the points [rad/s^2]."""
+    gamma, v = _motion(guess.beta, guess.frequency, omega, operators, sin)
+    rate = field(ops, constants, omega, "linear")(guess.beta, gamma, v)[2]
+    return guess.frequency * (operators[0] @ v) - rate
+
+
+def _derivatives(constants: Constants, omega: float, guess: _Guess) -> tuple[Any, Any, Any]:
+    """d(residual)/d(beta), /d(frequency) and /d(Omega), in double."""
+    slope, integral = _Operators.of(guess.harmonics)
+    gamma, v = _motion(guess.beta, guess.frequency, omega, (slope, integral), numpy.sin)
+    by_beta, by_gamma, by_v = jacobian(_DOUBLE_OPS, constants, omega, "linear")(guess.beta, gamma, v)[2]
+    matrix = guess.frequency**2 * (slope @ slope) - by_v[:, None] * guess.frequency * slope
+    matrix -= (by_gamma * omega / guess.frequency)[:, None] * integral * numpy.cos(guess.beta)
+    matrix[numpy.diag_indices_from(matrix)] -= by_beta
+    change = slope @ guess.beta
+    by_frequency = 2 * guess.frequency * (slope @ change) + by_gamma * gamma / guess.frequency - by_v * change
+    stepped = field(_DOUBLE_OPS, constants, complex(omega, _COMPLEX_STEP), "linear")
+    explicit = stepped(guess.beta, gamma, v)[2].imag / _COMPLEX_STEP
+    return matrix, by_frequency, -explicit - by_gamma * gamma / omega
+
+
+# ------------------------------------------------------------------------------------------------ double precision
+def _newton(parameters: Parameters, omega: float, guess: _Guess) -> _Guess:
+    """Newton's method at fixed Omega; the first point stays at beta_bar = 0."""
+    constants = parameters.at(DOUBLE)
+    amplitude = abs(guess.beta).max()
+    best = math.inf
+    for _ in range(30):
+        matrix, by_frequency, _ = _derivatives(constants, omega, guess)
+        residual = _residual(constants, omega, guess, _Operators.of(guess.harmonics), _DOUBLE_OPS, numpy.sin)
+        step = _solved(_fixed_omega(matrix, by_frequency), residual)
+        guess = _Guess(numpy.concatenate(([0.0], guess.beta[1:] - step[1:])), guess.frequency - step[0])
+        size = abs(step[1:]).max() / amplitude + abs(step[0]) / abs(guess.frequency)
+        if not math.isfinite(size) or abs(guess.beta).max() < amplitude / 4 or guess.frequency <= 0:
+            raise Shortfall(_unconverged(guess.harmonics))
+        if size < 1e-11 or (size >= best and best < 1e-6):  # quadratic, then stopped by rounding
+            return guess
+        best = min(best, size)
+    raise Shortfall(_unconverged(guess.harmonics))
+
+
+def _unconverged(count: int) -> str:
+    return f"the balance did not converge with {count} harmonics: try more, or a speed further from Omega_h"
+
+
+def _fixed_omega(matrix: Any, by_frequency: Any) -> Any:
+    """The square system at fixed Omega: the first point's column is the frequency's, for its value is fixed."""
+    system = matrix.copy()
+    system[:, 0] = by_frequency
+    return system
+
+
+def _solved(matrix: Any, right: Any) -> Any:
+    try:
+        return numpy.linalg.solve(matrix, right)
+    except numpy.linalg.LinAlgError:
+        raise Shortfall("the balance's equations are singular here: move Omega a little") from None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A cycle and its speed: a point of the branch in the space of (beta_bar at the points, frequency, Omega)."""
+
+    guess: _Guess
+    omega: float
+
+    def resampled(self, count: int) -> _Point:
+        return self if self.guess.harmonics == count else _Point(self.guess.resampled(count), self.omega)
+
+    def towards(self, other: _Point, share: float) -> _Point:
+        """The point that divides the way to ``other`` (of as many harmonics) by ``share``, beyond it above 1."""
+        mine, theirs = self.guess, other.guess
+        return _Point(
+            _Guess(
+                mine.beta + share * (theirs.beta - mine.beta),
+                mine.frequency + share * (theirs.frequency - mine.frequency),
+            ),
+            self.omega + share * (other.omega - self.omega),
+        )
+
+
+def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
+    """Newton's method from ``start``, within the plane through it that has the given normal, with Omega unknown.
+
+    Frequency and speed are measured in units of their own size, beta_bar by its root mean square.
+    """
+    constants = parameters.at(DOUBLE)
+    n = len(start.guess.beta)
+    units = numpy.concatenate(([start.guess.frequency], numpy.full(n - 1, math.sqrt(n)), [start.omega]))
+    direction = numpy.concatenate(([normal.guess.frequency], normal.guess.beta[1:], [normal.omega])) / units**2
+    guess, omega = start.guess, start.omega
+    away = numpy.zeros(n + 1)
+    for _ in range(12):
+        matrix, by_frequency, by_omega = _derivatives(constants, omega, guess)
+        residual = _residual(constants, omega, guess, _Operators.of(guess.harmonics), _DOUBLE_OPS, numpy.sin)
+        system = numpy.zeros((n + 1, n + 1))
+        system[:n, :n] = _fixed_omega(matrix, by_frequency)
+        system[:n, n] = by_omega
+        system[n] = direction
+        step = _solved(system, numpy.concatenate((residual, [direction @ away])))
+        away = away - step
+        guess = _Guess(numpy.concatenate(([0.0], guess.beta[1:] - step[1:n])), guess.frequency - step[0])
+        omega -= step[n]
+        size = numpy.linalg.norm(step / units) / max(abs(guess.beta).max(), 1e-300)
+        if not (math.isfinite(size) and guess.frequency > 0 and omega > 0):
+            break
+        if size < 1e-8:
+            return _Point(guess, float(omega))
+    raise Shortfall(_unconverged(guess.harmonics))
+
+
+def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _Guess:
+    """Follow the branch from the Hopf point until it reaches the speed, then settle there.
+
+    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
+    """
+    crit = omega_crit(parameters, 40).value
+    distance = float(crit - target)
+    side = {"supercritical": 1, "subcritical": -1}.get(criticality(parameters), 0)
+    nowhere = f"no limit cycle found at Omega = {float(target):.12g} rad/s"
+    if distance * side <= 0:
+        word = {1: "below", -1: "above"}.get(side, "far from")
+        raise Shortfall(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
+    square_slope = abs(float(slopes(parameters, "consistent")[0]))
+    predicted = math.sqrt(square_slope * abs(distance))
+    count = harmonics or _FIRST_HARMONICS
+    angles = numpy.pi * numpy.arange(2 * count) / (2 * count)
+    birth = _Point(_Guess(0 * angles, 2 * math.pi / float(period_crit(parameters))), float(crit))
+
+    def by_the_law(amplitude: float) -> _Point:
+        guess = _Guess(-amplitude * numpy.sin(angles), birth.guess.frequency)
+        return _Point(guess, float(crit) - side * amplitude**2 / square_slope)
+
+    if abs(distance) < 1e-9 * float(crit):
+        raise Shortfall(
+            f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
+        )
+    if predicted <= 0.02:  # the law is a better guess than a branch could make
+        return _newton(parameters, float(target), by_the_law(predicted).guess)
+    first = by_the_law(0.02)
+    before, here = birth, _on_plane(parameters, first, _difference(first, birth))
+    length = 2.0  # the next step, in units of the last one
+    for _ in range(120):
+        if (here.omega - float(target)) * (before.omega - float(target)) <= 0 and before is not birth:
+            break
+        if abs(here.guess.beta).max() > _LARGEST_AMPLITUDE:
+            raise Shortfall(f"{nowhere} before its amplitude is that of a flat disk")
+        before = before.resampled(here.guess.harmonics)
+        ahead = before.towards(here, 1 + length)
+        try:
+            found = _on_plane(parameters, ahead, _difference(here, before))
+        except Shortfall:
+            # Too long a step, or too few harmonics for what the cycle has become: mend both.
+            length /= 2
+            if length < 1e-3:
+                raise
+            if harmonics is None and here.guess.harmonics < _MOST_HARMONICS // 4:
+                here = here.resampled(here.guess.harmonics * 3 // 2)
+            continue
+        before, here = here, _grown(found, harmonics)
+        length = min(1.3, 2 * length)
+    else:
+        raise Shortfall(f"{nowhere} within 120 steps along the branch")
+    before = before.resampled(here.guess.harmonics)
+    share = (float(target) - before.omega) / (here.omega - before.omega)
+    return _newton(parameters, float(target), before.towards(here, share).guess)
+
+
+def _difference(here: _Point, before: _Point) -> _Point:
+    guess = _Guess(here.guess.beta - before.guess.beta, here.guess.frequency - before.guess.frequency)
+    return _Point(guess, here.omega - before.omega)
+
+
+def _grown(point: _Point, fixed: int | None) -> _Point:
+    """More harmonics once the last ones are no longer small; the answer itself is sharpened later."""
+    sizes = numpy.hypot(*point.guess.coefficients())
+    if fixed is None and sizes[-2:].max() > 1e-6 * sizes[0] and point.guess.harmonics < _MOST_HARMONICS // 4:
+        return point.resampled(point.guess.harmonics * 3 // 2)
+    return point
+
+
+# ---------------------------------------------------------------------------------------------- any number of digits
+def _sharpened(parameters: Parameters, omega: Fraction, guess: _Guess, digits: int) -> tuple[BalancedCycle, float]:
+    """The cycle in ``digits + 15`` digits, and how many digits the truncation still lacks (negative: none).
+
+    Residuals are evaluated in mpmath, corrections solved for in double after scaling: the Jacobian at the double
+    solution is within 1e-10 of the right one, so each pass gains about ten digits.
+    """
+    ctx = bits(bits_for_digits(digits + 15)).context
+    constants = Constants(*(ctx.mpf(value.numerator) / value.denominator for value in parameters.rational()))
+    speed = ctx.mpf(omega.numerator) / omega.denominator
+    sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
+    ops = _Shifted(sin, cos)
+    system = _factored(parameters, float(omega), guess)
+    operators = _operators(guess.harmonics, ctx)
+    sharp = _Guess(numpy.array([ctx.mpf(value) for value in guess.beta], dtype=object), ctx.mpf(guess.frequency))
+    previous = ctx.inf
+    for _ in range(12 + digits):
+        step = _corrected(system, _residual(constants, speed, sharp, operators, ops, sin), ctx)
+        sharp = _Guess(sharp.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), sharp.frequency - step[0])
+        size = max(abs(part) for part in step)
+        if size < ctx.mpf(10) ** (-digits - 10) or size >= previous / 2:
+            break
+        previous = size
+    if size > ctx.mpf(10) ** (-digits - 4):
+        raise Shortfall(_unconverged(guess.harmonics))
+    return _measured(parameters, omega, sharp, operators, (ctx, constants, speed, ops, sin), digits)
+
+
+def _factored(parameters: Parameters, omega: float, guess: _Guess) -> Any:
+    from scipy.linalg import lu_factor
+
+    matrix, by_frequency, _ = _derivatives(parameters.at(DOUBLE), omega, guess)
+    return lu_factor(_fixed_omega(matrix, by_frequency))
+
+
+def _corrected(system: Any, residual: Any, ctx: Any) -> Any:
+    """The Newton step for a residual of any size: scaled to one, solved in double, scaled back."""
+    from scipy.linalg import lu_solve
+
+    scale = max(abs(part) for part in residual)
+    if not scale:
+        return numpy.array([ctx.mpf(0)] * len(residual), dtype=object)
+    step = lu_solve(system, numpy.array([float(part / scale) for part in residual]))
+    return numpy.array([scale * ctx.mpf(part) for part in step], dtype=object)
+
+
+def _measured(
+    parameters: Parameters, omega: Fraction, sharp: _Guess, operators: Any, tools: tuple[Any, ...], digits: int
+) -> tuple[BalancedCycle, float]:
+    ctx, constants, speed, ops, sin = tools
+    count = sharp.harmonics
+    n = 2 * count
+    # Amplitudes in the working precision: the tail matters, and double would bury it.
+    table = [ctx.sin(ctx.pi * j / n) for j in range(2 * n)]
+    odd = range(1, n, 2)
+    sines = [sum(table[k * j % (2 * n)] * value for j, value in enumerate(sharp.beta)) * 2 / n for k in odd]
+    cosines = [
+        sum(table[(k * j + n // 2) % (2 * n)] * value for j, value in enumerate(sharp.beta)) * 2 / n for k in odd
+    ]
+
+    def series(angle: Any, order: int = 0) -> Any:
+        """The cycle's beta_bar at an angle, or its first or second derivative."""
+        total = ctx.mpf(0)
+        for k, a, b in zip(odd, cosines, sines, strict=True):
+            c, s = ctx.cos(k * angle), ctx.sin(k * angle)
+            total += (a * c + b * s, k * (b * c - a * s), -k * k * (a * c + b * s))[order]
+        return total
+
+    fine = _Guess(numpy.array([series(ctx.pi * j / (2 * n)) for j in range(2 * n)], dtype=object), sharp.frequency)
+    double = _Guess(numpy.array([float(value) for value in fine.beta]), float(fine.frequency))
+    double.beta[0] = 0.0
+    step = _corrected(
+        _factored(parameters, float(omega), double),
+        _residual(constants, speed, fine, _operators(2 * count, ctx), ops, sin),
+        ctx,
+    )
+    gamma, v = _motion(sharp.beta, sharp.frequency, speed, operators, sin)
+    at = max(range(n), key=lambda j: abs(sharp.beta[j])) * ctx.pi / n
+    for _ in range(6 + digits.bit_length()):
+        at -= series(at, 1) / series(at, 2)
+    beta_error = max(abs(part) for part in step[1:])
+    frequency_error = abs(step[0])
+    relative = frequency_error / sharp.frequency
+    # Differentiation multiplies the k-th harmonic of the error by k omega; the error sits in the first ones left out.
+    v_error = beta_error * sharp.frequency * n + abs(v[0]) * relative
+    gamma_error = 2 * beta_error * speed / sharp.frequency + abs(gamma[0]) * relative
+    floor = ctx.mpf(10) ** (-digits - 3)
+
+    def held(value: Any, error: Any) -> Measured:
+        return Measured.of(value, 2 * error + abs(value) * floor)
+
+    period = 2 * ctx.pi / sharp.frequency
+    sizes = [
+        float(ctx.log10(ctx.hypot(a, b) + ctx.mpf(10) ** (-3 * digits - 300)))
+        for a, b in zip(cosines, sines, strict=True)
+    ]
+    cycle = BalancedCycle(
+        omega=omega,
+        harmonics=count,
+        period=held(period, period * relative),
+        gamma_bar_0=held(gamma[0], gamma_error),
+        v_0=held(v[0], v_error),
+        beta_max=held(abs(series(at)), beta_error),
+        decay=_decay(sizes, digits),
+        amplitudes=tuple(10**size for size in sizes),
+    )
+    worst = max(m.uncertainty / abs(m.value) for m in (cycle.period, cycle.gamma_bar_0, cycle.v_0, cycle.beta_max))
+    return cycle, math.log10(worst) + digits if worst else -math.inf
+
+
+def _decay(sizes: list[float], digits: int) -> float:
+    """The mean factor between neighbouring odd harmonics, over those that stand above rounding."""
+    telling = [size for size in sizes if size > sizes[0] - digits - 8]
+    if len(telling) < 3:
+        return 1e-6
+    half = len(telling) // 2
+    return float(min(0.999, 10 ** ((telling[-1] - telling[half - 1]) / (len(telling) - half))))
