@@ -40,7 +40,10 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
     from tippedisk_verify.theory.equilibria import equilibrium
-    from tippedisk_verify.theory.hopf import omega_crit, period_crit
+    from tippedisk_verify.theory.harmonic_balance import one_harmonic
+    from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
+    from tippedisk_verify.theory.slow_manifold import study
+    from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
     "errors": ("InputError", "Shortfall"),
@@ -55,7 +58,10 @@ _HOMES = {
     "orbits.heteroclinic": ("bisect_omega_h",),
     "orbits.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),
-    "theory.hopf": ("omega_crit", "period_crit"),
+    "theory.harmonic_balance": ("one_harmonic",),
+    "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
+    "theory.slow_manifold": ("study",),
+    "theory.spectral_balance": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -81,13 +87,17 @@ __all__ = [
     "Status",
     "Taylor",
     "Verdict",
+    "balanced_cycle",
     "bisect_omega_h",
     "bits",
     "equilibrium",
     "exact",
+    "hopf_point",
     "omega_crit",
+    "one_harmonic",
     "period_crit",
     "scene_named",
+    "study",
 ]
 
 

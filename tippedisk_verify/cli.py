@@ -87,7 +87,8 @@ def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[
     """Audit every claim of the paper; write the report, figures and data."""
     if more and not only:
         raise InputError(f"'{more[0][:40]}' stands alone: name claims with --only")
-    from tippedisk_verify.evidence.claims import Audit, audited, selected
+    from tippedisk_verify.evidence.catalogue import selected
+    from tippedisk_verify.evidence.claims import Audit, audited
     from tippedisk_verify.flow import default_engine
 
     names = [name for group in (*only, *more) for name in group.split(",") if name]
@@ -191,6 +192,119 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
                 ending = orbit.ending
                 detail = f" at {ending.time} s" if ending.time is not None else ""
                 click.echo(f"  orbit {start}: {ending.kind}{detail} ({ending.reason})")
+    return 0
+
+
+def _speed(common: Common, omega: str | None, below_crit: str | None) -> Any:
+    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
+    from fractions import Fraction
+
+    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.theory.hopf import omega_crit
+
+    if (omega is None) == (below_crit is None):
+        raise InputError("give the speed with either --omega or --below-crit")
+    number = exact(omega if omega is not None else below_crit)
+    if number.pi_multiple:
+        raise InputError("the speed must be a decimal")
+    if omega is not None:
+        speed = number.rational
+    else:
+        # 30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
+        speed = Fraction(omega_crit(common.parameters, common.digits + 30).decimals()[0]) - number.rational
+    if not 0 < speed < 10**6:
+        raise InputError(f"Omega must lie between 0 and 1e6 rad/s, not {float(speed):.12g}")
+    return speed
+
+
+def _speed_options(command: F) -> F:
+    command = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")(command)
+    return click.option("--omega", metavar="X", help="The spinning speed [rad/s].")(command)
+
+
+def _print_result(common: Common, result: dict[str, Any]) -> None:
+    """One JSON object, or its entries as lines."""
+    if common.json:
+        _print_json(result)
+    elif not common.quiet:
+        for name, value in result.items():
+            click.echo(f"{name}: {_said(value)}")
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, dict) and set(value) == {"value", "uncertainty"}:
+        text, width = str(value["value"]), str(value["uncertainty"])
+        return text if width == "0" else f"{text} ± {width}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
+    if isinstance(value, list):
+        return "; ".join(_said(entry) for entry in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+@cli.command()
+@_speed_options
+@common_options
+def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
+    """States, eigenvalues and stability of inverted and noninverted spinning."""
+    from tippedisk_verify.theory.equilibria import equilibrium
+
+    speed = _speed(common, omega, below_crit)
+    _print_result(
+        common,
+        {
+            "inverted": equilibrium(common.parameters, speed, "inverted", common.digits).json(),
+            "noninverted": equilibrium(common.parameters, speed, "noninverted", common.digits).json(),
+        },
+    )
+    return 0
+
+
+@cli.command()
+@common_options
+def hopf(common: Common) -> int:
+    """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
+    from tippedisk_verify.theory.hopf import hopf_point
+
+    if common.friction == "smooth":
+        raise InputError(
+            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
+        )
+    _print_result(common, hopf_point(common.parameters, common.digits).json())
+    return 0
+
+
+@cli.command("slow-manifold")
+@click.option("--order", type=int, required=True, metavar="N", help="Highest order in epsilon, 0 to 40.")
+@click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
+@common_options
+def slow_manifold(common: Common, order: int, omega: str | None) -> int:
+    """Orders of the slow manifold, their residuals, and the reduced flow."""
+    from tippedisk_verify.theory.slow_manifold import study
+
+    if common.friction == "smooth":
+        raise InputError("the slow manifold's expansion is for the linear friction law")
+    speed = _speed(common, omega, None if omega is not None else "0.5")
+    found = study(common.parameters, speed, order, common.digits)
+    if found.warning and not common.quiet:
+        click.echo(f"tippedisk-verify: {found.warning}", err=True)
+    _print_result(common, found.json())
+    return 0
+
+
+@cli.command("harmonic-balance")
+@_speed_options
+@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+@common_options
+def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, harmonics: int | None) -> int:
+    """A limit cycle by harmonic balance of the full equations, without an integrator."""
+    from tippedisk_verify.theory.spectral_balance import balanced_cycle
+
+    if common.friction == "smooth":
+        raise InputError("harmonic balance is offered for the linear friction law")
+    speed = _speed(common, omega, below_crit)
+    found = balanced_cycle(common.parameters, speed, digits=common.digits, harmonics=harmonics)
+    _print_result(common, found.json())
     return 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["InputError", "Shortfall"]
+__all__ = ["InputError", "NoSuchCycleError", "Shortfall"]
 
 
 class InputError(ValueError):
@@ -23,3 +23,7 @@ class Shortfall(RuntimeError):
 
     The command line prints it on one line and exits with status 1.
     """
+
+
+class NoSuchCycleError(InputError):
+    """There is no limit cycle, or none was found, where one was asked for; the message says what and why."""

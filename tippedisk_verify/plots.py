@@ -14,7 +14,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.scenes import Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
-__all__ = ["draw_scenes_2d", "draw_scenes_3d", "save"]
+__all__ = ["draw_eigenvalues", "draw_harmonic_balance", "draw_scenes_2d", "draw_scenes_3d", "save"]
 
 # Okabe and Ito's palette: told apart by readers with any colour vision, and of different lightness in grey.
 _ORBITS = ("#0072B2", "#E69F00")
@@ -212,3 +212,74 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters) -> Any:
         axis.set_box_aspect((1, 1.35, 0.8), zoom=1.12)
     _legend(figure, surface=True)
     return figure
+
+
+def draw_eigenvalues(parameters: Parameters, omegas: Sequence[float]) -> tuple[Any, list[tuple[float, ...]]]:
+    """Eigenvalues of inverted spinning against Omega (the paper's Figure bif_dia_3) and the rows that are drawn."""
+    from tippedisk_verify.theory.equilibria import equilibrium
+    from tippedisk_verify.theory.hopf import omega_crit
+
+    rows = []
+    for omega in omegas:
+        found = equilibrium(parameters, omega, "inverted", 12).eigenvalues
+        rows.append((omega, *(float(part) for value in found for part in (value.re, value.im))))
+    figure, (left, right) = _pyplot().subplots(1, 2, figsize=(9.2, 3.2), layout="constrained")
+    crit = float(omega_crit(parameters))
+    for column, (axis, name) in enumerate(((left, "Re λ [1/s]"), (right, "Im λ [1/s]"))):
+        for pair, style in ((0, "-"), (1, "--")):
+            axis.plot(omegas, [row[1 + 2 * pair + column] for row in rows], style, color=_ORBITS[pair], lw=1.4)
+        axis.axvline(crit, color="black", lw=0.6)
+        axis.axhline(0, color="black", lw=0.6)
+        axis.set_xlabel("Ω [rad/s]")
+        axis.set_ylabel(name)
+        axis.grid(lw=0.3, alpha=0.5)
+    left.set_title("inverted spinning: λ₁ (solid), λ₂ (dashed)")
+    right.set_title(f"λ₃ is near −{abs(rows[0][5]):.0f} 1/s and not shown; line at Ω_crit")
+    return figure, rows
+
+
+def draw_harmonic_balance(parameters: Parameters, distances: Sequence[str]) -> tuple[Any, list[tuple[object, ...]]]:
+    """Amplitude and period near Omega_crit: printed and consistent law against numerical harmonic balance.
+
+    The paper's Figure HBM with the truth beside it. ``distances`` are Omega_crit - Omega [rad/s], rising. Speeds at
+    which a law or the balance has no cycle are left out of its curve.
+    """
+    from fractions import Fraction
+
+    from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+    from tippedisk_verify.theory.harmonic_balance import one_harmonic
+    from tippedisk_verify.theory.hopf import omega_crit, period_crit
+    from tippedisk_verify.theory.spectral_balance import balanced_cycle
+
+    crit, birth = omega_crit(parameters, 40).value, float(period_crit(parameters))
+    curves: dict[str, list[tuple[float, float, float]]] = {
+        name: [(float(crit), 0.0, birth)] for name in ("printed", "consistent", "numerical")
+    }
+    for text in distances:
+        speed = crit - Fraction(text)
+        for form in ("printed", "consistent"):
+            try:
+                law = one_harmonic(parameters, speed, form)
+            except Shortfall:
+                continue
+            curves[form].append((float(speed), float(law.amplitude), float(law.period)))
+        try:
+            cycle = balanced_cycle(parameters, speed, digits=8)
+        except NoSuchCycleError:
+            continue
+        curves["numerical"].append((float(speed), float(cycle.beta_max), float(cycle.period)))
+    figure, axes = _pyplot().subplots(1, 2, figsize=(9.2, 3.4), layout="constrained")
+    styles = {"printed": ("--", _ORBITS[1]), "consistent": ("-.", _ORBITS[0]), "numerical": ("-", _ATTRACTOR)}
+    labels = {"printed": "law as printed", "consistent": "consistent law", "numerical": "numerical balance"}
+    for column, (axis, name) in enumerate(zip(axes, ("β amplitude [rad]", "period T [s]"), strict=True), start=1):
+        for key, points in curves.items():
+            line, colour = styles[key]
+            axis.plot(
+                [p[0] for p in points], [p[column] for p in points], line, color=colour, lw=1.5, label=labels[key]
+            )
+        axis.plot(float(crit), 0 if column == 1 else birth, "o", color="black", ms=5)
+        axis.set_xlabel("Ω [rad/s]")
+        axis.set_ylabel(name)
+        axis.grid(lw=0.3, alpha=0.5)
+    axes[0].legend(frameon=False)
+    return figure, [(key, *point) for key, points in curves.items() for point in points]

@@ -14,6 +14,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.scenes import Panel
+from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
 __all__ = ["claim_json", "results_json", "shown", "summary", "write_report", "write_scene_data"]
@@ -104,6 +105,12 @@ def write_report(
         for panel in panels:
             write_scene_data(folder, panel, audit.parameters)
         results["scenes"] = {panel.scene.name: panel.json() for panel in panels}
+    names = {claim.name for claim, _ in findings}
+    figures = ["scenes_3d", "scenes_2d"] if panels else []
+    if "lambda_3" in names:
+        figures.append(_write_eigenvalues(folder, audit.parameters))
+    if "amplitude_law" in names and audit.friction == "linear":
+        figures.append(_write_harmonic_balance(folder, audit.parameters))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     write_csv(
         folder / "claims.csv",
@@ -121,8 +128,44 @@ def write_report(
             for claim, finding in findings
         ],
     )
-    write_text(folder / "report.md", _markdown(audit, findings, bool(panels), results))
+    write_text(folder / "report.md", _markdown(audit, findings, figures, results))
     return results
+
+
+def _write_eigenvalues(folder: Path, parameters: Parameters) -> str:
+    from tippedisk_verify.plots import draw_eigenvalues, save
+
+    crit = float(omega_crit(parameters))
+    figure, rows = draw_eigenvalues(parameters, [crit * step / 40 for step in range(1, 81)])
+    save(figure, folder, "eigenvalues")
+    header = ("Omega [rad/s]", *(f"{part} lambda_{n} [1/s]" for n in (1, 2, 3) for part in ("Re", "Im")))
+    write_csv(folder / "eigenvalues.csv", header, rows)
+    return "eigenvalues"
+
+
+def _write_harmonic_balance(folder: Path, parameters: Parameters) -> str:
+    from tippedisk_verify.plots import draw_harmonic_balance, save
+
+    distances = (
+        "1e-3",
+        "0.01",
+        "0.03",
+        "0.07",
+        "0.12",
+        "0.2",
+        "0.3",
+        "0.4",
+        "0.5",
+        "0.6",
+        "0.7",
+        "0.76",
+        "0.8",
+        "0.82",
+    )
+    figure, rows = draw_harmonic_balance(parameters, distances)
+    save(figure, folder, "harmonic_balance")
+    write_csv(folder / "harmonic_balance.csv", ("curve", "Omega [rad/s]", "beta_max [rad]", "T [s]"), rows)
+    return "harmonic_balance"
 
 
 def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None:
@@ -146,7 +189,9 @@ def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None
     write_csv(folder / f"scene_{panel.scene.name}_slow_manifold.csv", header, rows)
 
 
-def _markdown(audit: Audit, findings: Sequence[tuple[Claim, Finding]], figures: bool, results: dict[str, Any]) -> str:
+def _markdown(
+    audit: Audit, findings: Sequence[tuple[Claim, Finding]], figures: Sequence[str], results: dict[str, Any]
+) -> str:
     counts = results["summary"]
     lines = [
         "# The tippedisk's claims, audited",
@@ -177,17 +222,18 @@ def _markdown(audit: Audit, findings: Sequence[tuple[Claim, Finding]], figures: 
             f"- **{claim.name}**: {claim.statement}. *{finding.verdict.value}*{note}"
             f" Recompute: `tippedisk-verify verify --only {claim.name}`"
         )
+    captions = {
+        "scenes_3d": "Orbits and slow manifold in state space",
+        "scenes_2d": "The same orbits, projected onto beta and gamma",
+        "eigenvalues": "Eigenvalues of inverted spinning against the spinning speed",
+        "harmonic_balance": "One-harmonic laws against numerical harmonic balance",
+    }
     if figures:
+        lines += ["", "## Figures", ""]
+        lines += [f"![{captions[name]}]({name}.png)\n" for name in figures]
         lines += [
-            "",
-            "## The six scenes",
-            "",
-            "![Orbits and slow manifold in state space](scenes_3d.png)",
-            "",
-            "![The same, projected onto beta and gamma](scenes_2d.png)",
-            "",
-            "Beside this file: `scene_X_orbit_N.csv` and `scene_X_slow_manifold.csv` hold what is drawn, `results.json`"
-            " every number with its uncertainty, `claims.csv` the table above.",
+            "Beside this file: a CSV file with what each figure draws, `results.json` with every number and its"
+            " uncertainty, `claims.csv` with the table above.",
         ]
     lines += ["", "Computed with " + ", ".join(f"{k} {v}" for k, v in results["provenance"].items()) + ".", ""]
     return "\n".join(lines)

@@ -7,7 +7,8 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.evidence.claims import CLAIMS, Audit, Finding, Verdict, audited, rounds_to, selected
+from tippedisk_verify.evidence.catalogue import CLAIMS, selected
+from tippedisk_verify.evidence.claims import Audit, Finding, Verdict, audited, rounds_to
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED

@@ -1,51 +1,195 @@
-"""Orders 0 and 1: pure rolling, and an invariance residual of order epsilon^2."""
+"""The slow manifold: pure rolling, invariance to the stated order, the reduced flow, and what order 0 conserves."""
 
 from __future__ import annotations
 
+import json
 import math
+from fractions import Fraction
+from itertools import pairwise
 
 import numpy
 import pytest
+import sympy
+from hypothesis import given, settings
 
+from tests.problems import SETS, decimals, physical_parameters
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.theory.slow_manifold import critical_manifold, slow_manifold
+from tippedisk_verify.model.parameters import PRINTED, Constants
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.slow_manifold import (
+    POINTS,
+    attraction_rate,
+    compiled,
+    critical_manifold,
+    first_correction,
+    invariance_residual,
+    orders,
+    reduced_equilibrium,
+    reduced_omega_crit,
+    slow_manifold,
+    study,
+)
 
-POINTS = [(1.2, 0.3), (1.9, -1.1), (0.9, 2.5), (1.57, 4.0)]
+PLACES = [(1.2, 0.3), (1.9, -1.1), (0.9, 2.5), (1.57, 4.0)]
 
 
-@pytest.mark.parametrize("point", POINTS)
+def in_mpmath(parameters, digits):
+    precision = bits(bits_for_digits(digits))
+    return precision.context, Constants(*(precision.mpf(value) for value in parameters.at(precision)))
+
+
+@pytest.mark.parametrize("point", PLACES)
 def test_order_0_rolls(point) -> None:
     rolling = critical_manifold(math, PRINTED.at(DOUBLE), 30.4, *point)
     here = equations.terms(math, PRINTED.at(DOUBLE), 30.4, *point, rolling)
     assert abs(here.sliding_velocity) < 1e-16  # two terms of size 0.1 m/s cancel
 
 
-@pytest.mark.parametrize("order", [0, 1])
-def test_invariance_residual_has_the_next_order(order) -> None:
-    """epsilon (dh/dx) f - g along the truncated surface, differentiated numerically in 300 bits."""
-    precision = bits(300)
-    ctx = precision.context
-    step = ctx.mpf(2) ** -80
-    sizes = []
-    epsilons = ["1e-4", "1e-5", "1e-6", "1e-7"]
+def test_order_0_conserves_the_height() -> None:
+    """d/dt (r + e sin gamma) sin beta = 0 along beta' = h_c, gamma' = -Omega cos beta: exactly, in symbols."""
+    r, e, omega, beta, gamma = sympy.symbols("r e Omega beta gamma", positive=True)
+    constants = Constants(**{name: {"r": r, "e": e}.get(name) for name in Constants._fields})
+    height = (r + e * sympy.sin(gamma)) * sympy.sin(beta)
+    rolling = critical_manifold(sympy, constants, omega, beta, gamma)
+    change = sympy.diff(height, beta) * rolling - sympy.diff(height, gamma) * omega * sympy.cos(beta)
+    assert sympy.simplify(change) == 0
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_residual_scales_with_the_next_power_of_epsilon(parameters) -> None:
+    """The supremum over twenty fixed points, epsilon from 1e-4 down, 80 digits; orders 0 to 5."""
+    epsilons = ["1e-4", "1e-5", "1e-6"]
+    sizes: list[list[float]] = [[] for _ in range(6)]
     for epsilon in epsilons:
-        parameters = PRINTED.changed(epsilon=epsilon)
-        constants = type(parameters.at(precision))(*(precision.mpf(value) for value in parameters.at(precision)))
-        omega = ctx.mpf("30.4")
+        ctx, constants = in_mpmath(parameters.changed(epsilon=epsilon), 80)
+        for order in range(6):
+            worst = max(
+                abs(invariance_residual(ctx, constants, ctx.mpf("30.4"), ctx.mpf(b.numerator) / b.denominator,
+                                        ctx.mpf(g.numerator) / g.denominator, order))
+                for b, g in POINTS[:: 1 if parameters is PRINTED else 4]
+            )  # fmt: skip
+            sizes[order].append(float(ctx.log10(worst)))
+    for order, row in enumerate(sizes):
+        slope = numpy.polyfit([-4, -5, -6], row, 1)[0]
+        assert abs(slope - (order + 1)) < 0.1
 
-        def surface(beta, gamma, c=constants, w=omega):
-            return slow_manifold(ctx, c, w, beta, gamma, order=order)
 
-        worst = ctx.mpf(0)
-        for point in POINTS:
-            beta, gamma = map(ctx.mpf, point)
-            v = surface(beta, gamma)
-            by_beta = (surface(beta + step, gamma) - surface(beta - step, gamma)) / (2 * step)
-            by_gamma = (surface(beta, gamma + step) - surface(beta, gamma - step)) / (2 * step)
-            _, gamma_rate, rate = equations.right_hand_side(ctx, constants, omega, (beta, gamma, v), "linear")
-            worst = max(worst, constants.epsilon * abs(by_beta * v + by_gamma * gamma_rate - rate))
-        sizes.append(float(worst))
-    slope = numpy.polyfit(numpy.log([float(e) for e in epsilons]), numpy.log(sizes), 1)[0]
-    assert abs(slope - (order + 1)) < 0.1
+@settings(max_examples=20)
+@given(parameters=physical_parameters(), omega=decimals("5", "40"))
+def test_residual_slopes_for_random_disks(parameters, omega) -> None:
+    place = (1.3, 0.4)
+    logs = []
+    for exponent in (7, 8):
+        ctx, constants = in_mpmath(parameters.changed(epsilon=Fraction(1, 10**exponent)), 80)
+        speed = ctx.mpf(omega.numerator) / omega.denominator
+        logs.append(
+            [ctx.log10(abs(invariance_residual(ctx, constants, speed, *map(ctx.mpf, place), n))) for n in range(4)]
+        )
+    for order, (coarse, fine) in enumerate(zip(*logs, strict=True)):
+        assert abs(float(coarse - fine) - (order + 1)) < 0.1
+
+
+def test_residual_by_jets_against_numerical_differences() -> None:
+    """The same residual from the surface alone, differentiated numerically, and the field."""
+    ctx, constants = in_mpmath(PRINTED.changed(epsilon="1e-3"), 100)
+    omega, step = ctx.mpf("30.4"), ctx.mpf(10) ** -30
+
+    def surface(beta, gamma):
+        return sum(h * constants.epsilon**n for n, h in enumerate(orders(ctx, constants, omega, beta, gamma, 3)))
+
+    beta, gamma = ctx.mpf("1.2"), ctx.mpf("0.3")
+    v = surface(beta, gamma)
+    by_beta = (surface(beta + step, gamma) - surface(beta - step, gamma)) / (2 * step)
+    by_gamma = (surface(beta, gamma + step) - surface(beta, gamma - step)) / (2 * step)
+    _, gamma_rate, rate = equations.right_hand_side(ctx, constants, omega, (beta, gamma, v), "linear")
+    outside = constants.epsilon * (by_beta * v + by_gamma * gamma_rate - rate)
+    inside = invariance_residual(ctx, constants, omega, beta, gamma, 3)
+    # Central differences: step^2 = 1e-60 times third derivatives.
+    assert abs(outside - inside) < abs(inside) * ctx.mpf(10) ** -40
+
+
+@pytest.mark.parametrize("point", PLACES)
+def test_the_papers_h1_is_the_recursions(point) -> None:
+    constants = PRINTED.at(DOUBLE)
+    formula = first_correction(math, constants, 30.4, *point)
+    # Terms of about 1e2 times the result are summed.
+    assert orders(math, constants, 30.4, *point, 1)[1] == pytest.approx(formula, rel=1e3 * 2.0**-52)
+    assert slow_manifold(math, constants, 30.4, *point) == pytest.approx(
+        critical_manifold(math, constants, 30.4, *point) + 0.1 * formula
+    )
+
+
+@pytest.mark.parametrize("order", [0, 1, 2, 3])
+def test_compiled_evaluation(order) -> None:
+    constants = PRINTED.changed(epsilon="1e-3").at(DOUBLE)
+    beta, gamma = numpy.array([[1.2, 1.9], [0.9, 1.57]]), numpy.array([[0.3, -1.1], [2.5, 4.0]])
+    together = compiled(order)(beta, gamma, constants, 30.4)
+    for i in range(2):
+        for j in range(2):
+            series = orders(math, constants, 30.4, float(beta[i, j]), float(gamma[i, j]), order)
+            alone = sum(term * constants.epsilon**n for n, term in enumerate(series))
+            assert together[i, j] == pytest.approx(alone, rel=1e4 * 2.0**-52)  # rounding of long sums
+    with pytest.raises(InputError, match="from order 0 to 5"):
+        compiled(6)
+
+
+def test_reduced_flow() -> None:
+    """Order 0: saddle +-Omega sqrt(e/(r-e)) and centre; order 1 and above: Omega_crit itself."""
+    omega = Fraction("30.4")
+    saddle = reduced_equilibrium(PRINTED, omega, "noninverted", 0)
+    assert abs(saddle.trace) < 1e-30  # pi/2 is rounded to 120 bits
+    assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)
+    centre = reduced_equilibrium(PRINTED, omega, "inverted", 0)
+    assert abs(centre.trace) < 1e-30
+    assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)
+    crit = omega_crit(PRINTED, 40).value
+    for order in (1, 2, 4):
+        assert reduced_omega_crit(PRINTED, order, 25).holds(crit)
+    with pytest.raises(Shortfall, match="centre at every speed"):
+        reduced_omega_crit(PRINTED, 0)
+
+
+def test_reduced_eigenvalues_approach_the_full_ones() -> None:
+    from tippedisk_verify.theory.equilibria import equilibrium
+
+    parameters = PRINTED.changed(epsilon="1e-3")
+    full = equilibrium(parameters, "30.4", "noninverted", 30).eigenvalues
+    ctx = bits(120).context
+    gaps = []
+    for order in range(5):
+        growth, _ = reduced_equilibrium(parameters, Fraction("30.4"), "noninverted", order).eigenvalues(ctx)
+        gaps.append(abs(float(growth.real) - float(full[0].re.value)))
+    # Each order gains about the factor epsilon |h_(n+1)/h_n| ~ 1e-3 ... 1e-2 here.
+    assert all(after < before / 20 for before, after in pairwise(gaps))
+
+
+def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
+    constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
+    free = PRINTED.changed(mu="1e-30").at(DOUBLE)
+    with_friction, without = (equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free))
+    assert attraction_rate(math, constants, *point) == pytest.approx(with_friction - without, rel=1e-12)
+
+
+def test_study_and_command(capsys) -> None:
+    found = study(PRINTED, "30.4", 2)
+    assert [round(slope) for slope in found.residual_slope] == [1, 2, 3]
+    assert found.warning is not None
+    assert main(["slow-manifold", "--order", "1", "--json", "--omega", "30.4"]) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert len(result["residual_slope"]) == 2
+    assert captured.err == ""
+    for wrong in (["--order", "-1"], ["--order", "99"], ["--order", "1", "--omega", "-2"], []):
+        assert main(["slow-manifold", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_equilibria_command(capsys) -> None:
+    assert main(["equilibria", "--omega", "31.5", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["inverted"]["stable"] is True
+    assert result["noninverted"]["stable"] is False
+    assert set(result["inverted"]["eigenvalues"][0]) == {"re", "im"}

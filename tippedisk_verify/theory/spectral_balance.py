@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -32,6 +32,7 @@ _MOST_HARMONICS = 1024
 _FIRST_HARMONICS = 12
 _LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
 _COMPLEX_STEP = 1e-40
+_WORTHLESS = 0.01  # a relative truncation estimate above this says that there may be no cycle at all
 
 
 @dataclass(frozen=True)
@@ -63,8 +64,8 @@ def balanced_cycle(
     """The limit cycle of the linear law at the speed ``omega`` [rad/s], to ``digits`` significant digits of its period.
 
     ``harmonics`` fixes the number of odd harmonics; otherwise it grows until the truncation estimate allows the digits.
-    Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; Shortfall if there is no cycle
-    at this speed or the balance does not converge.
+    Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; NoSuchCycleError if there is no
+    cycle at this speed or the balance does not converge.
     """
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
@@ -79,7 +80,9 @@ def balanced_cycle(
         if harmonics is not None or missing <= 0:
             return cycle
         if count >= _MOST_HARMONICS:
-            raise Shortfall(f"the balance did not converge with {count} harmonics: this close to Omega_h use shooting")
+            raise NoSuchCycleError(
+                f"the balance did not converge with {count} harmonics: this close to Omega_h use shooting"
+            )
         # So many harmonics more as the decay needs for the digits that are missing, and a tenth for the estimate.
         lost = -math.log10(cycle.decay)
         count = min(_MOST_HARMONICS, int((count + missing / lost + 2) * 1.1))
@@ -202,11 +205,11 @@ def _newton(parameters: Parameters, omega: float, guess: _Guess) -> _Guess:
         guess = _Guess(numpy.concatenate(([0.0], guess.beta[1:] - step[1:])), guess.frequency - step[0])
         size = abs(step[1:]).max() / amplitude + abs(step[0]) / abs(guess.frequency)
         if not math.isfinite(size) or abs(guess.beta).max() < amplitude / 4 or guess.frequency <= 0:
-            raise Shortfall(_unconverged(guess.harmonics))
+            raise NoSuchCycleError(_unconverged(guess.harmonics))
         if size < 1e-11 or (size >= best and best < 1e-6):  # quadratic, then stopped by rounding
             return guess
         best = min(best, size)
-    raise Shortfall(_unconverged(guess.harmonics))
+    raise NoSuchCycleError(_unconverged(guess.harmonics))
 
 
 def _unconverged(count: int) -> str:
@@ -224,7 +227,7 @@ def _solved(matrix: Any, right: Any) -> Any:
     try:
         return numpy.linalg.solve(matrix, right)
     except numpy.linalg.LinAlgError:
-        raise Shortfall("the balance's equations are singular here: move Omega a little") from None
+        raise NoSuchCycleError("the balance's equations are singular here: move Omega a little") from None
 
 
 @dataclass(frozen=True)
@@ -276,7 +279,7 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
             break
         if size < 1e-8:
             return _Point(guess, float(omega))
-    raise Shortfall(_unconverged(guess.harmonics))
+    raise NoSuchCycleError(_unconverged(guess.harmonics))
 
 
 def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _Guess:
@@ -290,7 +293,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
     nowhere = f"no limit cycle found at Omega = {float(target):.12g} rad/s"
     if distance * side <= 0:
         word = {1: "below", -1: "above"}.get(side, "far from")
-        raise Shortfall(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
+        raise NoSuchCycleError(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
     square_slope = abs(float(slopes(parameters, "consistent")[0]))
     predicted = math.sqrt(square_slope * abs(distance))
     count = harmonics or _FIRST_HARMONICS
@@ -302,7 +305,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
         return _Point(guess, float(crit) - side * amplitude**2 / square_slope)
 
     if abs(distance) < 1e-9 * float(crit):
-        raise Shortfall(
+        raise NoSuchCycleError(
             f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
         )
     if predicted <= 0.02:  # the law is a better guess than a branch could make
@@ -314,12 +317,12 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
         if (here.omega - float(target)) * (before.omega - float(target)) <= 0 and before is not birth:
             break
         if abs(here.guess.beta).max() > _LARGEST_AMPLITUDE:
-            raise Shortfall(f"{nowhere} before its amplitude is that of a flat disk")
+            raise NoSuchCycleError(f"{nowhere} before its amplitude is that of a flat disk")
         before = before.resampled(here.guess.harmonics)
         ahead = before.towards(here, 1 + length)
         try:
             found = _on_plane(parameters, ahead, _difference(here, before))
-        except Shortfall:
+        except NoSuchCycleError:
             # Too long a step, or too few harmonics for what the cycle has become: mend both.
             length /= 2
             if length < 1e-3:
@@ -330,7 +333,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
         before, here = here, _grown(found, harmonics)
         length = min(1.3, 2 * length)
     else:
-        raise Shortfall(f"{nowhere} within 120 steps along the branch")
+        raise NoSuchCycleError(f"{nowhere} within 120 steps along the branch")
     before = before.resampled(here.guess.harmonics)
     share = (float(target) - before.omega) / (here.omega - before.omega)
     return _newton(parameters, float(target), before.towards(here, share).guess)
@@ -373,7 +376,7 @@ def _sharpened(parameters: Parameters, omega: Fraction, guess: _Guess, digits: i
             break
         previous = size
     if size > ctx.mpf(10) ** (-digits - 4):
-        raise Shortfall(_unconverged(guess.harmonics))
+        raise NoSuchCycleError(_unconverged(guess.harmonics))
     return _measured(parameters, omega, sharp, operators, (ctx, constants, speed, ops, sin), digits)
 
 
@@ -420,11 +423,12 @@ def _measured(
     fine = _Guess(numpy.array([series(ctx.pi * j / (2 * n)) for j in range(2 * n)], dtype=object), sharp.frequency)
     double = _Guess(numpy.array([float(value) for value in fine.beta]), float(fine.frequency))
     double.beta[0] = 0.0
+    twice = _operators(2 * count, ctx)
     step = _corrected(
-        _factored(parameters, float(omega), double),
-        _residual(constants, speed, fine, _operators(2 * count, ctx), ops, sin),
-        ctx,
+        _factored(parameters, float(omega), double), _residual(constants, speed, fine, twice, ops, sin), ctx
     )
+    better = _Guess(fine.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), fine.frequency - step[0])
+    better_gamma, better_v = _motion(better.beta, better.frequency, speed, twice, sin)
     gamma, v = _motion(sharp.beta, sharp.frequency, speed, operators, sin)
     at = max(range(n), key=lambda j: abs(sharp.beta[j])) * ctx.pi / n
     for _ in range(6 + digits.bit_length()):
@@ -432,9 +436,8 @@ def _measured(
     beta_error = max(abs(part) for part in step[1:])
     frequency_error = abs(step[0])
     relative = frequency_error / sharp.frequency
-    # Differentiation multiplies the k-th harmonic of the error by k omega; the error sits in the first ones left out.
-    v_error = beta_error * sharp.frequency * n + abs(v[0]) * relative
-    gamma_error = 2 * beta_error * speed / sharp.frequency + abs(gamma[0]) * relative
+    if relative > _WORTHLESS:  # the estimate is the leading term of something small, or nothing
+        raise NoSuchCycleError(_unconverged(count))
     floor = ctx.mpf(10) ** (-digits - 3)
 
     def held(value: Any, error: Any) -> Measured:
@@ -449,8 +452,8 @@ def _measured(
         omega=omega,
         harmonics=count,
         period=held(period, period * relative),
-        gamma_bar_0=held(gamma[0], gamma_error),
-        v_0=held(v[0], v_error),
+        gamma_bar_0=held(gamma[0], abs(gamma[0] - better_gamma[0])),
+        v_0=held(v[0], abs(v[0] - better_v[0])),
         beta_max=held(abs(series(at)), beta_error),
         decay=_decay(sizes, digits),
         amplitudes=tuple(10**size for size in sizes),

@@ -1,0 +1,156 @@
+"""The first Lyapunov coefficient and its laws, by roads that share no formula."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import heyoka
+import mpmath
+import pytest
+from hypothesis import given
+
+from tests.problems import SETS, physical_parameters
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
+from tippedisk_verify.theory.harmonic_balance import slopes
+from tippedisk_verify.theory.hopf import criticality, criticality_margin, hopf_point, normal_form, omega_crit_squared
+
+
+def derivative_tensors(parameters: Parameters) -> tuple[dict, dict, mpmath.mpf]:
+    """First to third derivatives of the full acceleration at inverted spinning by heyoka, in 200 bits."""
+    c = parameters.rational()
+    names = ("r", "e", "a", "b", "g", "k")
+    state = heyoka.make_vars("beta", "gamma", "v")
+    pars = {name: heyoka.par[index + 1] for index, name in enumerate(names)}
+    constants = Constants(**{name: pars.get(name) for name in Constants._fields})
+    rates = equations.field(heyoka, constants, heyoka.par[0], "linear")(*state)
+    tensors = heyoka.diff_tensors([heyoka.expression(rates[2])], list(state), diff_order=3)
+    wanted = {
+        (i, j, k): tensors[[0, i, j, k]] for i in range(4) for j in range(4) for k in range(4) if 1 <= i + j + k <= 3
+    }
+    function = heyoka.cfunc(list(wanted.values()), list(state), fp_type=heyoka.real, prec=200)
+    with mpmath.workprec(200):
+        square = omega_crit_squared(parameters)
+        speed = mpmath.sqrt(mpmath.mpf(square.numerator) / square.denominator)
+        numbers = [speed, *(mpmath.mpf(getattr(c, n).numerator) / getattr(c, n).denominator for n in names)]
+        half = mpmath.pi / 2
+        inputs = [heyoka.real(mpmath.nstr(x, 70), 200) for x in (half, half, mpmath.mpf(0))]
+        import numpy
+
+        values = function(
+            numpy.array(inputs), pars=numpy.array([heyoka.real(mpmath.nstr(x, 70), 200) for x in numbers])
+        )
+        found = {key: mpmath.mpf(str(value)) for key, value in zip(wanted, values, strict=True)}
+    return found, dict(zip(("Omega", *names), numbers, strict=True)), speed
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_against_kuznetsovs_full_formula_with_heyokas_derivatives(parameters) -> None:
+    """Kuznetsov's Eq. (5.39) with the quadratic terms kept; heyoka differentiates the unexpanded field."""
+    d, numbers, speed = derivative_tensors(parameters)
+    with mpmath.workprec(200):
+        w = speed * mpmath.sqrt(numbers["e"] / (numbers["r"] + numbers["e"]))
+        # gamma' = -Omega cos(beta) at beta = pi/2: first derivative Omega, third derivative -Omega, no second.
+        matrix = mpmath.matrix([[0, 0, 1], [speed, 0, 0], [d[1, 0, 0], d[0, 1, 0], d[0, 0, 1]]])
+        q = mpmath.matrix([1j * w, speed, (1j * w) ** 2])
+        q /= mpmath.norm(q)
+        adjoint = mpmath.matrix([[mpmath.conj(matrix[j, i]) for j in range(3)] for i in range(3)])
+        # The adjoint eigenvector by inverse iteration, not by its closed form.
+        shifted = adjoint - (-1j * w + mpmath.mpf(10) ** -30) * mpmath.eye(3)
+        p = mpmath.matrix([1, 1, 1])
+        for _ in range(6):
+            p = mpmath.lu_solve(shifted, p)
+            p /= mpmath.norm(p)
+
+        def inner(a, b):
+            return sum(mpmath.conj(x) * y for x, y in zip(a, b, strict=True))
+
+        p /= mpmath.conj(inner(p, q))
+
+        def form(order, *vectors):
+            total = mpmath.mpc(0)
+            for n in range(3**order):
+                index = [(n // 3**k) % 3 for k in range(order)]
+                key = tuple(index.count(axis) for axis in range(3))
+                product = mpmath.mpc(1)
+                for vector, axis in zip(vectors, index, strict=True):
+                    product *= vector[axis]
+                total += d[key] * product
+            kinematic = -speed * vectors[0][0] * vectors[1][0] * vectors[2][0] if order == 3 else 0
+            return mpmath.matrix([0, kinematic, total])
+
+        qc = q.apply(mpmath.conj)
+        bilinear_1 = form(2, q, mpmath.lu_solve(matrix, form(2, q, qc)))
+        bilinear_2 = form(2, qc, mpmath.lu_solve(2j * w * mpmath.eye(3) - matrix, form(2, q, q)))
+        full = inner(p, form(3, q, q, qc)) - 2 * inner(p, bilinear_1) + inner(p, bilinear_2)
+        truth = mpmath.re(full) / (2 * w)
+        mine = hopf_point(parameters, 25).first_lyapunov_coefficient
+        # 200 bits hold 60 digits; the inverse iteration and the sums lose some twenty of them.
+        assert abs(mpmath.mpf(mine.decimals()[0]) - truth) < abs(truth) * mpmath.mpf(10) ** -25
+
+
+@given(parameters=physical_parameters())
+def test_slopes_of_two_theories_agree(parameters) -> None:
+    """Normal form against the consistent one-harmonic law: to ten digits, for any disk, on either side."""
+    if abs(criticality_margin(parameters)) < parameters.A * parameters.r / 1000:
+        return  # nearly degenerate: both slopes are large differences
+    found = hopf_point(parameters, 12)
+    amplitude, period = slopes(parameters, "consistent", 12)
+    assert abs(found.amplitude_squared_slope.value / amplitude.value - 1) < Fraction(1, 10**10)
+    assert abs(found.period_slope.value - period.value) < abs(amplitude.value + period.value) / Fraction(10**10)
+
+
+@given(parameters=physical_parameters())
+def test_criticality_is_the_sign_of_the_lyapunov_coefficient(parameters) -> None:
+    coefficient = normal_form(parameters, 400)["first_lyapunov_coefficient"]
+    expected = "supercritical" if coefficient < 0 else "subcritical"
+    assert criticality(parameters) == expected
+    if parameters.e < parameters.r / 2:
+        p = parameters
+        bound = p.r * (2 * p.r - p.e) / (2 * (p.r + p.e) * (p.r - 2 * p.e))
+        assert (p.A / p.Bbar > bound) == (expected == "supercritical")
+    else:
+        assert expected == "subcritical"
+
+
+@given(parameters=physical_parameters())
+def test_transversality_against_a_difference(parameters) -> None:
+    """d(Re lambda)/d(Omega) from the cubic's roots on both sides of Omega_crit."""
+    from tippedisk_verify.theory.equilibria import equilibrium
+    from tippedisk_verify.theory.hopf import omega_crit
+
+    crit = omega_crit(parameters, 60).value
+    step = crit / 10**12
+    ends = []
+    for speed in (crit + step, crit - step):
+        pair = [v for v in equilibrium(parameters, speed, "inverted", 50).eigenvalues if v.im.value != 0]
+        ends.append(pair[0].re.value)
+    slope = (ends[0] - ends[1]) / (2 * step)
+    # Central difference: relative error of about step^2 / crit^2 times a moderate third derivative.
+    assert abs(slope / hopf_point(parameters, 30).transversality.value - 1) < Fraction(1, 10**15)
+
+
+def test_degenerate_point_is_told_so() -> None:
+    """A chosen so that the first Lyapunov coefficient vanishes exactly."""
+    p = PRINTED
+    A = p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e)) / (p.r - 2 * p.e)
+    odd = PRINTED.changed(A=A, C=None)
+    assert criticality(odd) == "degenerate"
+    with pytest.raises(Shortfall, match="vanishes exactly"):
+        hopf_point(odd)
+
+
+def test_command(capsys, tmp_path) -> None:
+    assert main(["hopf", "--json", "--digits", "20"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["criticality"] == "supercritical"
+    for name in ("omega_crit", "period", "first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope"):
+        assert Fraction(result[name]["uncertainty"]) <= abs(Fraction(result[name]["value"])) / 10**20
+    path = tmp_path / "thick.toml"
+    path.write_text("\n".join(f'{k} = "{v}"' for k, v in {**PRINTED.decimals(), "A": "0.227e-3"}.items()), "utf-8")
+    assert main(["hopf", "--json", "--parameters", str(path)]) == 0
+    assert json.loads(capsys.readouterr().out)["criticality"] == "subcritical"
+    assert main(["hopf", "--friction", "smooth"]) == 2
