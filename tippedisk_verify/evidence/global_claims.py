@@ -33,6 +33,25 @@ def _said(ending: Any) -> str:
     return str(ending.kind)
 
 
+def _contact(audit: Audit, name: str) -> tuple[str, bool]:
+    """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
+    import numpy
+
+    from tippedisk_verify.model.equations import acceleration, normal_force_over_weight
+    from tippedisk_verify.model.precision import DOUBLE
+
+    constants = audit.sets[name].at(DOUBLE)
+    smallest = []
+    for scene in "abcdef":
+        panel = audit.panel(scene, name)
+        omega = float(panel.omega)
+        for orbit in panel.orbits:
+            beta, gamma, v = state = orbit.states.T
+            rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.friction)
+            smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
+    return f"{min(smallest[:2]):.3g}; {min(smallest[2:]):.3g}", min(smallest) > 0
+
+
 def _engines(audit: Audit) -> Finding:
     """The Taylor engine in double against itself in extended precision and against SciPy."""
     from tippedisk_verify.flow.baseline import Baseline
@@ -102,6 +121,13 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "above Omega_crit inverted spinning attracts both orbits",
         "inverted spinning",
         _scene("f", ("inverted spinning",), ""),
+    ),
+    Claim(
+        "permanent_contact",
+        "Section sec:model",
+        "the disk stays in contact with the support",
+        "permanent contact",
+        per_set(_contact, "smallest normal force over weight along the orbits of scenes a; b to f", ("trajectories",)),
     ),
     Claim(
         "engines_agree",

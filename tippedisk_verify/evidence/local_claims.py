@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
+from typing import Any
 
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, number, per_set, rounds_to
 from tippedisk_verify.model.equations import jacobian
@@ -133,6 +134,18 @@ def _kappa_1(audit: Audit, name: str) -> tuple[str, bool]:
         harmonic_balance.kappa_1(constants, speed, frequency, form) for form in ("printed", "consistent")
     )
     return f"{float(follows):.6g} against {float(claimed):.6g} N m", claimed == follows
+
+
+def _form_difference(function: Callable[..., Any]) -> Callable[[Audit, str], tuple[str, bool]]:
+    """The printed form of a one-harmonic constant against the consistent one."""
+
+    def one(audit: Audit, name: str) -> tuple[str, bool]:
+        constants, speed = audit.sets[name].rational(), Fraction("30.4")
+        frequency = constants.e / (constants.r + constants.e) * speed**2
+        claimed, follows = (function(constants, speed, frequency, form) for form in ("printed", "consistent"))
+        return f"{float(claimed / follows):.4f} of what follows", claimed == follows
+
+    return one
 
 
 def _chi(audit: Audit, name: str) -> Measured:
@@ -265,6 +278,15 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         _joint,
     ),
     Claim(
+        "sliding_velocity",
+        "Eq. gamma_y_3DOF",
+        "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
+        "sin beta^2",
+        _wording(
+            "(sin beta)^2", "read as the square of the sine; the contact point's kinematics give no other reading"
+        ),
+    ),
+    Claim(
         "linearization",
         "Eqs. 3DOF_lin, A_coeff_O",
         "A31, A32 and A33 linearise the equations about inverted spinning",
@@ -363,6 +385,28 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "kappa_1 is the cubic part of the sine balance",
         "-2 m e (r + e)",
         per_set(_kappa_1, "2 m e (r + e) enters with the other sign; the printed chi has it right", _EXACT),
+    ),
+    Claim(
+        "kappa_2",
+        "Eq. kappa2",
+        "kappa_2 is the cubic part of the cosine balance",
+        "formula",
+        per_set(
+            _form_difference(harmonic_balance.kappa_2),
+            "follows from the ansatz D = -C Omega/omega, which drops a cubic term of gamma_bar' = Omega sin(beta_bar)",
+            _EXACT,
+        ),
+    ),
+    Claim(
+        "delta",
+        "Eq. delta",
+        "delta = -(1/8) (r - e)/(r + e) Omega^2",
+        "-(1/8) (r - e)/(r + e) Omega^2",
+        per_set(
+            _form_difference(lambda constants, omega, frequency, form: harmonic_balance.delta(constants, omega, form)),
+            "-(1/8) r/(r + e) Omega^2 with the cubic kinematic term",
+            _EXACT,
+        ),
     ),
     Claim(
         "chi",

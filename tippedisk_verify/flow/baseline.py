@@ -63,6 +63,8 @@ class Baseline:
         checked(request)
         if request.precision != DOUBLE:
             raise InputError(f"SciPy integrates in double precision only, not {request.precision.name}")
+        if request.divergence:
+            raise InputError("the baseline does not integrate the divergence: ask the Taylor engine")
         if request.error_estimate:
             raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
         friction = checked_friction(request.friction)

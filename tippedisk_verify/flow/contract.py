@@ -109,6 +109,9 @@ class Request:
     times: Any = None  #: sample times, strictly rising from 0 or later (falling for a backward run)
     dense: bool = False  #: a function of time that interpolates to the integrator's accuracy
     variations: tuple[Variation, ...] = ()  #: derivatives of the final state with respect to these
+    divergence: bool = (
+        False  #: the integral of div f along the orbit (Liouville: log of the flow's Jacobian determinant)
+    )
     events: tuple[Event, ...] = ()
     error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
     domain: Literal["event", "samples", "none"] = "event"
@@ -131,6 +134,7 @@ class Build:
     precision: str  #: e.g. ``double``
     friction: str
     variations: tuple[str, ...]
+    divergence: bool
     events: tuple[str, ...]
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
     seconds: float  #: spent building it, in this process
@@ -142,6 +146,7 @@ class Build:
             "precision": self.precision,
             "friction": self.friction,
             "variations": list(self.variations),
+            "divergence": self.divergence,
             "events": list(self.events),
             "u_variables": self.u_variables,
         }
@@ -180,6 +185,7 @@ class Result:
     samples: Any = None  #: (n, 3) states at the sample times that were reached
     dense: Callable[[Any], Any] | None = None  #: times (n,) -> states (n, 3)
     derivatives: Any = None  #: (3, number of variations) d(final state)/d(variations), at fixed final time
+    divergence: Any = None  #: integral of d(v')/d(v) over the run [1]
     events: tuple[EventRecord, ...] = ()
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, where the method counts them

@@ -26,7 +26,7 @@ from tippedisk_verify.flow.contract import (
     checked,
     starts_on,
 )
-from tippedisk_verify.model.equations import checked_friction, field
+from tippedisk_verify.model.equations import checked_friction, field, jacobian
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
@@ -66,7 +66,7 @@ class Taylor:
         events = request.events
         if request.domain == "event" and FLAT not in events:
             events = (*events, FLAT)
-        key = (precision, request.friction, request.variations, events, request.tolerance)
+        key = (precision, request.friction, request.variations, request.divergence, events, request.tolerance)
         integrator = self._integrators.get(key)
         if integrator is None:
             integrator = self._integrators[key] = _Integrator(
@@ -129,9 +129,13 @@ class _Integrator:
                 )
                 for event in passing
             ]
-        start = [number(1), number(1), number(0)]
+        start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
+        self._size = len(start)
         self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(_PARAMETERS), **options)
-        self._identity = stepper.state[3:].copy() if request.variations else None
+        self._divergence = request.divergence
+        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
+        extended = request.variations or request.divergence
+        self._identity = stepper.state[3:].copy() if extended else None
         self._zero = number(0)
         self._finished = hy.taylor_outcome.time_limit
         self._sin = precision.ops.sin
@@ -141,6 +145,7 @@ class _Integrator:
             precision=precision.name,
             friction=request.friction,
             variations=request.variations,
+            divergence=request.divergence,
             events=tuple(event.name for event in events),
             u_variables=len(stepper.decomposition) - stepper.dim,
             seconds=time.perf_counter() - begin,
@@ -236,9 +241,13 @@ class _Integrator:
     def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
         stepper = self._stepper
         final = stepper.state.copy()
-        derivatives = None
+        derivatives = divergence = None
         if self._identity is not None:
-            derivatives, final = final[3:].reshape(3, -1), final[:3]
+            if self._divergence:
+                divergence = final[3]
+            if self.build.variations:
+                derivatives = final[self._size :].reshape(self._size, -1)[:3]
+            final = final[:3]
         events: tuple[EventRecord, ...] = ()
         if self._crossings:
             events = tuple(self._records)
@@ -250,6 +259,7 @@ class _Integrator:
             samples=samples,
             dense=None if dense is None else _copied(dense, self.precision),
             derivatives=derivatives,
+            divergence=divergence,
             events=events,
             built=self._built,
         )
@@ -284,6 +294,9 @@ def _system(request: Request, events: tuple[Any, ...]) -> tuple[Any, dict[str, A
     constants = Constants(**{name: pars.get(name) for name in Constants._fields})
     rates = field(hy, constants, omega, "linear")(*state)
     system: Any = list(zip(state, rates, strict=True))
+    if request.divergence:
+        slope = jacobian(hy, constants, omega, "linear")(*state)[2][2]
+        system.append((hy.make_vars("divergence"), slope))
     if request.variations:
         known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars
         unknown = [name for name in request.variations if name not in known]

@@ -441,7 +441,9 @@ def _measured(
     floor = ctx.mpf(10) ** (-digits - 3)
 
     def held(value: Any, error: Any) -> Measured:
-        return Measured.of(value, 2 * error + abs(value) * floor)
+        # Twice the leading term of the error. One number's share in it may be small by chance: the frequency's relative
+        # error, which all of them follow, is the least that each has.
+        return Measured.of(value, 2 * error + abs(value) * (relative + floor))
 
     period = 2 * ctx.pi / sharp.frequency
     sizes = [
