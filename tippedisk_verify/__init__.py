@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+    from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
@@ -56,6 +57,7 @@ _HOMES = {
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.heteroclinic": ("bisect_omega_h",),
+    "orbits.periodic": ("limit_cycle",),
     "orbits.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),
     "theory.harmonic_balance": ("one_harmonic",),
@@ -93,6 +95,7 @@ __all__ = [
     "equilibrium",
     "exact",
     "hopf_point",
+    "limit_cycle",
     "omega_crit",
     "one_harmonic",
     "period_crit",

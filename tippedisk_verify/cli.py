@@ -292,6 +292,23 @@ def slow_manifold(common: Common, order: int, omega: str | None) -> int:
     return 0
 
 
+@cli.command()
+@_speed_options
+@common_options
+def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
+    """One limit cycle by shooting: period, state, multipliers, sensitivities."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.periodic import limit_cycle
+
+    if common.friction == "smooth":
+        raise InputError("limit cycles are offered for the linear friction law")
+    speed = _speed(common, omega, below_crit)
+    found = limit_cycle(common.parameters, speed, default_engine(common.friction), digits=common.digits).json()
+    del found["residuals"]  # of interest to who studies the iteration, from Python
+    _print_result(common, found)
+    return 0
+
+
 @cli.command("harmonic-balance")
 @_speed_options
 @click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")

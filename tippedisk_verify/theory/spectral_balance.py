@@ -26,7 +26,7 @@ from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory.harmonic_balance import slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
 
-__all__ = ["BalancedCycle", "balanced_cycle"]
+__all__ = ["BalancedCycle", "approximate_cycle", "balanced_cycle"]
 
 _MOST_HARMONICS = 1024
 _FIRST_HARMONICS = 12
@@ -88,6 +88,16 @@ def balanced_cycle(
         count = min(_MOST_HARMONICS, int((count + missing / lost + 2) * 1.1))
         start = start.resampled(count)
         start = _newton(parameters, float(speed.rational), start)
+
+
+def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
+    """(gamma_bar, v) at beta = pi/2, v < 0, of the limit cycle at ``omega``, good enough to start shooting from.
+
+    Raises NoSuchCycleError as `balanced_cycle` does.
+    """
+    guess = _found(parameters, omega, None)
+    gamma, v = _motion(guess.beta, guess.frequency, float(omega), _Operators.of(guess.harmonics), numpy.sin)
+    return float(gamma[0]), float(v[0])
 
 
 # ------------------------------------------------------------------------------------------ the discrete problem

@@ -1,0 +1,346 @@
+"""Limit cycles by Newton shooting on the half-period map, in any precision.
+
+By the point symmetry S the flow from the section beta = pi/2 (v < 0) to the next crossing (v > 0), followed by S, is a
+map of the section into itself whose square is the return map. A fixed point is a symmetric limit cycle, T is twice the
+flight time, and the multipliers are the squares of the map's. gamma is extreme on the section, for gamma' vanishes
+there.
+
+The flow's derivatives come from the variational equations in double; above double the same derivative serves in chord
+steps, each gaining about as many digits as a double has, and the variational equations run once more at the end. Every
+number is then computed again in a wider arithmetic: the difference is its error, rounding of the inputs included.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
+from tippedisk_verify.model.exact import PI, Exact, exact, fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+from tippedisk_verify.theory.spectral_balance import approximate_cycle
+
+__all__ = ["HalfMap", "LimitCycle", "Shot", "half_map", "limit_cycle", "shoot", "shoot_full_period"]
+
+_RETURNS = Event("returns", SECTION.function, direction=-1)
+_EXTREME = Event("extreme", TURN.function, terminal=False)
+_VARIATIONS = ("beta", "gamma", "v", "Omega")  # beta too: with four, heyoka differentiates in reverse, with less work
+_QUARTER = PI * Fraction(1, 2)
+_MOST_STEPS = 25
+_LONGEST_FLIGHT = 200  # s; half a period at Omega_h + 1e-280
+
+
+@dataclass(frozen=True)
+class HalfMap:
+    """The flow from the section to its next crossing and back by the symmetry, with derivatives.
+
+    ``residual`` is (gamma_bar, v) after the map minus before; matrices are with respect to (gamma_bar, v).
+    """
+
+    time: Any  #: flight time [s]
+    residual: tuple[Any, Any]  #: [rad, rad/s]
+    matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: of the map (S after the flow)
+    by_omega: tuple[Any, Any]
+    time_by_state: tuple[Any, Any]
+    time_by_omega: Any
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a Newton iteration went: where it ended and the size of its residual at each step."""
+
+    state: tuple[Any, Any]  #: (gamma_bar, v) on the section
+    residuals: tuple[float, ...]
+    map: HalfMap
+
+
+@dataclass(frozen=True)
+class LimitCycle:
+    """A limit cycle with its multipliers and sensitivities; every number with a half-width that holds the truth."""
+
+    omega: Measured  #: [rad/s]
+    period: Measured  #: T [s]
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
+    v_0: Measured  #: v there [rad/s]
+    beta_max: Measured  #: largest |beta - pi/2| [rad]
+    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier [1]
+    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
+    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
+    dperiod_domega: Measured  #: [s^2/rad]
+    dgamma_bar_0_domega: Measured  #: [s]
+    dv_0_domega: Measured  #: [1]
+    stable: bool | None  #: None if the multiplier's half-width holds 1
+    residuals: tuple[float, ...]  #: of the Newton iteration in double
+
+    def json(self) -> dict[str, object]:
+        return {
+            name: value.json() if isinstance(value, Measured) else list(value) if isinstance(value, tuple) else value
+            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
+        }
+
+
+def half_map(
+    parameters: Parameters, omega: Any, state: Sequence[Any], engine: Engine, precision: Precision = DOUBLE
+) -> HalfMap:
+    """The map and its derivatives at (gamma_bar, v) on the section. Raises NoSuchCycleError without a return."""
+    result = _flight(parameters, omega, state, engine, precision, variations=_VARIATIONS)
+    _, gamma_row, v_row = result.derivatives
+    beta_row = result.derivatives[0]
+    v_end = result.state[2]
+    v_rate = _rate(parameters, omega, result, precision)
+    # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
+    flight = [-beta_row[k] / v_end for k in range(4)]
+    v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
+    gamma_bar, v = (precision.number(part) for part in state)
+    half_pi = precision.number(_QUARTER)
+    return HalfMap(
+        time=result.time,
+        residual=(-(result.state[1] - half_pi) - gamma_bar, -v_end - v),
+        matrix=((-gamma_row[1], -gamma_row[2]), (-v_section[1], -v_section[2])),
+        by_omega=(-gamma_row[3], -v_section[3]),
+        time_by_state=(flight[1], flight[2]),
+        time_by_omega=flight[3],
+    )
+
+
+def _flight(
+    parameters: Parameters, omega: Any, state: Sequence[Any], engine: Engine, precision: Precision, **needs: Any
+) -> Result:
+    gamma_bar, v = state
+    if not float(v) < 0:
+        raise NoSuchCycleError("shooting starts at beta = pi/2 with v < 0: the guess has left that side of the section")
+    start = (_QUARTER, Exact(fraction(precision.number(gamma_bar)), Fraction(1, 2)), v)
+    events = (_RETURNS, *needs.pop("events", ()))
+    request = Request(
+        parameters, omega, start, _LONGEST_FLIGHT, precision=precision, events=events, domain="none", **needs
+    )
+    result = engine(request)
+    if result.status is not Status.EVENT:
+        raise NoSuchCycleError(f"the orbit does not return to beta = pi/2: {result.status.value}")
+    return result
+
+
+def _rate(parameters: Parameters, omega: Any, result: Result, precision: Precision) -> Any:
+    from tippedisk_verify.model.equations import acceleration
+
+    constants = parameters.at(precision)
+    beta, gamma, v = result.state
+    return acceleration(precision.ops, constants, precision.number(omega), beta, gamma, v, "linear")
+
+
+def _newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
+    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
+    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
+    determinant = a * d - b * c
+    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
+
+
+def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine) -> Shot:
+    """Damped Newton iteration in double from a guess (gamma_bar, v).
+
+    Raises NoSuchCycleError if it does not converge, or if it shrinks towards the equilibrium, which is the trivial
+    solution: an amplitude below a fifth of the guess's is not followed.
+    """
+    state = (float(guess[0]), float(guess[1]))
+    scale = abs(state[0]) + abs(state[1]) / 10
+    residuals: list[float] = []
+    here = half_map(parameters, omega, state, engine)
+    for _ in range(_MOST_STEPS):
+        size = _size(here.residual)
+        residuals.append(size)
+        # Round-off of half a period: some hundred ulps of the state.
+        if size < 1e-15 * scale or (len(residuals) > 2 and size < 1e-12 * scale and size >= residuals[-2] / 2):
+            return Shot(state, tuple(residuals), here)
+        step = _newton_step(here.matrix, here.residual)
+        share = 1.0
+        while True:
+            ahead = (state[0] + share * step[0], state[1] + share * step[1])
+            if not all(map(math.isfinite, ahead)):
+                raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
+            if abs(ahead[0]) + abs(ahead[1]) / 10 < scale / 5:
+                raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
+            try:
+                found = half_map(parameters, omega, ahead, engine)
+            except NoSuchCycleError:
+                found = None
+            if found is not None and (_size(found.residual) < size or size < 1e-10 * scale):
+                break
+            share /= 2
+            if share < 1e-3:
+                raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
+        state, here = ahead, found
+    raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+
+
+def _size(residual: Sequence[Any]) -> float:
+    return abs(float(residual[0])) + abs(float(residual[1])) / 10
+
+
+def shoot_full_period(
+    parameters: Parameters, omega: Any, state: Sequence[float], period: float, engine: Engine
+) -> tuple[tuple[float, float, float], float, tuple[float, ...]]:
+    """The paper's own form, without the symmetry: periodicity residual r_p and anchor r_a = beta_bar_0, four unknowns.
+
+    ``state`` is (beta_bar, gamma_bar, v); returns the state and period found and the residual of each step.
+    Raises NoSuchCycleError as `shoot` does.
+    """
+    import numpy
+
+    unknown = numpy.array([*map(float, state), float(period)])
+    scale = abs(unknown[1]) + abs(unknown[2]) / 10
+    half_pi = math.pi / 2
+    residuals: list[float] = []
+    rates = _double_field(parameters, omega)
+    for _ in range(_MOST_STEPS):
+        start = (half_pi + unknown[0], half_pi + unknown[1], unknown[2])
+        result = engine(Request(parameters, omega, start, unknown[3], variations=("beta", "gamma", "v"), domain="none"))
+        if result.status is not Status.REACHED:
+            raise NoSuchCycleError(f"the orbit could not be followed for a period: {result.status.value}")
+        residual = numpy.array([*(result.state - numpy.array(start)), unknown[0]])
+        residuals.append(float(abs(residual[0]) + abs(residual[1]) + abs(residual[2]) / 10))
+        if residuals[-1] < 1e-14 * scale or (len(residuals) > 2 and residuals[-2] / 2 <= residuals[-1] < 1e-11 * scale):
+            return (float(unknown[0]), float(unknown[1]), float(unknown[2])), float(unknown[3]), tuple(residuals)
+        matrix = numpy.zeros((4, 4))
+        matrix[:3, :3] = result.derivatives - numpy.eye(3)
+        matrix[:3, 3] = rates(*result.state.tolist())
+        matrix[3, 0] = 1.0
+        unknown = unknown - numpy.linalg.solve(matrix, residual)
+        if not numpy.isfinite(unknown).all() or unknown[3] <= 0:
+            raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
+        if abs(unknown[1]) + abs(unknown[2]) / 10 < scale / 5:
+            raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
+    raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+
+
+def _double_field(parameters: Parameters, omega: Any) -> Any:
+    from tippedisk_verify.model.equations import field
+
+    return field(math, parameters.at(DOUBLE), DOUBLE.number(omega), "linear")
+
+
+# ------------------------------------------------------------------------------------------------ with uncertainties
+def limit_cycle(
+    parameters: Parameters,
+    omega: object,
+    engine: Engine,
+    *,
+    digits: int = 12,
+    guess: Sequence[float] | None = None,
+    precision: Precision | None = None,
+) -> LimitCycle:
+    """The limit cycle of the linear law at ``omega`` [rad/s], each number to about ``digits`` significant digits.
+
+    Without a ``guess`` (gamma_bar, v) harmonic balance provides one. Up to 12 digits everything runs in double if that
+    holds them (close to the Hopf point it does not), with the error measured in a wider arithmetic; ``precision`` fixes
+    the arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive, NoSuchCycleError where
+    none is found, Shortfall if the digits are not reached.
+    """
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    value = speed.rational
+    if guess is None:
+        guess = approximate_cycle(parameters, value)
+    shot = shoot(parameters, value, guess, engine)
+    if precision is not None:
+        return _measured(parameters, value, shot, engine, precision)
+    if digits <= 12:
+        cycle = _measured(parameters, value, shot, engine, DOUBLE)
+        if _lacking(cycle, digits) is None:
+            return cycle
+    # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
+    cycle = _measured(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
+    if name := _lacking(cycle, digits):
+        raise Shortfall(f"{name} has fewer than {digits} digits this close to a bifurcation: ask for {digits + 20}")
+    return cycle
+
+
+def _lacking(cycle: LimitCycle, digits: int) -> str | None:
+    """The first main result that has fewer digits than asked for."""
+    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
+        measured = getattr(cycle, name)
+        if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
+            return name
+    return None
+
+
+def _measured(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, precision: Precision) -> LimitCycle:
+    """The cycle in one arithmetic, with half-widths from a wider one."""
+    rough = _numbers(parameters, value, shot, engine, precision)
+    sharp = _numbers(parameters, value, shot, engine, companion(precision))
+    measured = {}
+    for name, number in rough.items():
+        mine, true = fraction(number), fraction(sharp[name])
+        # An eighth for what the wider run's own error may be, and an ulp, the least that can be claimed.
+        width = abs(mine - true) * Fraction(9, 8) + abs(mine) * precision.epsilon
+        measured[name] = Measured(mine, width)
+    slow = measured["multiplier_slow"]
+    certain = abs(abs(slow.value) - 1) > slow.uncertainty
+    return LimitCycle(
+        omega=Measured(value, Fraction(0)),
+        **measured,
+        stable=bool(abs(slow.value) < 1) if certain else None,
+        residuals=shot.residuals,
+    )
+
+
+def _numbers(
+    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision
+) -> dict[str, Any]:
+    """All numbers of the cycle in one arithmetic."""
+    state = _sharpened(parameters, omega, shot, engine, precision)
+    here = half_map(parameters, omega, state, engine, precision)
+    flight = _flight(parameters, omega, state, engine, precision, divergence=True, events=(_EXTREME,))
+    half_pi = precision.number(_QUARTER)
+    turns = [record.state[0] for record in flight.events if record.name == _EXTREME.name]
+    (a, b), (c, d) = here.matrix
+    trace, determinant = a + d, a * d - b * c
+    # The larger root of l^2 - trace l + determinant; the determinant is some 1e-25 and only corrects it.
+    root = precision.ops.sqrt(trace * trace / 4 - determinant)
+    half = trace / 2 + (root if trace > 0 else -root)
+    slow = half * half
+    log_slow = precision.ops.log(slow)
+    by_omega = _newton_step(here.matrix, here.by_omega)
+    time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
+    return {
+        "period": 2 * here.time,
+        "gamma_bar_0": state[0],
+        "v_0": state[1],
+        "beta_max": max((abs(turn - half_pi) for turn in turns), default=abs(0 * half_pi)),
+        "multiplier_slow": slow,
+        "log_multiplier_slow": log_slow,
+        # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
+        "log_multiplier_fast": 2 * flight.divergence - log_slow,
+        "dperiod_domega": 2 * time,
+        "dgamma_bar_0_domega": by_omega[0],
+        "dv_0_domega": by_omega[1],
+    }
+
+
+def _sharpened(
+    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision
+) -> tuple[Any, Any]:
+    """Chord steps with the derivative from double, until the step is below rounding."""
+    state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
+    if precision == DOUBLE:
+        return state
+    matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
+    half_pi = precision.number(_QUARTER)
+    previous: Fraction | None = None
+    for _ in range(precision.bits // 8 + 8):
+        flight = _flight(parameters, omega, state, engine, precision)
+        residual = (-(flight.state[1] - half_pi) - state[0], -flight.state[2] - state[1])
+        step = _newton_step(matrix, residual)
+        state = (state[0] + step[0], state[1] + step[1])
+        size = fraction(abs(step[0]) + abs(step[1]))
+        # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
+        if size < 1000 * precision.epsilon or (previous is not None and 2 * size > previous):
+            return state
+        previous = size
+    raise Shortfall(f"the chord iteration has not converged in {precision.name} precision")
