@@ -95,7 +95,7 @@ def projected(with_cubic_kinematics: bool) -> tuple[sp.Expr, sp.Expr]:
 
 
 def test_projection_gives_the_balances() -> None:
-    """The printed kappa_2 belongs to the printed kinematics, the consistent one to the whole; kappa_1 is 'consistent'."""
+    """The printed kappa_2 belongs to the printed kinematics; the printed kappa_1 to nothing."""
     for cubic, form in ((False, "printed"), (True, "consistent")):
         sine, cosine = projected(cubic)
         kappa = harmonic_balance.kappa_1(SYMBOLS, Omega, w**2, "consistent")

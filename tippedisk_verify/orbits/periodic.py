@@ -238,8 +238,8 @@ def limit_cycle(
 
     Without a ``guess`` (gamma_bar, v) harmonic balance provides one. Up to 12 digits everything runs in double if that
     holds them (close to the Hopf point it does not), with the error measured in a wider arithmetic; ``precision`` fixes
-    the arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive, NoSuchCycleError where
-    none is found, Shortfall if the digits are not reached.
+    the arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
+    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
@@ -257,7 +257,7 @@ def limit_cycle(
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
     cycle = _measured(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
-        raise Shortfall(f"{name} has fewer than {digits} digits this close to a bifurcation: ask for {digits + 20}")
+        raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
 
 
