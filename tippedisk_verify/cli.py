@@ -309,6 +309,43 @@ def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
     return 0
 
 
+@cli.command()
+@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
+@common_options
+def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None) -> int:
+    """The family of limit cycles between Omega_h and Omega_crit."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits import branches
+
+    if common.friction == "smooth":
+        raise InputError("limit cycles are offered for the linear friction law")
+    if common.digits > 12:
+        raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
+    if paper_sets and omegas is not None:
+        raise InputError("give either --paper-sets or --omegas")
+    target = None if out is None else branches.target(out)
+    engine = default_engine(common.friction)
+    total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
+    cycles = []
+    with _progress(common, total) as advance:
+        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
+            cycles.append(cycle)
+            advance(f"Omega = {float(cycle.omega):.6g}", 1)
+    if target is not None:
+        branches.write(cycles, target)
+    if common.json:
+        _print_json({"orbits": [branches.entry(cycle) for cycle in cycles]})
+    elif not common.quiet:
+        for cycle in cycles:
+            click.echo(
+                f"Omega {float(cycle.omega):.10f}  T {float(cycle.period):.12f} s"
+                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier {float(cycle.multiplier_slow):.6g}"
+            )
+    return 0
+
+
 @cli.command("harmonic-balance")
 @_speed_options
 @click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")

@@ -11,10 +11,11 @@ from typing import Any
 from tippedisk_verify.files import write_bytes
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
-__all__ = ["draw_eigenvalues", "draw_harmonic_balance", "draw_scenes_2d", "draw_scenes_3d", "save"]
+__all__ = ["draw_branch", "draw_eigenvalues", "draw_harmonic_balance", "draw_scenes_2d", "draw_scenes_3d", "save"]
 
 # Okabe and Ito's palette: told apart by readers with any colour vision, and of different lightness in grey.
 _ORBITS = ("#0072B2", "#E69F00")
@@ -283,3 +284,34 @@ def draw_harmonic_balance(parameters: Parameters, distances: Sequence[str]) -> t
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].legend(frameon=False)
     return figure, [(key, *point) for key, points in curves.items() for point in points]
+
+
+def draw_branch(parameters: Parameters, cycles: Sequence[LimitCycle]) -> tuple[Any, list[tuple[float, ...]]]:
+    """Amplitude, period and slow multiplier of the family against Omega (the paper's Figures Shooting and sketch)."""
+    from fractions import Fraction
+
+    from tippedisk_verify.errors import Shortfall
+    from tippedisk_verify.theory.harmonic_balance import one_harmonic
+
+    ordered = sorted(cycles, key=lambda cycle: cycle.omega.value)
+    rows = [
+        tuple(float(getattr(c, name)) for name in ("omega", "beta_max", "period", "multiplier_slow")) for c in ordered
+    ]
+    law = []
+    for omega, *_ in rows:
+        try:
+            found = one_harmonic(parameters, Fraction(omega), "printed")
+        except Shortfall:
+            continue
+        law.append((omega, float(found.amplitude), float(found.period)))
+    figure, axes = _pyplot().subplots(1, 3, figsize=(11.5, 3.3), layout="constrained")
+    names = ("largest |β − π/2| [rad]", "period T [s]", "slow Floquet multiplier")
+    for column, (axis, name) in enumerate(zip(axes, names, strict=True), start=1):
+        axis.plot([r[0] for r in rows], [r[column] for r in rows], color=_ATTRACTOR, lw=1.6, label="shooting")
+        if column < 3:
+            axis.plot([r[0] for r in law], [r[column] for r in law], "--", color="black", lw=1.0, label="printed law")
+        axis.set_xlabel("Ω [rad/s]")
+        axis.set_ylabel(name)
+        axis.grid(lw=0.3, alpha=0.5)
+    axes[0].legend(frameon=False)
+    return figure, rows

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, Verdict
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
@@ -111,6 +113,9 @@ def write_report(
         figures.append(_write_eigenvalues(folder, audit.parameters))
     if "amplitude_law" in names and audit.friction == "linear":
         figures.append(_write_harmonic_balance(folder, audit.parameters))
+    if "stable_branch" in names and audit.friction == "linear":
+        with suppress(InputError, Shortfall):  # the claim's note says why there is no family
+            figures.append(_write_branch(folder, audit))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     write_csv(
         folder / "claims.csv",
@@ -166,6 +171,16 @@ def _write_harmonic_balance(folder: Path, parameters: Parameters) -> str:
     save(figure, folder, "harmonic_balance")
     write_csv(folder / "harmonic_balance.csv", ("curve", "Omega [rad/s]", "beta_max [rad]", "T [s]"), rows)
     return "harmonic_balance"
+
+
+def _write_branch(folder: Path, audit: Audit) -> str:
+    from tippedisk_verify.plots import draw_branch, save
+
+    figure, rows = draw_branch(audit.parameters, audit.family(audit.parameters.name))
+    save(figure, folder, "branch")
+    header = ("Omega [rad/s]", "beta_max [rad]", "T [s]", "slow multiplier")
+    write_csv(folder / "branch.csv", header, rows)
+    return "branch"
 
 
 def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None:
@@ -226,6 +241,7 @@ def _markdown(
         "scenes_3d": "Orbits and slow manifold in state space",
         "scenes_2d": "The same orbits, projected onto beta and gamma",
         "eigenvalues": "Eigenvalues of inverted spinning against the spinning speed",
+        "branch": "The family of limit cycles",
         "harmonic_balance": "One-harmonic laws against numerical harmonic balance",
     }
     if figures:

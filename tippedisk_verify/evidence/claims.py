@@ -18,7 +18,9 @@ from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
+from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.heteroclinic import Connection, bisect_omega_h
+from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
 __all__ = ["Audit", "Claim", "Finding", "Verdict", "audited", "number", "per_set", "rounds_to"]
@@ -80,6 +82,7 @@ class Audit:
     omega_h_builds: dict[Build, None] = field(default_factory=dict)
     _connections: dict[str, Connection] = field(default_factory=dict)
     _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
+    _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
 
     @cached_property
     def sets(self) -> dict[str, Parameters]:
@@ -96,6 +99,14 @@ class Audit:
             self._connections[name] = bisect_omega_h(self.sets[name], self.engine, friction=self.friction)
             self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
         return self._connections[name].omega_h
+
+    def family(self, name: str) -> tuple[LimitCycle, ...]:
+        """An overview of a set's limit cycles. Raises Shortfall for the smooth law."""
+        if self.friction == "smooth":
+            raise Shortfall("limit cycles are offered for the linear friction law")
+        if name not in self._families:
+            self._families[name] = tuple(family(self.sets[name], self.engine))
+        return self._families[name]
 
     def panel(self, scene: str, name: str) -> Panel:
         """One of the six scenes of a set."""

@@ -1,0 +1,74 @@
+"""The family of limit cycles: the paper's sets, predictors, and the table that is written."""
+
+from __future__ import annotations
+
+import csv
+import json
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.orbits.branches import family
+from tippedisk_verify.orbits.continuation import continued, paper_sets
+from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.theory.hopf import omega_crit
+
+
+def test_paper_sets_follow_their_rule(taylor) -> None:
+    omega_h = bisect_omega_h(PRINTED, taylor).omega_h.value
+    sets = paper_sets(PRINTED, omega_h)
+    assert len(sets.increasing) == len(sets.decreasing) == 400
+    crit = float(omega_crit(PRINTED, 20))
+    for end, speeds in ((crit, sets.increasing), (float(omega_h), sets.decreasing)):
+        for before, after in pairwise((sets.start, *speeds)):
+            # The recursion in double: an ulp of Omega, 3.6e-15, per step.
+            assert abs(after - (before + (end - before) / 100)) < 1e-14
+
+
+def test_tangent_prediction_meets_independent_cycles(taylor) -> None:
+    speeds = [30.7, 30.5, 30.3, 30.15, 30.07]
+    for cycle, speed in zip(continued(PRINTED, speeds, taylor), speeds, strict=True):
+        alone = limit_cycle(PRINTED, speed, taylor, digits=20)
+        for name in ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_fast"):
+            assert getattr(cycle, name).holds(getattr(alone, name).value), name
+
+
+def test_the_overview_is_monotone_and_stable(taylor) -> None:
+    cycles = list(family(CALIBRATED, taylor))
+    for slower, faster in pairwise(sorted(cycles, key=lambda cycle: cycle.omega.value)):
+        assert slower.period.value > faster.period.value
+        assert slower.beta_max.value > faster.beta_max.value
+    assert all(cycle.stable for cycle in cycles)
+
+
+@pytest.mark.slow
+def test_the_papers_801_cycles(taylor) -> None:
+    cycles = list(family(CALIBRATED, taylor, paper_sets=True))
+    assert len(cycles) == 801
+    assert all(cycle.stable for cycle in cycles)
+    for cycle in cycles:
+        assert cycle.residuals[-1] < 1e-12 * abs(float(cycle.gamma_bar_0))
+        assert cycle.period.uncertainty < Fraction(1, 10**12)
+
+
+def test_command(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "branch.csv"
+    assert main(["branch", "--omegas", "30.6,30.4", "--json", "--out", str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [float(orbit["omega"]["value"]) for orbit in result["orbits"]] == [30.6, 30.4]
+    rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
+    assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
+    for wrong in (
+        ["--omegas", "30.4,x"],
+        ["--omegas", "31.5"],
+        ["--omegas", "30.4", "--paper-sets"],
+        ["--digits", "20"],
+        ["--omegas", "30.4", "--out", str(tmp_path / "no" / "where.csv")],
+    ):
+        assert main(["branch", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1

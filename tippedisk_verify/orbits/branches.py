@@ -1,0 +1,74 @@
+"""Families of limit cycles as tables: which speeds, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import write_csv
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.continuation import PAPER_GUESS, continued
+from tippedisk_verify.orbits.continuation import paper_sets as sets_of
+from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["DEFAULT_COUNT", "entry", "family", "target", "write"]
+
+DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
+
+
+def family(
+    parameters: Parameters, engine: Engine, *, paper_sets: bool = False, omegas: str | None = None
+) -> Iterator[LimitCycle]:
+    """The paper's 801 cycles (from its own guess), those at a comma-separated list of speeds, or an even overview.
+
+    Raises InputError for speeds that are no positive decimals, NoSuchCycleError where the family ends.
+    """
+    if omegas is not None:
+        speeds = [exact(text) for text in omegas.split(",")]
+        if any(speed.pi_multiple or speed.rational <= 0 for speed in speeds):
+            raise InputError("each speed must be a positive decimal")
+        yield from continued(parameters, [float(speed) for speed in speeds], engine)
+        return
+    omega_h = bisect_omega_h(parameters, engine).omega_h.value
+    if not paper_sets:
+        crit = omega_crit(parameters, 20).value
+        # From just below Omega_crit down to a thousandth of the way above Omega_h, closer together towards both ends.
+        shares = [(2 * n - DEFAULT_COUNT + 1) / (DEFAULT_COUNT - 1) for n in range(DEFAULT_COUNT)]
+        spread = [0.5 + 0.499 * share * (1.5 - 0.5 * share * share) for share in shares]
+        yield from continued(parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine)
+        return
+    sets = sets_of(parameters, omega_h)
+    start = limit_cycle(parameters, sets.start, engine, guess=PAPER_GUESS, precision=DOUBLE)
+    yield start
+    yield from continued(parameters, sets.increasing, engine, first=start)
+    yield from continued(parameters, sets.decreasing, engine, first=start)
+
+
+def entry(cycle: LimitCycle) -> dict[str, object]:
+    """One orbit as JSON, without the history of its iteration."""
+    found = cycle.json()
+    del found["residuals"]
+    return found
+
+
+def target(path: str) -> Path:
+    """The file to write a family to. Raises InputError if it cannot be one."""
+    found = Path(path)
+    if not path or not found.parent.is_dir() or found.is_dir():
+        raise InputError(f"'{path}' cannot be written: it needs an existing folder and a file name")
+    return found
+
+
+def write(cycles: Sequence[LimitCycle], path: Path) -> None:
+    """The family as CSV: for each number its value and its half-width."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    write_csv(path, [*header, "stable"], rows)

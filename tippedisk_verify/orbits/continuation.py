@@ -1,0 +1,89 @@
+"""The family of limit cycles: continuation in Omega with a tangent predictor, and the paper's sets of speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["PAPER_GUESS", "PaperSets", "continued", "paper_sets"]
+
+#: Table initail of the paper, the guess (gamma_bar, v) [rad, rad/s] at Omega_crit - 0.5.
+PAPER_GUESS = (1.69, -1.72)
+_STEPS = 400
+_FEWEST_HALVINGS = 12
+
+
+@dataclass(frozen=True)
+class PaperSets:
+    """The paper's speeds [rad/s]: 400 steps from Omega_0 = Omega_crit - 0.5 to each end, each a hundredth of the rest.
+
+    As doubles, because the paper's are. The paper's index set I = {1, ..., 400} leaves Omega_1 undefined; here Omega_1
+    follows from Omega_0 by the same rule.
+    """
+
+    start: float
+    increasing: tuple[float, ...]
+    decreasing: tuple[float, ...]
+
+
+def paper_sets(parameters: Parameters, omega_h: Fraction) -> PaperSets:
+    """A^in towards Omega_crit and A^de towards the given Omega_h, 400 speeds each besides the common Omega_0."""
+    crit = omega_crit(parameters, 40).value
+    start = crit - Fraction(1, 2)
+
+    def steps(end: Fraction) -> tuple[float, ...]:
+        return tuple(float(end + (start - end) * Fraction(99, 100) ** n) for n in range(1, _STEPS + 1))
+
+    return PaperSets(float(start), steps(crit), steps(omega_h))
+
+
+def continued(
+    parameters: Parameters, omegas: Sequence[float], engine: Engine, *, first: LimitCycle | None = None
+) -> Iterator[LimitCycle]:
+    """Limit cycles at one speed after the other, each predicted along the tangent of the one before.
+
+    ``first`` is a cycle to start from, near the first speed; without it harmonic balance starts the family. Where a
+    prediction does not converge, the step is halved, up to twelve times. Raises NoSuchCycleError where that does not
+    help.
+    """
+    previous = first
+    for omega in omegas:
+        target = Fraction(omega)
+        if previous is None:
+            previous = limit_cycle(parameters, target, engine, precision=DOUBLE)
+        else:
+            previous = _reached(parameters, previous, target, engine)
+        yield previous
+
+
+def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
+    for halvings in range(_FEWEST_HALVINGS + 1):
+        try:
+            found = here
+            parts = 2**halvings
+            begin = here.omega.value
+            for part in range(1, parts + 1):
+                omega = begin + (target - begin) * part / parts
+                guess = _predicted(found, omega)
+                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
+            return found
+        except NoSuchCycleError:
+            if halvings == _FEWEST_HALVINGS:
+                raise
+    raise AssertionError("unreachable")  # pragma: no cover
+
+
+def _predicted(here: LimitCycle, omega: Fraction) -> tuple[float, float]:
+    step = float(omega - here.omega.value)
+    return (
+        float(here.gamma_bar_0) + step * float(here.dgamma_bar_0_domega),
+        float(here.v_0) + step * float(here.dv_0_domega),
+    )
