@@ -6,65 +6,21 @@ Nothing but click is imported until a command runs.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar
+from collections.abc import Sequence
+from typing import Any, NoReturn
 
 import click
 
 from tippedisk_verify import __version__
+from tippedisk_verify.cli_common import Common, Interrupts, common_options, print_json, progress
+from tippedisk_verify.cli_numbers import COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-@dataclass(frozen=True)
-class Common:
-    """The options that every command takes, checked."""
-
-    parameters: Any
-    friction: Any
-    digits: int
-    json: bool
-    quiet: bool
-
-
-def common_options(command: F) -> F:
-    """Add the common options and hand them to the command as one `Common`."""
-    from functools import wraps
-
-    @wraps(command)
-    def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
-        from tippedisk_verify.model.equations import checked_friction
-        from tippedisk_verify.model.parameters import Parameters
-        from tippedisk_verify.model.precision import bits_for_digits
-
-        bits_for_digits(digits)  # refuses what no precision can hold
-        chosen = Common(Parameters.named(parameters), checked_friction(friction), digits, as_json, quiet)
-        return command(chosen, **options)
-
-    for option in reversed(
-        (
-            click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
-                         help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
-            click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
-                         help="The friction law."),
-            click.option("--digits", type=int, default=12, show_default=True, metavar="N",
-                         help="Significant digits of each main result."),
-            click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
-            click.option("--quiet", is_flag=True, help="No progress and no table."),
-        )
-    ):  # fmt: skip
-        checked = option(checked)
-    return checked  # type: ignore[return-value]
 
 
 @click.group(
@@ -96,7 +52,7 @@ def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[
     folder = _folder(out)
     audit = Audit(common.parameters, default_engine(common.friction), common.friction, common.digits)
     findings = []
-    with _progress(common, len(claims) + (folder is not None)) as advance:
+    with progress(common, len(claims) + (folder is not None)) as advance:
         advance(claims[0].name, 0)
         for position, (claim, finding) in enumerate(audited(audit, claims)):
             findings.append((claim, finding))
@@ -110,7 +66,7 @@ def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[
         else:
             results = results_json(audit, findings)
     if common.json:
-        _print_json(results)
+        print_json(results)
     elif not common.quiet:
         _print_claims(audit, findings)
         if folder is not None:
@@ -155,7 +111,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
         given = Measured(number.rational, number.rational * 0)
     folder = _folder(out)
     engine = default_engine(common.friction)
-    with _progress(common, len(chosen)) as advance:
+    with progress(common, len(chosen)) as advance:
         found_with: tuple[Any, ...] = ()
         if given is None and any(panel.base == "Omega_h" for panel in chosen):
             from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
@@ -184,7 +140,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             "parameters": common.parameters.name,
             "friction": common.friction,
         }
-        _print_json(result)
+        print_json(result)
     elif not common.quiet:
         for drawn in panels:
             click.echo(f"scene {drawn.scene.name}: Omega = {drawn.omega} rad/s")
@@ -192,173 +148,6 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
                 ending = orbit.ending
                 detail = f" at {ending.time} s" if ending.time is not None else ""
                 click.echo(f"  orbit {start}: {ending.kind}{detail} ({ending.reason})")
-    return 0
-
-
-def _speed(common: Common, omega: str | None, below_crit: str | None) -> Any:
-    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
-    from fractions import Fraction
-
-    from tippedisk_verify.model.exact import exact
-    from tippedisk_verify.theory.hopf import omega_crit
-
-    if (omega is None) == (below_crit is None):
-        raise InputError("give the speed with either --omega or --below-crit")
-    number = exact(omega if omega is not None else below_crit)
-    if number.pi_multiple:
-        raise InputError("the speed must be a decimal")
-    if omega is not None:
-        speed = number.rational
-    else:
-        # 30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
-        speed = Fraction(omega_crit(common.parameters, common.digits + 30).decimals()[0]) - number.rational
-    if not 0 < speed < 10**6:
-        raise InputError(f"Omega must lie between 0 and 1e6 rad/s, not {float(speed):.12g}")
-    return speed
-
-
-def _speed_options(command: F) -> F:
-    command = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")(command)
-    return click.option("--omega", metavar="X", help="The spinning speed [rad/s].")(command)
-
-
-def _print_result(common: Common, result: dict[str, Any]) -> None:
-    """One JSON object, or its entries as lines."""
-    if common.json:
-        _print_json(result)
-    elif not common.quiet:
-        for name, value in result.items():
-            click.echo(f"{name}: {_said(value)}")
-
-
-def _said(value: Any) -> str:
-    if isinstance(value, dict) and set(value) == {"value", "uncertainty"}:
-        text, width = str(value["value"]), str(value["uncertainty"])
-        return text if width == "0" else f"{text} ± {width}"
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
-    if isinstance(value, list):
-        return "; ".join(_said(entry) for entry in value)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-@cli.command()
-@_speed_options
-@common_options
-def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
-    """States, eigenvalues and stability of inverted and noninverted spinning."""
-    from tippedisk_verify.theory.equilibria import equilibrium
-
-    speed = _speed(common, omega, below_crit)
-    _print_result(
-        common,
-        {
-            "inverted": equilibrium(common.parameters, speed, "inverted", common.digits).json(),
-            "noninverted": equilibrium(common.parameters, speed, "noninverted", common.digits).json(),
-        },
-    )
-    return 0
-
-
-@cli.command()
-@common_options
-def hopf(common: Common) -> int:
-    """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
-    from tippedisk_verify.theory.hopf import hopf_point
-
-    if common.friction == "smooth":
-        raise InputError(
-            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
-        )
-    _print_result(common, hopf_point(common.parameters, common.digits).json())
-    return 0
-
-
-@cli.command("slow-manifold")
-@click.option("--order", type=int, required=True, metavar="N", help="Highest order in epsilon, 0 to 40.")
-@click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
-@common_options
-def slow_manifold(common: Common, order: int, omega: str | None) -> int:
-    """Orders of the slow manifold, their residuals, and the reduced flow."""
-    from tippedisk_verify.theory.slow_manifold import study
-
-    if common.friction == "smooth":
-        raise InputError("the slow manifold's expansion is for the linear friction law")
-    speed = _speed(common, omega, None if omega is not None else "0.5")
-    found = study(common.parameters, speed, order, common.digits)
-    if found.warning and not common.quiet:
-        click.echo(f"tippedisk-verify: {found.warning}", err=True)
-    _print_result(common, found.json())
-    return 0
-
-
-@cli.command()
-@_speed_options
-@common_options
-def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
-    """One limit cycle by shooting: period, state, multipliers, sensitivities."""
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
-    if common.friction == "smooth":
-        raise InputError("limit cycles are offered for the linear friction law")
-    speed = _speed(common, omega, below_crit)
-    found = limit_cycle(common.parameters, speed, default_engine(common.friction), digits=common.digits).json()
-    del found["residuals"]  # of interest to who studies the iteration, from Python
-    _print_result(common, found)
-    return 0
-
-
-@cli.command()
-@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
-@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
-@click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
-@common_options
-def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None) -> int:
-    """The family of limit cycles between Omega_h and Omega_crit."""
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits import branches
-
-    if common.friction == "smooth":
-        raise InputError("limit cycles are offered for the linear friction law")
-    if common.digits > 12:
-        raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
-    if paper_sets and omegas is not None:
-        raise InputError("give either --paper-sets or --omegas")
-    target = None if out is None else branches.target(out)
-    engine = default_engine(common.friction)
-    total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
-    cycles = []
-    with _progress(common, total) as advance:
-        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
-            cycles.append(cycle)
-            advance(f"Omega = {float(cycle.omega):.6g}", 1)
-    if target is not None:
-        branches.write(cycles, target)
-    if common.json:
-        _print_json({"orbits": [branches.entry(cycle) for cycle in cycles]})
-    elif not common.quiet:
-        for cycle in cycles:
-            click.echo(
-                f"Omega {float(cycle.omega):.10f}  T {float(cycle.period):.12f} s"
-                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier {float(cycle.multiplier_slow):.6g}"
-            )
-    return 0
-
-
-@cli.command("harmonic-balance")
-@_speed_options
-@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
-@common_options
-def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, harmonics: int | None) -> int:
-    """A limit cycle by harmonic balance of the full equations, without an integrator."""
-    from tippedisk_verify.theory.spectral_balance import balanced_cycle
-
-    if common.friction == "smooth":
-        raise InputError("harmonic balance is offered for the linear friction law")
-    speed = _speed(common, omega, below_crit)
-    found = balanced_cycle(common.parameters, speed, digits=common.digits, harmonics=harmonics)
-    _print_result(common, found.json())
     return 0
 
 
@@ -370,10 +159,6 @@ def _folder(out: str | None) -> Any:
     from tippedisk_verify.files import output_folder
 
     return output_folder(out)
-
-
-def _print_json(result: dict[str, Any]) -> None:
-    click.echo(json.dumps(result, indent=1, ensure_ascii=False))
 
 
 def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
@@ -400,48 +185,16 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     console.print(table)
 
 
-@contextmanager
-def _progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
-    """A live bar on a terminal's standard error, nothing anywhere else."""
-    if common.quiet or not sys.stderr.isatty():
-        yield lambda label, steps: _raise_if_interrupted()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-
-        def advance(label: str, steps: int) -> None:
-            _raise_if_interrupted()
-            bar.update(task, description=label, advance=steps)
-
-        yield advance
-
-
-_interrupted = False
-
-
-def _interrupt(number: int, frame: object) -> NoReturn:
-    """Ctrl-C, remembered as well: an extension module that is being imported may clear the exception."""
-    global _interrupted
-    _interrupted = True
-    raise KeyboardInterrupt
-
-
-def _raise_if_interrupted() -> None:
-    if _interrupted:
-        raise KeyboardInterrupt
+for command in COMMANDS:
+    cli.add_command(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status. For tests: takes the arguments as a list."""
-    global _interrupted
-    _interrupted = False
+    Interrupts.pressed = False
     try:
         if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, _interrupt)
+            signal.signal(signal.SIGINT, Interrupts.handle)
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk can still be told
     except click.exceptions.Exit as stop:

@@ -23,7 +23,7 @@ from tippedisk_verify.orbits.heteroclinic import Connection, bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
-__all__ = ["Audit", "Claim", "Finding", "Verdict", "audited", "number", "per_set", "rounds_to"]
+__all__ = ["Audit", "Claim", "Finding", "Verdict", "audited", "number", "per_set", "rounds_to", "wording"]
 
 
 class Verdict(Enum):
@@ -168,5 +168,14 @@ def per_set(
                 computed[name], holds[name] = "-", None
                 notes.append(f"{name}: {reason}")
         return Finding(computed, holds, "; ".join(notes), methods)
+
+    return examine
+
+
+def wording(is_: str, note: str) -> Callable[[Audit], Finding]:
+    """The examination of a word that is wrong whatever is computed."""
+
+    def examine(audit: Audit) -> Finding:
+        return Finding(dict.fromkeys(audit.sets, is_), dict.fromkeys(audit.sets, False), note, ("reading",))
 
     return examine

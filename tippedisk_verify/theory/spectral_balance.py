@@ -25,6 +25,7 @@ from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory.harmonic_balance import slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
+from tippedisk_verify.theory.odd_fourier import Samples, double_operators, motion, operators
 
 __all__ = ["BalancedCycle", "approximate_cycle", "balanced_cycle"]
 
@@ -96,7 +97,7 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     Raises NoSuchCycleError as `balanced_cycle` does.
     """
     guess = _found(parameters, omega, None)
-    gamma, v = _motion(guess.beta, guess.frequency, float(omega), _Operators.of(guess.harmonics), numpy.sin)
+    gamma, v = motion(guess.beta, guess.frequency, float(omega), double_operators(guess.harmonics), numpy.sin)
     return float(gamma[0]), float(v[0])
 
 
@@ -112,85 +113,17 @@ class _Shifted:
 _DOUBLE_OPS = _Shifted(numpy.sin, numpy.cos)
 
 
-def _operators(count: int, ctx: Any = None) -> tuple[Any, Any]:
-    """Differentiation and integration of odd harmonics on 2 * count points of half a period, in double or mpmath.
-
-    On n points D_jl = (-1)^(j-l) / sin(theta_j - theta_l), from the Fourier differentiation matrix of the whole period
-    folded by f(theta + pi) = -f(theta); its inverse is (2/n) sum over odd k < n of sin(k (theta_j - theta_l)) / k.
-    """
-    n = 2 * count
-    pi, sin = (ctx.pi, ctx.sin) if ctx is not None else (math.pi, math.sin)
-    zero = ctx.mpf(0) if ctx is not None else 0.0
-    sines = [sin(pi * j / n) for j in range(n)]
-    table = [*sines, *(-value for value in sines)]  # sin(pi j / n) for j modulo 2 n
-    slope = [zero, *((-1) ** j / sines[j] for j in range(1, n))]
-    integral = [sum((table[k * j % (2 * n)] / k for k in range(1, n, 2)), zero) * 2 / n for j in range(n)]
-    dtype = float if ctx is None else object
-    row, column = numpy.arange(n)[:, None], numpy.arange(n)[None, :]
-    away = abs(row - column)
-    sign = numpy.sign(row - column)
-    return numpy.array(slope, dtype=dtype)[away] * sign, numpy.array(integral, dtype=dtype)[away] * sign
-
-
-class _Operators:
-    """Double-precision operators, built once per size."""
-
-    _known: dict[int, tuple[Any, Any]] = {}  # noqa: RUF012 - a cache shared by design
-
-    @classmethod
-    def of(cls, count: int) -> tuple[Any, Any]:
-        if count not in cls._known:
-            cls._known[count] = _operators(count)
-        return cls._known[count]
-
-
-@dataclass(frozen=True)
-class _Guess:
-    """beta_bar at the points of half a period, and the cycle's angular frequency."""
-
-    beta: Any
-    frequency: Any
-
-    @property
-    def harmonics(self) -> int:
-        return len(self.beta) // 2
-
-    def coefficients(self) -> tuple[Any, Any]:
-        """Cosine and sine amplitudes of the odd harmonics."""
-        return _amplitudes(self.beta)
-
-    def resampled(self, count: int) -> _Guess:
-        """The same trigonometric polynomial on the points for another number of harmonics."""
-        cosines, sines = self.coefficients()
-        kept = min(count, len(cosines))
-        angles = numpy.outer(numpy.pi * numpy.arange(2 * count) / (2 * count), 2 * numpy.arange(kept) + 1)
-        beta = numpy.cos(angles) @ cosines[:kept] + numpy.sin(angles) @ sines[:kept]
-        return _Guess(beta, self.frequency)
-
-
-def _amplitudes(values: Any) -> tuple[Any, Any]:
-    n = len(values)
-    angles = numpy.outer(2 * numpy.arange(n // 2) + 1, numpy.pi * numpy.arange(n) / n)
-    return numpy.cos(angles) @ values * 2 / n, numpy.sin(angles) @ values * 2 / n
-
-
-def _motion(beta: Any, frequency: Any, omega: Any, operators: tuple[Any, Any], sin: Any) -> tuple[Any, Any]:
-    """gamma_bar and v along the cycle."""
-    slope, integral = operators
-    return omega / frequency * (integral @ sin(beta)), frequency * (slope @ beta)
-
-
-def _residual(constants: Any, omega: Any, guess: _Guess, operators: tuple[Any, Any], ops: Any, sin: Any) -> Any:
+def _residual(constants: Any, omega: Any, guess: Samples, matrices: tuple[Any, Any], ops: Any, sin: Any) -> Any:
     """v' minus the acceleration at the points [rad/s^2]."""
-    gamma, v = _motion(guess.beta, guess.frequency, omega, operators, sin)
+    gamma, v = motion(guess.beta, guess.frequency, omega, matrices, sin)
     rate = field(ops, constants, omega, "linear")(guess.beta, gamma, v)[2]
-    return guess.frequency * (operators[0] @ v) - rate
+    return guess.frequency * (matrices[0] @ v) - rate
 
 
-def _derivatives(constants: Constants, omega: float, guess: _Guess) -> tuple[Any, Any, Any]:
+def _derivatives(constants: Constants, omega: float, guess: Samples) -> tuple[Any, Any, Any]:
     """d(residual)/d(beta), /d(frequency) and /d(Omega), in double."""
-    slope, integral = _Operators.of(guess.harmonics)
-    gamma, v = _motion(guess.beta, guess.frequency, omega, (slope, integral), numpy.sin)
+    slope, integral = double_operators(guess.harmonics)
+    gamma, v = motion(guess.beta, guess.frequency, omega, (slope, integral), numpy.sin)
     by_beta, by_gamma, by_v = jacobian(_DOUBLE_OPS, constants, omega, "linear")(guess.beta, gamma, v)[2]
     matrix = guess.frequency**2 * (slope @ slope) - by_v[:, None] * guess.frequency * slope
     matrix -= (by_gamma * omega / guess.frequency)[:, None] * integral * numpy.cos(guess.beta)
@@ -203,16 +136,16 @@ def _derivatives(constants: Constants, omega: float, guess: _Guess) -> tuple[Any
 
 
 # ------------------------------------------------------------------------------------------------ double precision
-def _newton(parameters: Parameters, omega: float, guess: _Guess) -> _Guess:
+def _newton(parameters: Parameters, omega: float, guess: Samples) -> Samples:
     """Newton's method at fixed Omega; the first point stays at beta_bar = 0."""
     constants = parameters.at(DOUBLE)
     amplitude = abs(guess.beta).max()
     best = math.inf
     for _ in range(30):
         matrix, by_frequency, _ = _derivatives(constants, omega, guess)
-        residual = _residual(constants, omega, guess, _Operators.of(guess.harmonics), _DOUBLE_OPS, numpy.sin)
+        residual = _residual(constants, omega, guess, double_operators(guess.harmonics), _DOUBLE_OPS, numpy.sin)
         step = _solved(_fixed_omega(matrix, by_frequency), residual)
-        guess = _Guess(numpy.concatenate(([0.0], guess.beta[1:] - step[1:])), guess.frequency - step[0])
+        guess = Samples(numpy.concatenate(([0.0], guess.beta[1:] - step[1:])), guess.frequency - step[0])
         size = abs(step[1:]).max() / amplitude + abs(step[0]) / abs(guess.frequency)
         if not math.isfinite(size) or abs(guess.beta).max() < amplitude / 4 or guess.frequency <= 0:
             raise NoSuchCycleError(_unconverged(guess.harmonics))
@@ -244,7 +177,7 @@ def _solved(matrix: Any, right: Any) -> Any:
 class _Point:
     """A cycle and its speed: a point of the branch in the space of (beta_bar at the points, frequency, Omega)."""
 
-    guess: _Guess
+    guess: Samples
     omega: float
 
     def resampled(self, count: int) -> _Point:
@@ -254,7 +187,7 @@ class _Point:
         """The point that divides the way to ``other`` (of as many harmonics) by ``share``, beyond it above 1."""
         mine, theirs = self.guess, other.guess
         return _Point(
-            _Guess(
+            Samples(
                 mine.beta + share * (theirs.beta - mine.beta),
                 mine.frequency + share * (theirs.frequency - mine.frequency),
             ),
@@ -275,14 +208,14 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
     away = numpy.zeros(n + 1)
     for _ in range(12):
         matrix, by_frequency, by_omega = _derivatives(constants, omega, guess)
-        residual = _residual(constants, omega, guess, _Operators.of(guess.harmonics), _DOUBLE_OPS, numpy.sin)
+        residual = _residual(constants, omega, guess, double_operators(guess.harmonics), _DOUBLE_OPS, numpy.sin)
         system = numpy.zeros((n + 1, n + 1))
         system[:n, :n] = _fixed_omega(matrix, by_frequency)
         system[:n, n] = by_omega
         system[n] = direction
         step = _solved(system, numpy.concatenate((residual, [direction @ away])))
         away = away - step
-        guess = _Guess(numpy.concatenate(([0.0], guess.beta[1:] - step[1:n])), guess.frequency - step[0])
+        guess = Samples(numpy.concatenate(([0.0], guess.beta[1:] - step[1:n])), guess.frequency - step[0])
         omega -= step[n]
         size = numpy.linalg.norm(step / units) / max(abs(guess.beta).max(), 1e-300)
         if not (math.isfinite(size) and guess.frequency > 0 and omega > 0):
@@ -292,7 +225,7 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
     raise NoSuchCycleError(_unconverged(guess.harmonics))
 
 
-def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _Guess:
+def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> Samples:
     """Follow the branch from the Hopf point until it reaches the speed, then settle there.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
@@ -308,10 +241,10 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
     predicted = math.sqrt(square_slope * abs(distance))
     count = harmonics or _FIRST_HARMONICS
     angles = numpy.pi * numpy.arange(2 * count) / (2 * count)
-    birth = _Point(_Guess(0 * angles, 2 * math.pi / float(period_crit(parameters))), float(crit))
+    birth = _Point(Samples(0 * angles, 2 * math.pi / float(period_crit(parameters))), float(crit))
 
     def by_the_law(amplitude: float) -> _Point:
-        guess = _Guess(-amplitude * numpy.sin(angles), birth.guess.frequency)
+        guess = Samples(-amplitude * numpy.sin(angles), birth.guess.frequency)
         return _Point(guess, float(crit) - side * amplitude**2 / square_slope)
 
     if abs(distance) < 1e-9 * float(crit):
@@ -350,7 +283,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> _
 
 
 def _difference(here: _Point, before: _Point) -> _Point:
-    guess = _Guess(here.guess.beta - before.guess.beta, here.guess.frequency - before.guess.frequency)
+    guess = Samples(here.guess.beta - before.guess.beta, here.guess.frequency - before.guess.frequency)
     return _Point(guess, here.omega - before.omega)
 
 
@@ -363,7 +296,7 @@ def _grown(point: _Point, fixed: int | None) -> _Point:
 
 
 # ---------------------------------------------------------------------------------------------- any number of digits
-def _sharpened(parameters: Parameters, omega: Fraction, guess: _Guess, digits: int) -> tuple[BalancedCycle, float]:
+def _sharpened(parameters: Parameters, omega: Fraction, guess: Samples, digits: int) -> tuple[BalancedCycle, float]:
     """The cycle in ``digits + 15`` digits, and how many digits the truncation still lacks (negative: none).
 
     Residuals are evaluated in mpmath, corrections solved for in double after scaling: the Jacobian at the double
@@ -375,22 +308,22 @@ def _sharpened(parameters: Parameters, omega: Fraction, guess: _Guess, digits: i
     sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
     ops = _Shifted(sin, cos)
     system = _factored(parameters, float(omega), guess)
-    operators = _operators(guess.harmonics, ctx)
-    sharp = _Guess(numpy.array([ctx.mpf(value) for value in guess.beta], dtype=object), ctx.mpf(guess.frequency))
+    matrices = operators(guess.harmonics, ctx)
+    sharp = Samples(numpy.array([ctx.mpf(value) for value in guess.beta], dtype=object), ctx.mpf(guess.frequency))
     previous = ctx.inf
     for _ in range(12 + digits):
-        step = _corrected(system, _residual(constants, speed, sharp, operators, ops, sin), ctx)
-        sharp = _Guess(sharp.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), sharp.frequency - step[0])
+        step = _corrected(system, _residual(constants, speed, sharp, matrices, ops, sin), ctx)
+        sharp = Samples(sharp.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), sharp.frequency - step[0])
         size = max(abs(part) for part in step)
         if size < ctx.mpf(10) ** (-digits - 10) or size >= previous / 2:
             break
         previous = size
     if size > ctx.mpf(10) ** (-digits - 4):
         raise NoSuchCycleError(_unconverged(guess.harmonics))
-    return _measured(parameters, omega, sharp, operators, (ctx, constants, speed, ops, sin), digits)
+    return _measured(parameters, omega, sharp, matrices, (ctx, constants, speed, ops, sin), digits)
 
 
-def _factored(parameters: Parameters, omega: float, guess: _Guess) -> Any:
+def _factored(parameters: Parameters, omega: float, guess: Samples) -> Any:
     from scipy.linalg import lu_factor
 
     matrix, by_frequency, _ = _derivatives(parameters.at(DOUBLE), omega, guess)
@@ -409,7 +342,7 @@ def _corrected(system: Any, residual: Any, ctx: Any) -> Any:
 
 
 def _measured(
-    parameters: Parameters, omega: Fraction, sharp: _Guess, operators: Any, tools: tuple[Any, ...], digits: int
+    parameters: Parameters, omega: Fraction, sharp: Samples, matrices: Any, tools: tuple[Any, ...], digits: int
 ) -> tuple[BalancedCycle, float]:
     ctx, constants, speed, ops, sin = tools
     count = sharp.harmonics
@@ -430,16 +363,16 @@ def _measured(
             total += (a * c + b * s, k * (b * c - a * s), -k * k * (a * c + b * s))[order]
         return total
 
-    fine = _Guess(numpy.array([series(ctx.pi * j / (2 * n)) for j in range(2 * n)], dtype=object), sharp.frequency)
-    double = _Guess(numpy.array([float(value) for value in fine.beta]), float(fine.frequency))
+    fine = Samples(numpy.array([series(ctx.pi * j / (2 * n)) for j in range(2 * n)], dtype=object), sharp.frequency)
+    double = Samples(numpy.array([float(value) for value in fine.beta]), float(fine.frequency))
     double.beta[0] = 0.0
-    twice = _operators(2 * count, ctx)
+    twice = operators(2 * count, ctx)
     step = _corrected(
         _factored(parameters, float(omega), double), _residual(constants, speed, fine, twice, ops, sin), ctx
     )
-    better = _Guess(fine.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), fine.frequency - step[0])
-    better_gamma, better_v = _motion(better.beta, better.frequency, speed, twice, sin)
-    gamma, v = _motion(sharp.beta, sharp.frequency, speed, operators, sin)
+    better = Samples(fine.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), fine.frequency - step[0])
+    better_gamma, better_v = motion(better.beta, better.frequency, speed, twice, sin)
+    gamma, v = motion(sharp.beta, sharp.frequency, speed, matrices, sin)
     at = max(range(n), key=lambda j: abs(sharp.beta[j])) * ctx.pi / n
     for _ in range(6 + digits.bit_length()):
         at -= series(at, 1) / series(at, 2)

@@ -1,0 +1,146 @@
+"""What the commands share: options, the live bar, printing, and Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeVar
+
+import click
+
+from tippedisk_verify.errors import InputError
+
+__all__ = ["Common", "Interrupts", "common_options", "print_json", "print_result", "progress", "speed", "speed_options"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Common:
+    """The options that every command takes, checked."""
+
+    parameters: Any
+    friction: Any
+    digits: int
+    json: bool
+    quiet: bool
+
+
+def common_options(command: F) -> F:
+    """Add the common options and hand them to the command as one `Common`."""
+    from functools import wraps
+
+    @wraps(command)
+    def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
+        from tippedisk_verify.model.equations import checked_friction
+        from tippedisk_verify.model.parameters import Parameters
+        from tippedisk_verify.model.precision import bits_for_digits
+
+        bits_for_digits(digits)  # refuses what no precision can hold
+        chosen = Common(Parameters.named(parameters), checked_friction(friction), digits, as_json, quiet)
+        return command(chosen, **options)
+
+    for option in reversed(
+        (
+            click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
+                         help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
+            click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
+                         help="The friction law."),
+            click.option("--digits", type=int, default=12, show_default=True, metavar="N",
+                         help="Significant digits of each main result."),
+            click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
+            click.option("--quiet", is_flag=True, help="No progress and no table."),
+        )
+    ):  # fmt: skip
+        checked = option(checked)
+    return checked  # type: ignore[return-value]
+
+
+def speed(common: Common, omega: str | None, below_crit: str | None) -> Any:
+    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
+    from fractions import Fraction
+
+    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.theory.hopf import omega_crit
+
+    if (omega is None) == (below_crit is None):
+        raise InputError("give the speed with either --omega or --below-crit")
+    number = exact(omega if omega is not None else below_crit)
+    if number.pi_multiple:
+        raise InputError("the speed must be a decimal")
+    if omega is not None:
+        speed = number.rational
+    else:
+        # 30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
+        speed = Fraction(omega_crit(common.parameters, common.digits + 30).decimals()[0]) - number.rational
+    if not 0 < speed < 10**6:
+        raise InputError(f"Omega must lie between 0 and 1e6 rad/s, not {float(speed):.12g}")
+    return speed
+
+
+def speed_options(command: F) -> F:
+    command = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")(command)
+    return click.option("--omega", metavar="X", help="The spinning speed [rad/s].")(command)
+
+
+def print_result(common: Common, result: dict[str, Any]) -> None:
+    """One JSON object, or its entries as lines."""
+    if common.json:
+        print_json(result)
+    elif not common.quiet:
+        for name, value in result.items():
+            click.echo(f"{name}: {_said(value)}")
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, dict) and set(value) == {"value", "uncertainty"}:
+        text, width = str(value["value"]), str(value["uncertainty"])
+        return text if width == "0" else f"{text} ± {width}"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
+    if isinstance(value, list):
+        return "; ".join(_said(entry) for entry in value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def print_json(result: dict[str, Any]) -> None:
+    click.echo(json.dumps(result, indent=1, ensure_ascii=False))
+
+
+@contextmanager
+def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
+    """A live bar on a terminal's standard error, nothing anywhere else."""
+    if common.quiet or not sys.stderr.isatty():
+        yield lambda label, steps: Interrupts.check()
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
+
+        def advance(label: str, steps: int) -> None:
+            Interrupts.check()
+            bar.update(task, description=label, advance=steps)
+
+        yield advance
+
+
+class Interrupts:
+    """Ctrl-C, remembered as well as raised: an extension module that is being imported may clear the exception."""
+
+    pressed = False
+
+    @classmethod
+    def handle(cls, number: int, frame: object) -> NoReturn:
+        cls.pressed = True
+        raise KeyboardInterrupt
+
+    @classmethod
+    def check(cls) -> None:
+        if cls.pressed:
+            raise KeyboardInterrupt

@@ -1,0 +1,133 @@
+"""The commands that print numbers: equilibria, Hopf point, slow manifold, limit cycles."""
+
+from __future__ import annotations
+
+import click
+
+from tippedisk_verify.cli_common import Common, common_options, print_json, print_result, progress, speed, speed_options
+from tippedisk_verify.errors import InputError
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@speed_options
+@common_options
+def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
+    """States, eigenvalues and stability of inverted and noninverted spinning."""
+    from tippedisk_verify.theory.equilibria import equilibrium
+
+    omega_value = speed(common, omega, below_crit)
+    print_result(
+        common,
+        {
+            "inverted": equilibrium(common.parameters, omega_value, "inverted", common.digits).json(),
+            "noninverted": equilibrium(common.parameters, omega_value, "noninverted", common.digits).json(),
+        },
+    )
+    return 0
+
+
+@click.command()
+@common_options
+def hopf(common: Common) -> int:
+    """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
+    from tippedisk_verify.theory.hopf import hopf_point
+
+    if common.friction == "smooth":
+        raise InputError(
+            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
+        )
+    print_result(common, hopf_point(common.parameters, common.digits).json())
+    return 0
+
+
+@click.command("slow-manifold")
+@click.option("--order", type=int, required=True, metavar="N", help="Highest order in epsilon, 0 to 40.")
+@click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
+@common_options
+def slow_manifold(common: Common, order: int, omega: str | None) -> int:
+    """Orders of the slow manifold, their residuals, and the reduced flow."""
+    from tippedisk_verify.theory.slow_manifold import study
+
+    if common.friction == "smooth":
+        raise InputError("the slow manifold's expansion is for the linear friction law")
+    omega_value = speed(common, omega, None if omega is not None else "0.5")
+    found = study(common.parameters, omega_value, order, common.digits)
+    if found.warning and not common.quiet:
+        click.echo(f"tippedisk-verify: {found.warning}", err=True)
+    print_result(common, found.json())
+    return 0
+
+
+@click.command()
+@speed_options
+@common_options
+def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
+    """One limit cycle by shooting: period, state, multipliers, sensitivities."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.periodic import limit_cycle
+
+    if common.friction == "smooth":
+        raise InputError("limit cycles are offered for the linear friction law")
+    omega_value = speed(common, omega, below_crit)
+    found = limit_cycle(common.parameters, omega_value, default_engine(common.friction), digits=common.digits).json()
+    del found["residuals"]  # of interest to who studies the iteration, from Python
+    print_result(common, found)
+    return 0
+
+
+@click.command()
+@click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
+@click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
+@common_options
+def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None) -> int:
+    """The family of limit cycles between Omega_h and Omega_crit."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits import branches
+
+    if common.friction == "smooth":
+        raise InputError("limit cycles are offered for the linear friction law")
+    if common.digits > 12:
+        raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
+    if paper_sets and omegas is not None:
+        raise InputError("give either --paper-sets or --omegas")
+    target = None if out is None else branches.target(out)
+    engine = default_engine(common.friction)
+    total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
+    cycles = []
+    with progress(common, total) as advance:
+        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
+            cycles.append(cycle)
+            advance(f"Omega = {float(cycle.omega):.6g}", 1)
+    if target is not None:
+        branches.write(cycles, target)
+    if common.json:
+        print_json({"orbits": [branches.entry(cycle) for cycle in cycles]})
+    elif not common.quiet:
+        for cycle in cycles:
+            click.echo(
+                f"Omega {float(cycle.omega):.10f}  T {float(cycle.period):.12f} s"
+                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier {float(cycle.multiplier_slow):.6g}"
+            )
+    return 0
+
+
+@click.command("harmonic-balance")
+@speed_options
+@click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
+@common_options
+def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, harmonics: int | None) -> int:
+    """A limit cycle by harmonic balance of the full equations, without an integrator."""
+    from tippedisk_verify.theory.spectral_balance import balanced_cycle
+
+    if common.friction == "smooth":
+        raise InputError("harmonic balance is offered for the linear friction law")
+    omega_value = speed(common, omega, below_crit)
+    found = balanced_cycle(common.parameters, omega_value, digits=common.digits, harmonics=harmonics)
+    print_result(common, found.json())
+    return 0
+
+
+COMMANDS = (equilibria, hopf, slow_manifold, orbit, branch, harmonic_balance)
