@@ -84,8 +84,10 @@ def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None) -> int:
     """The family of limit cycles between Omega_h and Omega_crit."""
+    from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
+    from tippedisk_verify.report import branch_entry, write_branch
 
     if common.friction == "smooth":
         raise InputError("limit cycles are offered for the linear friction law")
@@ -93,7 +95,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and omegas is not None:
         raise InputError("give either --paper-sets or --omegas")
-    target = None if out is None else branches.target(out)
+    target = None if out is None else output_file(out)
     engine = default_engine(common.friction)
     total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
     cycles = []
@@ -102,9 +104,9 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
             cycles.append(cycle)
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:
-        branches.write(cycles, target)
+        write_branch(cycles, target)
     if common.json:
-        print_json({"orbits": [branches.entry(cycle) for cycle in cycles]})
+        print_json({"orbits": [branch_entry(cycle) for cycle in cycles]})
     elif not common.quiet:
         for cycle in cycles:
             click.echo(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["output_folder", "write_bytes", "write_csv", "write_text"]
+__all__ = ["output_file", "output_folder", "write_bytes", "write_csv", "write_text"]
 
 
 def output_folder(path: str | Path) -> Path:
@@ -59,3 +59,11 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     table.writerow(header)
     table.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
     return write_text(path, stream.getvalue())
+
+
+def output_file(path: str) -> Path:
+    """The file to write to. Raises InputError if it cannot be one."""
+    found = Path(path)
+    if not path or not found.parent.is_dir() or found.is_dir():
+        raise InputError(f"'{path}' cannot be written: it needs an existing folder and a file name")
+    return found

@@ -15,11 +15,21 @@ from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
-__all__ = ["claim_json", "results_json", "shown", "summary", "write_report", "write_scene_data"]
+__all__ = [
+    "branch_entry",
+    "claim_json",
+    "results_json",
+    "shown",
+    "summary",
+    "write_branch",
+    "write_report",
+    "write_scene_data",
+]
 
 _CSV_SECONDS = 60.0
 _CSV_EVERY = 2  # of the 100 samples a second
@@ -253,3 +263,18 @@ def _markdown(
         ]
     lines += ["", "Computed with " + ", ".join(f"{k} {v}" for k, v in results["provenance"].items()) + ".", ""]
     return "\n".join(lines)
+
+
+def branch_entry(cycle: LimitCycle) -> dict[str, object]:
+    """One orbit as JSON, without the history of its iteration."""
+    found = cycle.json()
+    del found["residuals"]
+    return found
+
+
+def write_branch(cycles: Sequence[LimitCycle], path: Path) -> None:
+    """The family as CSV: for each number its value and its half-width."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    write_csv(path, [*header, "stable"], rows)

@@ -1,15 +1,12 @@
-"""Families of limit cycles as tables: which speeds, and how they are written."""
+"""Families of limit cycles: at which speeds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_csv
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.continuation import PAPER_GUESS, continued
@@ -18,7 +15,7 @@ from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "entry", "family", "target", "write"]
+__all__ = ["DEFAULT_COUNT", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 
@@ -49,26 +46,3 @@ def family(
     yield start
     yield from continued(parameters, sets.increasing, engine, first=start)
     yield from continued(parameters, sets.decreasing, engine, first=start)
-
-
-def entry(cycle: LimitCycle) -> dict[str, object]:
-    """One orbit as JSON, without the history of its iteration."""
-    found = cycle.json()
-    del found["residuals"]
-    return found
-
-
-def target(path: str) -> Path:
-    """The file to write a family to. Raises InputError if it cannot be one."""
-    found = Path(path)
-    if not path or not found.parent.is_dir() or found.is_dir():
-        raise InputError(f"'{path}' cannot be written: it needs an existing folder and a file name")
-    return found
-
-
-def write(cycles: Sequence[LimitCycle], path: Path) -> None:
-    """The family as CSV: for each number its value and its half-width."""
-    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
-    header = [part for name in names for part in (name, f"{name} uncertainty")]
-    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
-    write_csv(path, [*header, "stable"], rows)
