@@ -163,9 +163,23 @@ def test_table_2_converges_quadratically(taylor) -> None:
     assert len(residuals) <= 8
 
 
+ANYWHERE = {"gamma": decimals("-3.1", "3.1", 3), "v": decimals("-12", "3", 3)}
+
+
 @settings(max_examples=100)
-@given(gamma=decimals("-3.1", "3.1", 3), v=decimals("-12", "3", 3))
+@given(**ANYWHERE)
 def test_newton_from_anywhere_finds_the_cycle_or_says_that_it_did_not(gamma, v) -> None:
+    check_start(gamma, v)
+
+
+@pytest.mark.slow
+@settings(max_examples=1000)
+@given(**ANYWHERE)
+def test_newton_from_a_thousand_starts(gamma, v) -> None:
+    check_start(gamma, v)
+
+
+def check_start(gamma: Fraction, v: Fraction) -> None:
     speed = below(PRINTED, "0.5")
     try:
         shot = shoot(PRINTED, speed, (float(gamma), float(v)), _ENGINE)

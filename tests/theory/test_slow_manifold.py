@@ -175,7 +175,9 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
 
 def test_study_and_command(capsys) -> None:
     found = study(PRINTED, "30.4", 2)
-    assert [round(slope) for slope in found.residual_slope] == [1, 2, 3]
+    for order, slope in enumerate(found.residual_slope):
+        assert slope.holds(order + 1)
+        assert slope.uncertainty < Fraction(1, 10)
     assert found.warning is not None
     assert main(["slow-manifold", "--order", "1", "--json", "--omega", "30.4"]) == 0
     captured = capsys.readouterr()

@@ -288,10 +288,10 @@ class SlowManifold:
     order: int
     omega: Fraction  #: [rad/s]
     h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) = (1.2, 0.3) [rad/s, rad/m, ...]
-    residual: tuple[float, ...]  #: largest |epsilon (dh/dx) f - g| of the orders 0 ... N at this set's epsilon
-    residual_slope: tuple[float, ...]  #: observed exponent of epsilon in that, for epsilon from 1e-4 to 1e-5
+    residual: tuple[Measured, ...]  #: largest |epsilon (dh/dx) f - g| of the orders 0 ... N at this set's epsilon
+    residual_slope: tuple[Measured, ...]  #: exponent of epsilon in that as epsilon tends to 0, seen at 1e-5 ... 1e-6
     best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
-    smallest_term: float  #: that size [rad/s]
+    smallest_term: Measured  #: that size [rad/s]
     reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
     warning: str | None
 
@@ -300,10 +300,10 @@ class SlowManifold:
             "order": self.order,
             "omega": Measured(self.omega, Fraction(0)).json(),
             "h": [value.json() for value in self.h],
-            "residual": list(self.residual),
-            "residual_slope": list(self.residual_slope),
+            "residual": [value.json() for value in self.residual],
+            "residual_slope": [value.json() for value in self.residual_slope],
             "best_order": self.best_order,
-            "smallest_term": self.smallest_term,
+            "smallest_term": self.smallest_term.json(),
             "reduced_omega_crit": None if self.reduced_omega_crit is None else self.reduced_omega_crit.json(),
             "warning": self.warning,
         }
@@ -327,8 +327,14 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
         for coarse, fine in zip(rough[0], sharp[0], strict=True)
     )
     residual = _largest_residuals(parameters, speed.rational, order)
-    sizes = [_largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (4, 5)]
-    slopes = tuple((math.log(row[0]) - math.log(row[1])) / math.log(10) for row in zip(*sizes, strict=True))
+    sizes = [
+        _largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (4, 5, 6)
+    ]
+    slopes = []
+    for coarse, middle, fine in zip(*sizes, strict=True):
+        # The two-point exponent is off by a multiple of epsilon: its change over the last decade overstates the rest.
+        before, after = (math.log10(large / small) for large, small in ((coarse, middle), (middle, fine)))
+        slopes.append(Measured.of(after, abs(after - before) + 1e-9))
     best, smallest = _best_order(parameters, speed.rational)
     warning = None
     if order > best:
@@ -337,7 +343,22 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
             f" {best + 1} on"
         )
     hopf = None if order == 0 else _hopf_or_none(parameters, order, digits)
-    return SlowManifold(order, speed.rational, h, residual, slopes, best, smallest, hopf, warning)
+    return SlowManifold(
+        order,
+        speed.rational,
+        h,
+        tuple(map(_from_sixty_digits, residual)),
+        tuple(slopes),
+        best,
+        _from_sixty_digits(smallest),
+        hopf,
+        warning,
+    )
+
+
+def _from_sixty_digits(value: float) -> Measured:
+    """A number that was rounded to double once, from an evaluation with digits to spare."""
+    return Measured.of(value, value * 2.0**-50)
 
 
 def _hopf_or_none(parameters: Parameters, order: int, digits: int) -> Measured | None:

@@ -55,7 +55,6 @@ class BalancedCycle:
             "omega": Measured(self.omega, Fraction(0)).json(),
             "harmonics": self.harmonics,
             **measured,
-            "decay": self.decay,
         }
 
 
