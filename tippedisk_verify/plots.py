@@ -174,7 +174,7 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters) -> Any:
     """The panels in (beta, gamma, v) with the slow manifold of orders 0 and 1 (the paper's Figure 3D)."""
     import numpy
 
-    figure, axes = _grid(panels, (4.6, 3.7), projection="3d", computed_zorder=False)
+    figure, axes = _grid(panels, (4.6, 4.0), projection="3d", computed_zorder=False)
     constants = parameters.at(DOUBLE)
     for panel, axis in zip(panels, axes, strict=True):
         omega = float(panel.omega)
@@ -202,7 +202,7 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters) -> Any:
             axis.plot(*cycle.T, color=_ATTRACTOR, lw=2.0, zorder=4)
         for place, stable in _equilibria(panel, (low, high)):
             _equilibrium_mark(axis, (math.pi / 2,), (place,), stable, z=((0.0,),))
-        axis.set_title(panel.scene.title, pad=0)
+        axis.set_title(panel.scene.title, pad=2)
         axis.set_xlabel("β [rad]", labelpad=2)
         axis.set_ylabel("γ [rad]", labelpad=4)
         axis.set_zlabel("dβ/dt [rad/s]", labelpad=1)
@@ -210,7 +210,7 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters) -> Any:
         _angle_axis(axis.yaxis, low, high)
         axis.tick_params(pad=0, labelsize=8)
         axis.view_init(elev=36, azim=-58)
-        axis.set_box_aspect((1, 1.35, 0.8), zoom=1.12)
+        axis.set_box_aspect((1, 1.35, 0.8), zoom=1.04)
     _legend(figure, surface=True)
     return figure
 
