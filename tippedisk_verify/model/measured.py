@@ -31,6 +31,16 @@ class Measured:
             raise InputError("an uncertainty cannot be negative")
         return cls(fraction(value), width)
 
+    @classmethod
+    def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
+        """A value with the half-width that its distance to a run with more digits gives.
+
+        The sharper run's own error is a small part of that distance; an eighth of it is allowed for, and an ulp
+        (``epsilon`` relative) of the value is the least that can be claimed.
+        """
+        mine = fraction(value)
+        return cls(mine, abs(mine - fraction(sharper)) * Fraction(9, 8) + abs(mine) * epsilon)
+
     def holds(self, truth: object) -> bool:
         """Whether ``truth`` lies within the half-width."""
         return abs(fraction(truth) - self.value) <= self.uncertainty

@@ -274,12 +274,7 @@ def _measured(parameters: Parameters, value: Fraction, shot: Shot, engine: Engin
     """The cycle in one arithmetic, with half-widths from a wider one."""
     rough = _numbers(parameters, value, shot, engine, precision)
     sharp = _numbers(parameters, value, shot, engine, companion(precision))
-    measured = {}
-    for name, number in rough.items():
-        mine, true = fraction(number), fraction(sharp[name])
-        # An eighth for what the wider run's own error may be, and an ulp, the least that can be claimed.
-        width = abs(mine - true) * Fraction(9, 8) + abs(mine) * precision.epsilon
-        measured[name] = Measured(mine, width)
+    measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
     return LimitCycle(

@@ -9,6 +9,7 @@ of the cycle [rad/s].
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
@@ -110,19 +111,24 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
     Raises Shortfall where the amplitude law's denominator vanishes at Omega_crit.
     """
     form = _checked_form(form)
-    ctx = bits(bits_for_digits(digits + 10)).context
+    working = bits_for_digits(digits + 15)
+    rough, sharp = _slopes(parameters, form, working), _slopes(parameters, form, working + 66)
+    amplitude, period = (
+        Measured.compared(value, better, Fraction(1, 2 ** (working - 1)))
+        for value, better in zip(rough, sharp, strict=True)
+    )
+    return amplitude, period
+
+
+def _slopes(parameters: Parameters, form: Form, working_bits: int) -> tuple[Any, Any]:
+    ctx = bits(working_bits).context
     c = Constants(*(ctx.mpf(v.numerator) / v.denominator for v in parameters.rational()))
     square = omega_crit_squared(parameters)
     crit = ctx.sqrt(ctx.mpf(square.numerator) / square.denominator)
     r, e, reach = c.r, c.e, c.r + c.e
     denominator = chi(c, form) * crit**2 + c.m * c.g * e * reach
-    if abs(denominator) < ctx.mpf(10) ** (-digits) * c.m * c.g * e * reach:
+    if abs(denominator) < 1000 * ctx.eps * c.m * c.g * e * reach:
         raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
     amplitude = 4 * e / reach * 2 * c.Bbar * r * crit / denominator
     frequency = crit * ctx.sqrt(e / reach)
-    period = ctx.pi / frequency**3 * (2 * crit * e / reach - delta(c, crit, form) * amplitude)
-    # The denominator may cancel up to `digits` digits by the check above only if asked for; here it loses at most two.
-    return (
-        Measured.of(amplitude, abs(amplitude) * ctx.mpf(10) ** (-digits - 5)),
-        Measured.of(period, abs(period) * ctx.mpf(10) ** (-digits - 5)),
-    )
+    return amplitude, ctx.pi / frequency**3 * (2 * crit * e / reach - delta(c, crit, form) * amplitude)

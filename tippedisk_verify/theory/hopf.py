@@ -102,20 +102,20 @@ def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
-    Each quantity is evaluated twice, the second time with 20 more digits; their distance, and no less than a unit of
-    the first run's last digits, is the half-width. Raises Shortfall where the first Lyapunov coefficient vanishes.
+    Each quantity is evaluated with 15 digits more than asked for, and again with 20 more to see its error.
+    Raises Shortfall where the first Lyapunov coefficient vanishes, or nearly so.
     """
     kind = criticality(parameters)
     if kind == "degenerate":
         raise Shortfall("the first Lyapunov coefficient vanishes exactly: the amplitude law has no first-order slope")
-    rough, sharp = (normal_form(parameters, bits_for_digits(digits + extra)) for extra in (15, 35))
-    measured = {}
-    for name, value in sharp.items():
-        # The distance is the rough run's error; a tenth of a unit in the last digit asked for is the least claimed.
-        distance = abs(value - rough[name])
-        if distance > abs(value) * 10 ** (-digits):
+    working = bits_for_digits(digits + 15)
+    rough, sharp = normal_form(parameters, working), normal_form(parameters, working + 66)
+    measured = {
+        name: Measured.compared(value, sharp[name], Fraction(1, 2 ** (working - 1))) for name, value in rough.items()
+    }
+    for name, value in measured.items():
+        if value.uncertainty > abs(value.value) * Fraction(1, 10**digits):
             raise Shortfall(f"{name} loses more than 15 digits to cancellation: ask for more digits")
-        measured[name] = Measured.of(value, distance + abs(value) * 10 ** (-digits - 5))
     return HopfPoint(criticality=kind, **measured)
 
 

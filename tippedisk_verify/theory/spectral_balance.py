@@ -380,7 +380,8 @@ def _measured(
     relative = frequency_error / sharp.frequency
     if relative > _WORTHLESS:  # the estimate is the leading term of something small, or nothing
         raise NoSuchCycleError(_unconverged(count))
-    floor = ctx.mpf(10) ** (-digits - 3)
+    # The chord iteration ends below 10^-(digits + 10), in an arithmetic of five digits more.
+    floor = ctx.mpf(10) ** (-digits - 10)
 
     def held(value: Any, error: Any) -> Measured:
         # Twice the leading term of the error. One number's share in it may be small by chance: the frequency's relative
