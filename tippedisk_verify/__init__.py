@@ -32,11 +32,13 @@ if TYPE_CHECKING:
     from tippedisk_verify.evidence.claims import Audit, Verdict
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
+    from tippedisk_verify.flow.lanes import Lanes
     from tippedisk_verify.flow.taylor import Taylor
     from tippedisk_verify.model.exact import Exact, exact
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
+    from tippedisk_verify.orbits.dense import DenseBranch
     from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
     from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
@@ -51,11 +53,13 @@ _HOMES = {
     "evidence.claims": ("Audit", "Verdict"),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
+    "flow.lanes": ("Lanes",),
     "flow.taylor": ("Taylor",),
     "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "Parameters"),
     "model.exact": ("Exact", "exact"),
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
+    "orbits.dense": ("DenseBranch",),
     "orbits.heteroclinic": ("bisect_omega_h",),
     "orbits.periodic": ("limit_cycle",),
     "orbits.scenes": ("SCENES", "scene_named"),
@@ -77,9 +81,11 @@ __all__ = [
     "SCENES",
     "Audit",
     "Baseline",
+    "DenseBranch",
     "Event",
     "Exact",
     "InputError",
+    "Lanes",
     "Measured",
     "Parameters",
     "Precision",

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import click
 
 from tippedisk_verify import __version__
+from tippedisk_verify.cli_bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.cli_common import Common, Interrupts, common_options, print_json, progress
 from tippedisk_verify.cli_numbers import COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
@@ -185,7 +186,7 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     console.print(table)
 
 
-for command in COMMANDS:
+for command in (*COMMANDS, *BENCH_COMMANDS):
     cli.add_command(command)
 
 

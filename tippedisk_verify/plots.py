@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.files import write_bytes
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.orbits.scenes import Panel
+from tippedisk_verify.orbits.scenes import SCENES, Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
 __all__ = ["draw_branch", "draw_eigenvalues", "draw_harmonic_balance", "draw_scenes_2d", "draw_scenes_3d", "save"]
@@ -286,12 +287,20 @@ def draw_harmonic_balance(parameters: Parameters, distances: Sequence[str]) -> t
     return figure, [(key, *point) for key, points in curves.items() for point in points]
 
 
-def draw_branch(parameters: Parameters, cycles: Sequence[LimitCycle]) -> tuple[Any, list[tuple[float, ...]]]:
-    """Amplitude, period and slow multiplier of the family against Omega (the paper's Figures Shooting and sketch)."""
+def draw_branch(
+    parameters: Parameters, cycles: Sequence[LimitCycle], omega_h: Measured
+) -> tuple[Any, list[tuple[float, ...]]]:
+    """Amplitude, period and slow multiplier of the family against Omega (the paper's Figures Shooting and sketch).
+
+    As in the paper's sketch, dots are inverted spinning at the six scenes' speeds and squares their limit cycles.
+    """
     from fractions import Fraction
+
+    import numpy
 
     from tippedisk_verify.errors import Shortfall
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
+    from tippedisk_verify.theory.hopf import omega_crit
 
     ordered = sorted(cycles, key=lambda cycle: cycle.omega.value)
     rows = [
@@ -313,5 +322,15 @@ def draw_branch(parameters: Parameters, cycles: Sequence[LimitCycle]) -> tuple[A
         axis.set_xlabel("Ω [rad/s]")
         axis.set_ylabel(name)
         axis.grid(lw=0.3, alpha=0.5)
+    crit = float(omega_crit(parameters))
+    for scene in SCENES:
+        omega = float(scene.omega(parameters, omega_h))
+        fill = _ATTRACTOR if omega > crit else "white"
+        axes[0].plot([omega], [0], "o", ms=5, mec=_ATTRACTOR, mfc=fill, clip_on=False, zorder=4)
+        top = 0.0
+        if rows[0][0] <= omega <= rows[-1][0]:
+            top = float(numpy.interp(omega, [r[0] for r in rows], [r[1] for r in rows]))
+            axes[0].plot([omega], [top], "s", ms=5, color=_ATTRACTOR, zorder=4)
+        axes[0].annotate(scene.name, (omega, top), xytext=(4, 4), textcoords="offset points")
     axes[0].legend(frameon=False)
     return figure, rows

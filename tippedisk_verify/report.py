@@ -186,7 +186,7 @@ def _write_harmonic_balance(folder: Path, parameters: Parameters) -> str:
 def _write_branch(folder: Path, audit: Audit) -> str:
     from tippedisk_verify.plots import draw_branch, save
 
-    figure, rows = draw_branch(audit.parameters, audit.family(audit.parameters.name))
+    figure, rows = draw_branch(audit.parameters, audit.family(name := audit.parameters.name), audit.omega_h(name))
     save(figure, folder, "branch")
     header = ("Omega [rad/s]", "beta_max [rad]", "T [s]", "slow multiplier")
     write_csv(folder / "branch.csv", header, rows)

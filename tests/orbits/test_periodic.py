@@ -14,12 +14,13 @@ from hypothesis import given, settings
 from tests.problems import SETS, decimals
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.orbits.periodic import half_map, limit_cycle, shoot, shoot_full_period
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.orbits.periodic import _numbers, half_map, limit_cycle, shoot, shoot_full_period
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.spectral_balance import approximate_cycle, balanced_cycle
 
@@ -52,6 +53,31 @@ def test_double_against_50_digits(taylor, parameters, distance) -> None:
     assert sharp.stable is True
 
 
+@pytest.mark.parametrize("distance", ["1e-6", "0.05", "0.5", "0.8"])
+@pytest.mark.parametrize(
+    "parameters", [PRINTED, *(pytest.param(p, marks=pytest.mark.slow) for p in SETS[1:])], ids=lambda p: p.name
+)
+def test_a_double_is_as_good_as_its_inputs(taylor, parameters, distance) -> None:
+    """Within 2e-14 and what rounding Omega and the parameters does, 4 * 2^-53 * sum |p dx/dp|, against 113 bits."""
+    speed = below(parameters, distance)
+    shot = shoot(parameters, speed, approximate_cycle(parameters, speed), taylor)
+    rough, sharp = (_numbers(parameters, speed, shot, taylor, precision) for precision in (DOUBLE, QUADRUPLE))
+    # Steps by which no critical speed moves by more than a thousandth of the distance to the nearer of them.
+    relative = Fraction(distance) / 30_000 / 3
+    sums = dict.fromkeys((*MAIN, "multiplier_slow"), Fraction(0))
+    for name in ("Omega", "r", "e", "m", "A", "B", "g", "mu", "epsilon"):
+        if name == "Omega":
+            moved = _numbers(parameters, speed * (1 + relative), shot, taylor, QUADRUPLE)
+        else:
+            changed = parameters.changed(**{name: getattr(parameters, name) * (1 + relative)})
+            moved = _numbers(changed, speed, shot, taylor, QUADRUPLE)
+        for key in sums:
+            sums[key] += abs(fraction(moved[key]) - fraction(sharp[key])) / relative
+    for key, total in sums.items():
+        error = abs(fraction(rough[key]) - fraction(sharp[key]))
+        assert error <= Fraction("2e-14") + 4 * total / 2**53, key
+
+
 @pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
 def test_shooting_and_harmonic_balance_agree_to_40_digits(taylor, parameters) -> None:
     """No shared integrator: the two half-widths overlap."""
@@ -80,7 +106,7 @@ def test_the_orbit_closes_at_higher_precision(taylor) -> None:
         assert abs(fraction(mine) - fraction(precision.number(origin))) < Fraction(1, 10**40)
 
 
-@settings(max_examples=20)
+@settings(max_examples=40)
 @given(share=decimals("0.01", "0.97", 4), which=decimals("0", "0.999", 3))
 def test_half_period_full_period_and_balance_agree(share, which) -> None:
     parameters = SETS[int(which * 3)]
@@ -161,6 +187,18 @@ def test_table_2_converges_quadratically(taylor) -> None:
     _, period, residuals = shoot_full_period(CALIBRATED, speed, (0.0, 1.69, -1.72), 1.10, taylor)
     assert abs(period - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
     assert len(residuals) <= 8
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+def test_scipy_shoots_to_the_same_cycle(taylor, method) -> None:
+    speed, guess = below(PRINTED, "0.5"), (1.69, -1.72)
+    mine, theirs = shoot(PRINTED, speed, guess, taylor), shoot(PRINTED, speed, guess, Baseline(method))
+    # SciPy's tolerance of 1e-13 per step; Radau's local error is of a lower order.
+    loss = 1e-12 if method == "DOP853" else 1e-10
+    assert abs(2 * mine.map.time - 2 * theirs.map.time) < loss
+    assert abs(mine.state[0] - theirs.state[0]) < 10 * loss
+    assert abs(mine.state[1] - theirs.state[1]) < 10 * loss
+    assert abs(mine.map.matrix[0][0] - theirs.map.matrix[0][0]) < 100 * loss
 
 
 ANYWHERE = {"gamma": decimals("-3.1", "3.1", 3), "v": decimals("-12", "3", 3)}

@@ -24,7 +24,7 @@ from tippedisk_verify.flow.contract import (
     checked,
     starts_on,
 )
-from tippedisk_verify.model.equations import checked_friction, field, jacobian
+from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
@@ -72,16 +72,18 @@ class Baseline:
         start = [number(part) for part in request.state]
         duration, omega = number(request.duration), number(request.omega)
         constants = request.parameters.at(DOUBLE)
-        if request.domain != "none" and math.sin(start[0]) <= 0:
+        ops = shifted(math) if request.shifted else math
+        if request.domain != "none" and ops.sin(start[0]) <= 0:
             return Result(Status.FLAT, 0.0, _array(start), 0)
         if not duration:
             none = None if request.times is None else _array([start] * len(request.times))
             return Result(Status.REACHED, 0.0, _array(start), 0, samples=none)
-        return self._integrate(request, constants, omega, start, duration, friction)
+        return self._integrate(request, ops, constants, omega, start, duration, friction)
 
     def _integrate(
         self,
         request: Request,
+        ops: Any,
         constants: Constants,
         omega: float,
         start: list[float],
@@ -91,8 +93,8 @@ class Baseline:
         import numpy
         from scipy.integrate import solve_ivp
 
-        vector_field = field(math, constants, omega, friction)
-        slope = jacobian(math, constants, omega, friction)
+        vector_field = field(ops, constants, omega, friction)
+        slope = jacobian(ops, constants, omega, friction)
         initial = numpy.array(start)
         if request.variations:
             rates, initial = _with_variations(request, constants, omega, vector_field, slope, initial)
@@ -131,7 +133,7 @@ class Baseline:
                 dense_output=request.dense or bool(request.events),
                 rtol=tolerance,
                 atol=tolerance,
-                events=[_event(event, constants, omega, start, vector_field) for event in watched] or None,
+                events=[_event(event, ops, constants, omega, start, vector_field) for event in watched] or None,
                 **options,
             )
         except (_OutOfStepsError, ValueError, OverflowError) as stop:
@@ -192,18 +194,18 @@ def _array(values: Sequence[Any]) -> Any:
 
 
 def _event(
-    event: Event, constants: Constants, omega: float, start: list[float], vector_field: Any
+    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], vector_field: Any
 ) -> Callable[[float, Any], float]:
     at_start: float | None = None
-    if event.name != FLAT.name and starts_on(event, math, constants, omega, start, 2.0**-52):
+    if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):
         # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
         ahead = [part + START_WINDOW * rate for part, rate in zip(start, vector_field(*start), strict=True)]
-        at_start = float(event.function(math, constants, omega, *ahead))
+        at_start = float(event.function(ops, constants, omega, *ahead))
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:
             return at_start
-        return float(event.function(math, constants, omega, *y[:3].tolist()))
+        return float(event.function(ops, constants, omega, *y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
     crossing.direction = event.direction  # type: ignore[attr-defined]
@@ -220,7 +222,7 @@ def _with_variations(
     inputs = [name for name in names if name not in STATE_VARIATIONS]
     if inputs and request.friction != "linear":
         raise InputError("derivatives with respect to parameters are offered for the linear friction law only")
-    forced: list[tuple[int, Any]] = [(names.index(name), _stepped(constants, omega, name)) for name in inputs]
+    forced: list[tuple[int, Any]] = [(names.index(name), _stepped(request, constants, omega, name)) for name in inputs]
     first = numpy.zeros((3, len(names)))
     for column, name in enumerate(names):
         if name in STATE_VARIATIONS:
@@ -236,14 +238,15 @@ def _with_variations(
     return rates, numpy.concatenate((initial, first.ravel()))
 
 
-def _stepped(constants: Constants, omega: float, name: str) -> Any:
+def _stepped(request: Request, constants: Constants, omega: float, name: str) -> Any:
     """The field with one parameter moved by an imaginary step; its imaginary part is the derivative."""
     step = complex(0.0, _COMPLEX_STEP)
+    ops = shifted(cmath) if request.shifted else cmath
     if name == "Omega":
-        return field(cmath, constants, omega + step, "linear")
+        return field(ops, constants, omega + step, "linear")
     if name not in ("r", "e", "a", "b", "g", "k"):
         raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, Omega, r, e, a, b, g or k")
-    return field(cmath, constants._replace(**{name: getattr(constants, name) + step}), omega, "linear")
+    return field(ops, constants._replace(**{name: getattr(constants, name) + step}), omega, "linear")
 
 
 def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, Any]:

@@ -104,6 +104,7 @@ class Request:
     state: Sequence[object]
     duration: object
     friction: Friction = "linear"
+    shifted: bool = False  #: angles are beta_bar and gamma_bar, measured from pi/2, in the start and in every result
     precision: Precision = DOUBLE
     tolerance: float | None = None
     times: Any = None  #: sample times, strictly rising from 0 or later (falling for a backward run)

@@ -1,4 +1,4 @@
-"""heyoka's Taylor integrator behind the contract: the only file that builds a ``taylor_adaptive``.
+"""heyoka's Taylor integrator behind the contract, one run at a time in any precision.
 
 What a request needs is compiled once per process and kept: the plain field, the field with the events asked for, the
 variational system for the derivatives asked for, each in the arithmetic asked for. All parameters are runtime values,
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,21 +19,23 @@ from tippedisk_verify.flow.contract import (
     START_WINDOW,
     Build,
     ErrorEstimate,
+    Event,
     EventRecord,
     Request,
     Result,
     Status,
+    Variation,
     checked,
     starts_on,
 )
-from tippedisk_verify.model.equations import checked_friction, field, jacobian
+from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
-__all__ = ["Taylor"]
+__all__ = ["PARAMETERS", "Taylor", "direction_of", "system_of"]
 
-# Runtime parameters of the compiled field, in this order.
-_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
+#: Runtime parameters of the compiled field, in this order.
+PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
 
 
 class Taylor:
@@ -66,7 +68,8 @@ class Taylor:
         events = request.events
         if request.domain == "event" and FLAT not in events:
             events = (*events, FLAT)
-        key = (precision, request.friction, request.variations, request.divergence, events, request.tolerance)
+        shape = (request.shifted, request.variations, request.divergence, events)
+        key = (precision, request.friction, request.tolerance, *shape)
         integrator = self._integrators.get(key)
         if integrator is None:
             integrator = self._integrators[key] = _Integrator(
@@ -76,7 +79,7 @@ class Taylor:
                 self._compact if self._compact is not None else precision != DOUBLE,
             )
         result = integrator.run(request)
-        if request.domain == "samples" and _outside(result, precision):
+        if request.domain == "samples" and _outside(result, request.shifted):
             # Rare: only now is the event worth building, and only it can say when the disk lay flat.
             return self(replace(request, domain="event"))
         if request.error_estimate:
@@ -87,7 +90,7 @@ class Taylor:
         wider = companion(request.precision)
         begin = time.perf_counter()
         check = self(replace(request, precision=wider, tolerance=None, error_estimate=False, dense=False))
-        error = _compared(request.precision, wider, result, check)
+        error = _compared(request.precision, wider, result, check, request.shifted)
         error = replace(error, seconds=time.perf_counter() - begin)
         return replace(result, error=error, built=result.built + check.built)
 
@@ -105,7 +108,7 @@ class _Integrator:
         begin = time.perf_counter()
         hy = heyoka_module()
         number, fp_type = precision.number, precision.type
-        system, self._crossings = _system(request, events)
+        system, self._crossings = system_of(request.variations, request.divergence, events, request.shifted)
         self._events = events
         self._records: list[EventRecord] = []
         self._terminal = [event for event in events if event.terminal]
@@ -116,7 +119,7 @@ class _Integrator:
             options["tol"] = number(request.tolerance)
         if self._terminal:
             options["t_events"] = [
-                hy.t_event(self._crossings[event.name], direction=_direction(hy, event.direction), fp_type=fp_type)
+                hy.t_event(self._crossings[event.name], direction=direction_of(hy, event.direction), fp_type=fp_type)
                 for event in self._terminal
             ]
         if passing := [event for event in events if not event.terminal]:
@@ -124,21 +127,21 @@ class _Integrator:
                 hy.nt_event(
                     self._crossings[event.name],
                     self._recorder(event.name),
-                    direction=_direction(hy, event.direction),
+                    direction=direction_of(hy, event.direction),
                     fp_type=fp_type,
                 )
                 for event in passing
             ]
         start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
         self._size = len(start)
-        self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(_PARAMETERS), **options)
+        self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(PARAMETERS), **options)
         self._divergence = request.divergence
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         extended = request.variations or request.divergence
         self._identity = stepper.state[3:].copy() if extended else None
         self._zero = number(0)
         self._finished = hy.taylor_outcome.time_limit
-        self._sin = precision.ops.sin
+        self._ops = shifted(precision.ops) if request.shifted else precision.ops
         self._parameters: Parameters | None = None
         self.build = Build(
             engine="taylor",
@@ -168,7 +171,7 @@ class _Integrator:
         pars = stepper.pars
         if request.parameters is not self._parameters:
             constants = request.parameters.at(self.precision)
-            for index, name in enumerate(_PARAMETERS[1:], start=1):
+            for index, name in enumerate(PARAMETERS[1:], start=1):
                 pars[index] = getattr(constants, name)
             self._parameters = request.parameters
         pars[0] = omega
@@ -181,7 +184,7 @@ class _Integrator:
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
-        if request.domain != "none" and self._sin(state[0]) <= 0:
+        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._result(Status.FLAT, 0)
         samples = dense = None
         on_surface = self._leave_surfaces(request, omega, state, duration) if request.events else ()
@@ -225,7 +228,7 @@ class _Integrator:
         Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does.
         """
         constants = request.parameters.at(self.precision)
-        epsilon, ops = float(self.precision.epsilon), self.precision.ops
+        epsilon, ops = float(self.precision.epsilon), self._ops
         names = tuple(event.name for event in request.events if starts_on(event, ops, constants, omega, state, epsilon))
         if any(event.terminal and event.name in names for event in self._events):
             stepper = self._stepper
@@ -285,28 +288,36 @@ class _Integrator:
         return record
 
 
-def _system(request: Request, events: tuple[Any, ...]) -> tuple[Any, dict[str, Any]]:
-    """The heyoka system that the request needs, and the event functions by name."""
+def system_of(
+    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool
+) -> tuple[Any, dict[str, Any]]:
+    """The heyoka system with what is asked for, and the event functions by name.
+
+    With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
+    derivatives, row by row. Raises InputError for a derivative that the field does not have.
+    """
     hy = heyoka_module()
+    ops = shifted(hy) if shift else hy
     state = hy.make_vars("beta", "gamma", "v")
-    pars = dict(zip(_PARAMETERS, (hy.par[index] for index in range(len(_PARAMETERS))), strict=True))
+    pars = dict(zip(PARAMETERS, (hy.par[index] for index in range(len(PARAMETERS))), strict=True))
     omega = pars["Omega"]
     constants = Constants(**{name: pars.get(name) for name in Constants._fields})
-    rates = field(hy, constants, omega, "linear")(*state)
+    rates = field(ops, constants, omega, "linear")(*state)
     system: Any = list(zip(state, rates, strict=True))
-    if request.divergence:
-        slope = jacobian(hy, constants, omega, "linear")(*state)[2][2]
+    if divergence:
+        slope = jacobian(ops, constants, omega, "linear")(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
-    if request.variations:
+    if variations:
         known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars
-        unknown = [name for name in request.variations if name not in known]
+        unknown = [name for name in variations if name not in known]
         if unknown:
             raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(known)}")
-        system = hy.var_ode_sys(system, [known[name] for name in request.variations])
-    return system, {event.name: event.function(hy, constants, omega, *state) for event in events}
+        system = hy.var_ode_sys(system, [known[name] for name in variations])
+    return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
 
 
-def _direction(hy: Any, sign: int) -> Any:
+def direction_of(hy: Any, sign: int) -> Any:
+    """heyoka's name for the sign of a crossing."""
     kinds = {-1: "negative", 0: "any", 1: "positive"}
     return getattr(hy.event_direction, kinds[sign])
 
@@ -325,11 +336,11 @@ def _copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
     return states
 
 
-def _outside(result: Result, precision: Precision) -> bool:
+def _outside(result: Result, shift: bool) -> bool:
     """Whether the end or a sample has sin(beta) <= 0."""
     import numpy
 
-    sine = numpy.sin
+    sine = numpy.cos if shift else numpy.sin
     if not result.status.usable or result.status is Status.FLAT:
         return False
     if sine(result.state[0]) <= 0:
@@ -337,7 +348,7 @@ def _outside(result: Result, precision: Precision) -> bool:
     return result.samples is not None and bool(numpy.any(sine(result.samples[:, 0]) <= 0))
 
 
-def _compared(precision: Precision, wider: Precision, result: Result, check: Result) -> ErrorEstimate:
+def _compared(precision: Precision, wider: Precision, result: Result, check: Result, shift: bool) -> ErrorEstimate:
     """Half-widths from the distance to a run with at least 11 more bits.
 
     The wider run's own error is about 2^-11 or less of the first one's. An eighth of the largest distance leaves it a
@@ -358,7 +369,8 @@ def _compared(precision: Precision, wider: Precision, result: Result, check: Res
 
     def time_width(mine: Any, theirs: Any, state: Any, truth: Any) -> float:
         own = float(widths(_alone(mine), _alone(theirs))[0])
-        speed = max(abs(float(state[2])), abs(float(numpy.cos(state[0]))), 1e-300)
+        turning = numpy.sin(state[0]) if shift else numpy.cos(state[0])
+        speed = max(abs(float(state[2])), abs(float(turning)), 1e-300)
         return own + float(max(abs(_widened(state, wider) - truth))) / 8 / speed
 
     names = [[record.name for record in run.events] for run in (result, check)]

@@ -29,11 +29,27 @@ __all__ = [
     "jacobian",
     "normal_force_over_weight",
     "right_hand_side",
+    "shifted",
     "terms",
 ]
 
 Friction = Literal["linear", "smooth"]
 Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
+
+
+class _ShiftedOps:
+    def __init__(self, ops: Any) -> None:
+        self.sin = ops.cos
+        self.cos = lambda angle: -ops.sin(angle)
+
+
+def shifted(ops: Any) -> Any:
+    """``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar (Eq. shifted coordinates).
+
+    With it every function here takes shifted angles. Near inverted spinning they are small numbers, which keep the
+    relative accuracy that beta and gamma, of size pi/2, lose.
+    """
+    return _ShiftedOps(ops)
 
 
 def checked_friction(friction: str) -> Friction:

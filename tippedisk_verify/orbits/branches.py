@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.continuation import PAPER_GUESS, continued
+from tippedisk_verify.orbits.continuation import continued
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
+from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
-from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
+from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["DEFAULT_COUNT", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
+_MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
 def family(
     parameters: Parameters, engine: Engine, *, paper_sets: bool = False, omegas: str | None = None
 ) -> Iterator[LimitCycle]:
-    """The paper's 801 cycles (from its own guess), those at a comma-separated list of speeds, or an even overview.
+    """The paper's 801 cycles, those at a comma-separated list of speeds, or an even overview.
 
     Raises InputError for speeds that are no positive decimals, NoSuchCycleError where the family ends.
     """
@@ -31,7 +34,10 @@ def family(
         speeds = [exact(text) for text in omegas.split(",")]
         if any(speed.pi_multiple or speed.rational <= 0 for speed in speeds):
             raise InputError("each speed must be a positive decimal")
-        yield from continued(parameters, [float(speed) for speed in speeds], engine)
+        if len(speeds) >= _MANY:
+            yield from _together(parameters, [float(speed) for speed in speeds], engine)
+        else:
+            yield from continued(parameters, [float(speed) for speed in speeds], engine)
         return
     omega_h = bisect_omega_h(parameters, engine).omega_h.value
     if not paper_sets:
@@ -42,7 +48,14 @@ def family(
         yield from continued(parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine)
         return
     sets = sets_of(parameters, omega_h)
-    start = limit_cycle(parameters, sets.start, engine, guess=PAPER_GUESS, precision=DOUBLE)
-    yield start
-    yield from continued(parameters, sets.increasing, engine, first=start)
-    yield from continued(parameters, sets.decreasing, engine, first=start)
+    yield from _together(parameters, (sets.start, *sets.increasing, *sets.decreasing), engine, omega_h)
+
+
+def _together(
+    parameters: Parameters, speeds: Sequence[float], engine: Engine, omega_h: Fraction | None = None
+) -> list[LimitCycle]:
+    """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is."""
+    if omega_h is None:
+        omega_h = bisect_omega_h(parameters, engine).omega_h.value
+    branch = DenseBranch(parameters, Lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
+    return branch.limit_cycles(speeds)

@@ -20,7 +20,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
-from tippedisk_verify.model.exact import PI, Exact, exact, fraction
+from tippedisk_verify.model.exact import PI, exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
@@ -49,6 +49,7 @@ class HalfMap:
     by_omega: tuple[Any, Any]
     time_by_state: tuple[Any, Any]
     time_by_omega: Any
+    trivial: Any  #: the multiplier along the flow, 1 but for rounding
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class LimitCycle:
     multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier [1]
     log_multiplier_slow: Measured  #: natural logarithm of its absolute value
     log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
+    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
     dperiod_domega: Measured  #: [s^2/rad]
     dgamma_bar_0_domega: Measured  #: [s]
     dv_0_domega: Measured  #: [1]
@@ -93,20 +95,27 @@ def half_map(
     _, gamma_row, v_row = result.derivatives
     beta_row = result.derivatives[0]
     v_end = result.state[2]
-    v_rate = _rate(parameters, omega, result, precision)
+    v_rate = _rate(parameters, omega, result.state, precision)
     # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
     flight = [-beta_row[k] / v_end for k in range(4)]
     v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
     gamma_bar, v = (precision.number(part) for part in state)
-    half_pi = precision.number(_QUARTER)
     return HalfMap(
         time=result.time,
-        residual=(-(result.state[1] - half_pi) - gamma_bar, -v_end - v),
+        residual=(-result.state[1] - gamma_bar, -v_end - v),
         matrix=((-gamma_row[1], -gamma_row[2]), (-v_section[1], -v_section[2])),
         by_omega=(-gamma_row[3], -v_section[3]),
         time_by_state=(flight[1], flight[2]),
         time_by_omega=flight[3],
+        trivial=_trivial(v, _rate(parameters, omega, (0 * v, gamma_bar, v), precision), result.derivatives),
     )
+
+
+def _trivial(v: Any, v_rate: Any, rows: Any) -> Any:
+    """The Rayleigh quotient of the half map (linear part of S: -1) on the flow's direction (v, 0, v') at the start."""
+    beta_image = rows[0][0] * v + rows[0][2] * v_rate
+    v_image = rows[2][0] * v + rows[2][2] * v_rate
+    return -(v * beta_image + v_rate * v_image) / (v * v + v_rate * v_rate)
 
 
 def _flight(
@@ -115,10 +124,17 @@ def _flight(
     gamma_bar, v = state
     if not float(v) < 0:
         raise NoSuchCycleError("shooting starts at beta = pi/2 with v < 0: the guess has left that side of the section")
-    start = (_QUARTER, Exact(fraction(precision.number(gamma_bar)), Fraction(1, 2)), v)
     events = (_RETURNS, *needs.pop("events", ()))
     request = Request(
-        parameters, omega, start, _LONGEST_FLIGHT, precision=precision, events=events, domain="none", **needs
+        parameters,
+        omega,
+        (0, gamma_bar, v),
+        _LONGEST_FLIGHT,
+        shifted=True,
+        precision=precision,
+        events=events,
+        domain="none",
+        **needs,
     )
     result = engine(request)
     if result.status is not Status.EVENT:
@@ -126,12 +142,12 @@ def _flight(
     return result
 
 
-def _rate(parameters: Parameters, omega: Any, result: Result, precision: Precision) -> Any:
-    from tippedisk_verify.model.equations import acceleration
+def _rate(parameters: Parameters, omega: Any, state: Sequence[Any], precision: Precision) -> Any:
+    from tippedisk_verify.model.equations import acceleration, shifted
 
     constants = parameters.at(precision)
-    beta, gamma, v = result.state
-    return acceleration(precision.ops, constants, precision.number(omega), beta, gamma, v, "linear")
+    beta, gamma, v = state
+    return acceleration(shifted(precision.ops), constants, precision.number(omega), beta, gamma, v, "linear")
 
 
 def _newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
@@ -194,15 +210,24 @@ def shoot_full_period(
 
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
-    half_pi = math.pi / 2
     residuals: list[float] = []
     rates = _double_field(parameters, omega)
     for _ in range(_MOST_STEPS):
-        start = (half_pi + unknown[0], half_pi + unknown[1], unknown[2])
-        result = engine(Request(parameters, omega, start, unknown[3], variations=("beta", "gamma", "v"), domain="none"))
+        start = unknown[:3]
+        result = engine(
+            Request(
+                parameters,
+                omega,
+                start.tolist(),
+                unknown[3],
+                shifted=True,
+                variations=("beta", "gamma", "v"),
+                domain="none",
+            )
+        )
         if result.status is not Status.REACHED:
             raise NoSuchCycleError(f"the orbit could not be followed for a period: {result.status.value}")
-        residual = numpy.array([*(result.state - numpy.array(start)), unknown[0]])
+        residual = numpy.array([*(result.state - start), unknown[0]])
         residuals.append(float(abs(residual[0]) + abs(residual[1]) + abs(residual[2]) / 10))
         if residuals[-1] < 1e-14 * scale or (len(residuals) > 2 and residuals[-2] / 2 <= residuals[-1] < 1e-11 * scale):
             return (float(unknown[0]), float(unknown[1]), float(unknown[2])), float(unknown[3]), tuple(residuals)
@@ -219,9 +244,9 @@ def shoot_full_period(
 
 
 def _double_field(parameters: Parameters, omega: Any) -> Any:
-    from tippedisk_verify.model.equations import field
+    from tippedisk_verify.model.equations import field, shifted
 
-    return field(math, parameters.at(DOUBLE), DOUBLE.number(omega), "linear")
+    return field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), "linear")
 
 
 # ------------------------------------------------------------------------------------------------ with uncertainties
@@ -292,7 +317,6 @@ def _numbers(
     state = _sharpened(parameters, omega, shot, engine, precision)
     here = half_map(parameters, omega, state, engine, precision)
     flight = _flight(parameters, omega, state, engine, precision, divergence=True, events=(_EXTREME,))
-    half_pi = precision.number(_QUARTER)
     turns = [record.state[0] for record in flight.events if record.name == _EXTREME.name]
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
@@ -307,11 +331,12 @@ def _numbers(
         "period": 2 * here.time,
         "gamma_bar_0": state[0],
         "v_0": state[1],
-        "beta_max": max((abs(turn - half_pi) for turn in turns), default=abs(0 * half_pi)),
+        "beta_max": max((abs(turn) for turn in turns), default=abs(0 * here.time)),
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
         # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
         "log_multiplier_fast": 2 * flight.divergence - log_slow,
+        "trivial_multiplier_defect": abs(here.trivial * here.trivial - 1),
         "dperiod_domega": 2 * time,
         "dgamma_bar_0_domega": by_omega[0],
         "dv_0_domega": by_omega[1],
@@ -326,11 +351,10 @@ def _sharpened(
     if precision == DOUBLE:
         return state
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
-    half_pi = precision.number(_QUARTER)
     previous: Fraction | None = None
     for _ in range(precision.bits // 8 + 8):
         flight = _flight(parameters, omega, state, engine, precision)
-        residual = (-(flight.state[1] - half_pi) - state[0], -flight.state[2] - state[1])
+        residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
         step = _newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         size = fraction(abs(step[0]) + abs(step[1]))

@@ -18,7 +18,7 @@ from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits
 from tippedisk_verify.theory.hopf import omega_crit_squared
 
-__all__ = ["Form", "OneHarmonic", "chi", "delta", "kappa_1", "kappa_2", "one_harmonic", "slopes"]
+__all__ = ["Form", "OneHarmonic", "amplitude_squared", "chi", "delta", "kappa_1", "kappa_2", "one_harmonic", "slopes"]
 
 Form = Literal["printed", "consistent"]
 
@@ -76,7 +76,7 @@ def _checked_form(form: str) -> Form:
     return form  # type: ignore[return-value]
 
 
-def _amplitude_squared(constants: Any, omega_squared: Any, form: Form) -> Any:
+def amplitude_squared(constants: Any, omega_squared: Any, form: Form) -> Any:
     """C^2 of Eq. Csol; negative where the formula has no cycle."""
     r, e, m, g, Bbar = constants.r, constants.e, constants.m, constants.g, constants.Bbar
     excess = Bbar * r * omega_squared - m * g * (r + e) ** 2
@@ -89,7 +89,7 @@ def one_harmonic(parameters: Parameters, omega: Any, form: Form = "printed", dig
     Raises Shortfall where the formula has no real amplitude or frequency.
     """
     form = _checked_form(form)
-    square = _amplitude_squared(parameters.rational(), omega**2, form)
+    square = amplitude_squared(parameters.rational(), omega**2, form)
     ratio = parameters.e / (parameters.r + parameters.e)
     frequency_squared = omega**2 * ratio + delta(parameters, omega, form) * square
     if square < 0 or frequency_squared <= 0:

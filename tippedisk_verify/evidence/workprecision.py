@@ -1,0 +1,109 @@
+"""Run time against error: the paper's 801 limit cycles, solved together and by what others would use.
+
+Seconds are per cycle, medians over interleaved repeats in one process; compilation is timed apart. The error is the
+largest of T over a sample of the speeds against shooting in extended precision.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.orbits.continuation import paper_sets
+from tippedisk_verify.orbits.dense import DenseBranch
+from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+from tippedisk_verify.orbits.periodic import limit_cycle, shoot
+
+__all__ = ["Run", "race"]
+
+_REPEATS = 5
+_SAMPLE = 7
+
+
+@dataclass(frozen=True)
+class Run:
+    """One method at one setting."""
+
+    method: str
+    setting: str
+    error: float | None  #: largest |T - truth| over the sample [s]; None where T is not solved for
+    seconds: float  #: per cycle, median
+    status: str
+
+    def json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda text, step: None) -> list[Run]:
+    """The paper's sets of speeds: all at once, one by one, by SciPy's DOP853, and heyoka's batch doing nothing else."""
+    import numpy
+
+    taylor, lanes = Taylor(), Lanes()
+    omega_h = bisect_omega_h(parameters, taylor).omega_h.value
+    sets = paper_sets(parameters, omega_h)
+    speeds = numpy.array([sets.start, *sets.increasing, *sets.decreasing])
+
+    def together() -> Any:
+        branch = DenseBranch(parameters, lanes, float(omega_h), lowest=speeds.min(), highest=speeds.max())
+        cycles = branch.cycles(speeds.tolist())
+        branch.half_widths(cycles)
+        return cycles
+
+    cycles = together()  # compiles
+    advance("compiled", 1)
+    starts = numpy.stack((numpy.zeros(len(speeds)), cycles.gamma_bar_0, cycles.v_0), axis=1)
+    constants = field_constants(parameters)
+
+    def bare() -> None:
+        flights = (constants, speeds, starts, cycles.period / 2)
+        lanes(*flights, shifted=True, variations=("beta", "gamma", "v", "Omega"))
+
+    sample = numpy.linspace(0, len(speeds) - 1, _SAMPLE).astype(int)
+    guesses = [(cycles.gamma_bar_0[k] * 1.001, cycles.v_0[k] * 1.001) for k in sample]
+
+    def singly(engine: Engine) -> list[float]:
+        return [
+            2 * float(shoot(parameters, Fraction(speeds[k]), guess, engine).map.time)
+            for k, guess in zip(sample, guesses, strict=True)
+        ]
+
+    scipy = Baseline("DOP853")
+    found = {"taylor": singly(taylor), "scipy": singly(scipy), "lanes": cycles.period[sample].tolist()}
+    truth = [
+        limit_cycle(parameters, Fraction(speeds[k]), taylor, guess=guess, precision=EXTENDED).period.value
+        for k, guess in zip(sample, guesses, strict=True)
+    ]
+    error = {name: max(abs(float(Fraction(a) - b)) for a, b in zip(v, truth, strict=True)) for name, v in found.items()}
+    jobs: dict[str, tuple[Callable[[], Any], int]] = {
+        "lanes": (together, len(speeds)),
+        "bare": (bare, len(speeds)),
+        "taylor": (lambda: singly(taylor), _SAMPLE),
+        "scipy": (lambda: singly(scipy), _SAMPLE),
+    }
+    times: dict[str, list[float]] = {name: [] for name in jobs}
+    for _ in range(_REPEATS):
+        for name, (job, count) in jobs.items():
+            begin = time.perf_counter()
+            job()
+            times[name].append((time.perf_counter() - begin) / count)
+            advance(name, 1)
+    seconds = {name: statistics.median(values) for name, values in times.items()}
+    width = f"{lanes.width} lanes"
+    return [
+        Run("heyoka batch, one variational half period a cycle", width, None, seconds["bare"], "bare"),
+        Run("801 cycles together, with half-widths", width, error["lanes"], seconds["lanes"], "converged"),
+        Run("taylor shooting, one by one", f"{_SAMPLE} of 801", error["taylor"], seconds["taylor"], "converged"),
+        Run(
+            "scipy-DOP853 shooting", f"{_SAMPLE} of 801, tolerance 1e-13", error["scipy"], seconds["scipy"], "converged"
+        ),
+    ]

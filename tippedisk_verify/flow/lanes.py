@@ -1,0 +1,190 @@
+"""Many runs at once in double: heyoka's batch mode, one run in each SIMD lane.
+
+For lists of speeds or starts that need the same thing. Every run has its own speed, start and duration; the lanes of a
+batch share the compiled code. Nothing here estimates an error: who asks for many runs at once measures it on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import Event, Variation
+from tippedisk_verify.flow.taylor import PARAMETERS, direction_of, system_of
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+
+__all__ = ["Flights", "Lanes", "field_constants"]
+
+
+@dataclass(frozen=True)
+class Flights:
+    """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere."""
+
+    states: Any  #: (n, 3) final (beta, gamma, v)
+    derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
+    divergence: Any = None  #: (n,) integral of div f along the orbit [1]
+    crossings: tuple[tuple[str, int, float, tuple[float, float, float]], ...] = ()  #: event, run, time [s], state
+    finished: Any = None  #: (n,) whether the final time was reached
+
+
+def field_constants(parameters: Parameters) -> Any:
+    """(r, e, a, b, g, k), the field's constants in double, as an array."""
+    import numpy
+
+    constants = parameters.at(DOUBLE)
+    return numpy.array([getattr(constants, name) for name in PARAMETERS[1:]])
+
+
+class Lanes:
+    """The engine for many runs. What a call needs is compiled once per instance and kept.
+
+    ``width`` is the number of lanes; by default what this machine's SIMD registers hold. One instance must not be used
+    from two threads at once.
+    """
+
+    def __init__(self, width: int | None = None) -> None:
+        self.width = width or int(heyoka_module().recommended_simd_size())
+        self._batches: dict[tuple[Any, ...], _Batch] = {}
+
+    def __call__(
+        self,
+        constants: Any,
+        omegas: Any,
+        states: Any,
+        durations: Any,
+        *,
+        variations: tuple[Variation, ...] = (),
+        divergence: bool = False,
+        shifted: bool = False,
+        events: tuple[Event, ...] = (),
+        max_steps: int = 100_000,
+    ) -> Flights:
+        """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,) with the linear law.
+
+        ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
+        from pi/2. ``events`` are recorded and end nothing.
+        Raises InputError if the shapes do not match or an event is terminal.
+        """
+        import numpy
+
+        omegas, states, durations = (numpy.asarray(part, dtype=float) for part in (omegas, states, durations))
+        count = len(omegas)
+        if states.shape != (count, 3) or durations.shape != (count,):
+            raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
+        if any(event.terminal for event in events):
+            raise InputError("events of many runs at once are recorded; they cannot end a run")
+        key = (variations, divergence, events, shifted)
+        batch = self._batches.get(key)
+        if batch is None:
+            batch = self._batches[key] = _Batch(self.width, variations, divergence, events, shifted)
+        pars = numpy.empty((len(PARAMETERS), count))
+        pars[0] = omegas
+        pars[1:] = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1)).T
+        return batch.run(pars, states.T, durations, max_steps)
+
+
+class _Batch:
+    def __init__(
+        self, width: int, variations: tuple[Variation, ...], divergence: bool, events: Sequence[Event], shift: bool
+    ) -> None:
+        import numpy
+
+        hy = heyoka_module()
+        system, crossings = system_of(variations, divergence, events, shift)
+        self._width, self._shift = width, 3 + divergence
+        self._variations, self._divergence = len(variations), divergence
+        self._names: list[tuple[str, int, float, tuple[float, float, float]]] = []
+        self._first = 0
+        options: dict[str, Any] = {}
+        if events:
+            options["nt_events"] = [
+                hy.nt_event_batch(
+                    crossings[event.name], self._recorder(event.name), direction=direction_of(hy, event.direction)
+                )
+                for event in events
+            ]
+        start = numpy.zeros((self._shift, width))
+        start[0] = start[1] = 1.0
+        self._stepper = hy.taylor_adaptive_batch(system, start, pars=numpy.ones((len(PARAMETERS), width)), **options)
+        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
+        self._rest = self._stepper.state[3:].copy()
+        self._reached = hy.taylor_outcome.time_limit
+
+    def run(self, pars: Any, states: Any, durations: Any, max_steps: int) -> Flights:
+        import numpy
+
+        count, width, stepper = len(durations), self._width, self._stepper
+        final = numpy.empty((len(stepper.state), count))
+        finished = numpy.empty(count, dtype=bool)
+        self._names.clear()
+        for first in range(0, count, width):
+            size = min(width, count - first)
+            # Lanes left over repeat the last run.
+            lanes = (
+                numpy.minimum(numpy.arange(first, first + width), count - 1)
+                if size < width
+                else slice(first, first + width)
+            )
+            self._first = first
+            final[:, first : first + size], finished[first : first + size] = self._propagated(
+                pars[:, lanes], states[:, lanes], durations[lanes], size, max_steps
+            )
+        final[:, ~finished] = numpy.nan
+        derivatives = None
+        if self._variations:
+            # Rows of the divergence, if it was asked for, are not wanted.
+            shape = (self._shift, self._variations, count)
+            derivatives = final[self._shift :].reshape(shape)[:3].transpose(2, 0, 1)
+        return Flights(
+            states=final[:3].T,
+            derivatives=derivatives,
+            divergence=final[3] if self._divergence else None,
+            crossings=tuple(self._names),
+            finished=finished,
+        )
+
+    def _propagated(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
+        import numpy
+
+        stepper = self._stepper
+        stepper.set_time(0.0)
+        stepper.pars[:] = pars
+        stepper.state[:3] = states
+        stepper.state[3:] = self._rest
+        if self._names is not None and stepper.with_events:
+            stepper.reset_cooldowns()
+        mark = len(self._names)
+        stepper.propagate_until(durations, max_steps=max_steps)
+        reached = numpy.array([result[0] == self._reached for result in stepper.propagate_res])
+        if not reached.all() and size > 1:
+            # One lane that breaks off ends the others too: each of them again, alone in all lanes.
+            del self._names[mark:]
+            return self._singly(pars, states, durations, size, max_steps)
+        self._names[mark:] = [entry for entry in self._names[mark:] if entry[1] < self._first + size]
+        return stepper.state[:, :size].copy(), reached[:size]
+
+    def _singly(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
+        import numpy
+
+        final = numpy.empty((len(self._stepper.state), size))
+        finished = numpy.empty(size, dtype=bool)
+        first = self._first
+        for lane in range(size):
+            same = [lane] * self._width
+            self._first = first + lane
+            column, reached = self._propagated(pars[:, same], states[:, same], durations[same], 1, max_steps)
+            final[:, lane], finished[lane] = column[:, 0], reached[0]
+        return final, finished
+
+    def _recorder(self, name: str) -> Any:
+        names = self._names
+
+        def record(stepper: Any, when: float, sign: int, lane: int) -> None:
+            stepper.update_d_output([when] * self._width)
+            beta, gamma, v = stepper.d_output[:3, lane].tolist()
+            names.append((name, self._first + lane, when, (beta, gamma, v)))
+
+        return record

@@ -1,0 +1,222 @@
+"""Limit cycles at many speeds at once, in double, one in each SIMD lane.
+
+The half-period problem with the flight time as an unknown: the flow over tau followed by the symmetry S must return to
+the start on the section. Without an event to stop at, a Newton step costs one variational flight per lane and nothing
+else. Runs that have converged leave; the others go on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from tippedisk_verify.flow.contract import TURN, Event, Variation
+from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.taylor import PARAMETERS
+from tippedisk_verify.model.equations import acceleration, shifted
+from tippedisk_verify.model.parameters import Constants
+
+__all__ = ["Cycles", "Guess", "corrected"]
+
+_VARIATIONS: tuple[Variation, ...] = (
+    "beta",
+    "gamma",
+    "v",
+    "Omega",
+)  # with beta, heyoka differentiates in reverse, with less work
+_EXTREME = Event("extreme", TURN.function, terminal=False)
+_MOST_STEPS = 12
+_LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
+# A step this small (relative) leaves, by quadratic convergence, an error below rounding.
+_SMALL_STEP = 1e-11
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where to start: (n,) arrays."""
+
+    gamma_bar_0: Any  #: [rad]
+    v_0: Any  #: [rad/s]
+    half_period: Any  #: [s]
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """n limit cycles as (n,) arrays of doubles; NaN where none was found."""
+
+    omega: Any  #: [rad/s]
+    period: Any  #: T [s]
+    gamma_bar_0: Any  #: [rad]
+    v_0: Any  #: [rad/s]
+    beta_max: Any  #: [rad]
+    multiplier_slow: Any  #: [1]
+    log_multiplier_slow: Any
+    log_multiplier_fast: Any
+    trivial_multiplier_defect: Any
+    dperiod_domega: Any  #: [s^2/rad]
+    dgamma_bar_0_domega: Any  #: [s]
+    dv_0_domega: Any  #: [1]
+    converged: Any  #: whether Newton's iteration ended
+    residual: Any  #: |S(flow) - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
+    last_step: Any  #: (n, 3) the last Newton step, of (gamma_bar_0, v_0, T / 2): derivatives were taken before it
+    sensitivity: Any  #: (n, 3, 3) d(gamma_bar_0, v_0, tau) / d(end of the flight), what an error in the flow does
+
+
+def corrected(
+    constants: Any, omegas: Any, guess: Guess, lanes: Lanes, *, whole: bool = True, tolerance: Any = _SMALL_STEP
+) -> Cycles:
+    """Newton's iteration for every speed, then all numbers of the cycles found.
+
+    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`. With ``whole=False`` beta_max and the fast
+    multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after
+    which it ends.
+    """
+    import numpy
+
+    omegas = numpy.asarray(omegas, dtype=float)
+    count = len(omegas)
+    tolerance = numpy.broadcast_to(tolerance, count)
+    constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
+    unknowns = numpy.stack((guess.gamma_bar_0, guess.v_0, guess.half_period), axis=1).astype(float)
+    sensitivity = numpy.full((count, 3, 3), numpy.nan)
+    by_omega = numpy.full((count, 3), numpy.nan)
+    half_maps = numpy.full((count, 2, 2), numpy.nan)
+    last_step = numpy.full((count, 3), numpy.nan)
+    residual = numpy.full(count, numpy.nan)
+    trivial = numpy.full(count, numpy.nan)
+    converged = numpy.zeros(count, dtype=bool)
+    active = numpy.flatnonzero(_possible(unknowns))
+    smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
+    for _ in range(_MOST_STEPS):
+        if not len(active):
+            break
+        step = _Step(constants[active], omegas[active], unknowns[active], lanes)
+        unknowns[active] += step.step
+        size = numpy.abs(step.step).max(axis=1)
+        inside = _possible(unknowns[active]) & (unknowns[active, 0] > smallest[active])
+        small = inside & (size <= tolerance[active] * numpy.abs(unknowns[active]).max(axis=1))
+        ended = active[small]
+        converged[ended] = True
+        last_step[ended] = step.step[small]
+        sensitivity[ended], by_omega[ended] = step.inverse[small], step.by_omega[small]
+        half_maps[ended], residual[ended] = step.half_map[small], step.residual[small]
+        trivial[ended] = step.trivial[small]
+        active = active[inside & ~small]
+    unknowns[~converged] = numpy.nan
+    (a, b), (c, d) = half_maps.transpose(1, 2, 0)
+    trace, determinant = a + d, a * d - b * c
+    root = numpy.sqrt(trace**2 / 4 - determinant)
+    slow = (trace / 2 + numpy.where(trace > 0, root, -root)) ** 2
+    log_slow = numpy.log(slow)
+    beta_max = log_fast = numpy.full(count, numpy.nan)
+    if whole:
+        beta_max, divergence = _turned(constants, omegas, unknowns, converged, lanes)
+        log_fast = 2 * divergence - log_slow
+    return Cycles(
+        omega=omegas,
+        period=2 * unknowns[:, 2],
+        gamma_bar_0=unknowns[:, 0],
+        v_0=unknowns[:, 1],
+        beta_max=beta_max,
+        multiplier_slow=slow,
+        log_multiplier_slow=log_slow,
+        log_multiplier_fast=log_fast,
+        trivial_multiplier_defect=abs(trivial**2 - 1),
+        dperiod_domega=2 * by_omega[:, 2],
+        dgamma_bar_0_domega=by_omega[:, 0],
+        dv_0_domega=by_omega[:, 1],
+        converged=converged,
+        residual=residual,
+        last_step=last_step,
+        sensitivity=sensitivity,
+    )
+
+
+def _possible(unknowns: Any) -> Any:
+    """Which runs may go on: on the right side of the section, within the well, and forward in time."""
+    import numpy
+
+    gamma_bar, v, half_period = unknowns.T
+    inside = (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0) & (half_period > 0) & (half_period < _LONGEST)
+    return inside & numpy.isfinite(unknowns).all(axis=1)
+
+
+def _starts(unknowns: Any) -> Any:
+    import numpy
+
+    return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
+
+
+class _Step:
+    """One Newton step of every run that is still under way."""
+
+    def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: Lanes) -> None:
+        import numpy
+
+        flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=_VARIATIONS)
+        beta, gamma, v = flights.states.T
+        ops = shifted(numpy)
+        field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
+        v_rate = acceleration(ops, field, omegas, beta, gamma, v, "linear")
+        gamma_rate = omegas * numpy.sin(beta)
+        errors = numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
+        rows = flights.derivatives
+        matrix = numpy.empty((len(omegas), 3, 3))
+        matrix[:, 0, :2], matrix[:, 0, 2] = rows[:, 0, 1:3], v
+        matrix[:, 1, :2], matrix[:, 1, 2] = -rows[:, 1, 1:3], -gamma_rate
+        matrix[:, 2, :2], matrix[:, 2, 2] = -rows[:, 2, 1:3], -v_rate
+        matrix[:, 1, 0] -= 1
+        matrix[:, 2, 1] -= 1
+        # The Rayleigh quotient of the half map on the flow's direction (v, 0, v'); the linear part of S is -1.
+        beta_start, gamma_start, v_start = _starts(unknowns).T
+        start_rate = acceleration(ops, field, omegas, beta_start, gamma_start, v_start, "linear")
+        beta_image = rows[:, 0, 0] * v_start + rows[:, 0, 2] * start_rate
+        v_image = rows[:, 2, 0] * v_start + rows[:, 2, 2] * start_rate
+        self.trivial = -(v_start * beta_image + start_rate * v_image) / (v_start**2 + start_rate**2)
+        signs = numpy.array([1.0, -1.0, -1.0])
+        self.inverse = _inverse(matrix) * signs
+        self.step = -(self.inverse @ (errors * signs)[:, :, None])[:, :, 0]
+        self.by_omega = -(self.inverse @ rows[:, :, 3:])[:, :, 0]
+        self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
+        # The map on the section: time moves with the start, dt = -d(beta)/v, and gamma' is zero there.
+        flight = -rows[:, 0, 1:3] / v[:, None]
+        self.half_map = -numpy.stack((rows[:, 1, 1:3], rows[:, 2, 1:3] + v_rate[:, None] * flight), axis=1)
+
+
+def _inverse(matrices: Any) -> Any:
+    import numpy
+
+    try:
+        return numpy.linalg.inv(matrices)
+    except numpy.linalg.LinAlgError:
+        found = numpy.full_like(matrices, numpy.nan)
+        for index, matrix in enumerate(matrices):
+            if numpy.isfinite(matrix).all() and numpy.linalg.matrix_rank(matrix) == 3:
+                found[index] = numpy.linalg.inv(matrix)
+        return found
+
+
+def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: Lanes) -> tuple[Any, Any]:
+    """beta_max and the integral of the divergence over half a period."""
+    import numpy
+
+    beta_max, divergence = numpy.full(len(omegas), numpy.nan), numpy.full(len(omegas), numpy.nan)
+    found = numpy.flatnonzero(converged)
+    if len(found):
+        states = unknowns[found]
+        flights = lanes(
+            constants[found],
+            omegas[found],
+            _starts(states),
+            states[:, 2],
+            shifted=True,
+            divergence=True,
+            events=(_EXTREME,),
+        )
+        divergence[found] = flights.divergence
+        largest = numpy.zeros(len(found))
+        for _, run, _, (beta, _, _) in flights.crossings:
+            largest[run] = max(largest[run], abs(beta))
+        beta_max[found] = largest
+    return beta_max, divergence
