@@ -38,8 +38,10 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
+    from tippedisk_verify.orbits.bisection import bisect_omega_h
     from tippedisk_verify.orbits.dense import DenseBranch
-    from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+    from tippedisk_verify.orbits.heteroclinic import heteroclinic
+    from tippedisk_verify.orbits.near_connection import cycle_above
     from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
     from tippedisk_verify.theory.equilibria import equilibrium
@@ -60,7 +62,9 @@ _HOMES = {
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.dense": ("DenseBranch",),
-    "orbits.heteroclinic": ("bisect_omega_h",),
+    "orbits.bisection": ("bisect_omega_h",),
+    "orbits.heteroclinic": ("heteroclinic",),
+    "orbits.near_connection": ("cycle_above",),
     "orbits.periodic": ("limit_cycle",),
     "orbits.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),
@@ -98,8 +102,10 @@ __all__ = [
     "balanced_cycle",
     "bisect_omega_h",
     "bits",
+    "cycle_above",
     "equilibrium",
     "exact",
+    "heteroclinic",
     "hopf_point",
     "limit_cycle",
     "omega_crit",

@@ -115,10 +115,11 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
     with progress(common, len(chosen)) as advance:
         found_with: tuple[Any, ...] = ()
         if given is None and any(panel.base == "Omega_h" for panel in chosen):
-            from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+            from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
             advance("Omega_h", 0)
-            given = bisect_omega_h(common.parameters, engine, friction=common.friction).omega_h
+            method = "manifolds" if common.friction == "linear" else "bisection"
+            given = heteroclinic(common.parameters, engine, method=method, friction=common.friction).omega_h
             found_with = getattr(engine, "builds", ())
         panels = []
         for panel in chosen:

@@ -62,16 +62,26 @@ def slow_manifold(common: Common, order: int, omega: str | None) -> int:
 
 @click.command()
 @speed_options
+@click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
 @common_options
-def orbit(common: Common, omega: str | None, below_crit: str | None) -> int:
+def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: str | None) -> int:
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.periodic import limit_cycle
 
     if common.friction == "smooth":
         raise InputError("limit cycles are offered for the linear friction law")
-    omega_value = speed(common, omega, below_crit)
-    found = limit_cycle(common.parameters, omega_value, default_engine(common.friction), digits=common.digits).json()
+    if above_het is not None:
+        from tippedisk_verify.orbits.near_connection import cycle_above
+
+        if omega is not None or below_crit is not None:
+            raise InputError("give the speed with one of --omega, --below-crit and --above-het")
+        cycle = cycle_above(common.parameters, above_het, default_engine(common.friction), digits=common.digits)
+    else:
+        from tippedisk_verify.orbits.periodic import limit_cycle
+
+        omega_value = speed(common, omega, below_crit)
+        cycle = limit_cycle(common.parameters, omega_value, default_engine(common.friction), digits=common.digits)
+    found = cycle.json()
     del found["residuals"]  # of interest to who studies the iteration, from Python
     print_result(common, found)
     return 0
@@ -116,6 +126,35 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     return 0
 
 
+@click.command()
+@click.option(
+    "--method",
+    default="manifolds",
+    show_default=True,
+    metavar="NAME",
+    help="manifolds, limit-cycles, bisection or scipy.",
+)
+@click.option("--out", metavar="FILE.csv", help="Write samples of the connection there.")
+@common_options
+def heteroclinic(common: Common, method: str, out: str | None) -> int:
+    """Omega_h, where the saddles are connected, by one of several roads."""
+    from tippedisk_verify.files import output_file, write_csv
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.heteroclinic import heteroclinic as connection
+    from tippedisk_verify.orbits.heteroclinic import samples
+
+    target = None if out is None else output_file(out)
+    engine = default_engine(common.friction)
+    found = connection(common.parameters, engine, digits=common.digits, method=method, friction=common.friction)
+    if target is not None:
+        if common.friction == "smooth":
+            raise InputError("samples of the connection are offered for the linear friction law")
+        rows = samples(common.parameters, found.omega_h, engine).tolist()
+        write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
+    print_result(common, found.json())
+    return 0
+
+
 @click.command("harmonic-balance")
 @speed_options
 @click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")
@@ -132,4 +171,4 @@ def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, 
     return 0
 
 
-COMMANDS = (equilibria, hopf, slow_manifold, orbit, branch, harmonic_balance)
+COMMANDS = (equilibria, hopf, slow_manifold, orbit, branch, heteroclinic, harmonic_balance)

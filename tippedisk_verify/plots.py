@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.evidence.near_omega_h import Sight
 from tippedisk_verify.files import write_bytes
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.heteroclinic import Heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import SCENES, Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
@@ -333,4 +335,39 @@ def draw_branch(
             axes[0].plot([omega], [top], "s", ms=5, color=_ATTRACTOR, zorder=4)
         axes[0].annotate(scene.name, (omega, top), xytext=(4, 4), textcoords="offset points")
     axes[0].legend(frameon=False)
+    return figure, rows
+
+
+def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic) -> tuple[Any, list[tuple[Any, ...]]]:
+    """Close to Omega_h: the period and what its law leaves, and what double precision loses."""
+    rows = [
+        (s.distance, s.period, s.remainder, s.period_error, s.state_error, s.expected_error)
+        for s in sorted(sights, key=lambda sight: -sight.distance)
+    ]
+    distance = [row[0] for row in rows]
+    unstable, slow, _ = (float(value) for value in connection.saddle_eigenvalues)
+    figure, axes = _pyplot().subplots(1, 3, figsize=(11.5, 3.5), layout="constrained")
+    last = rows[-1]
+    law = [last[1] - 2 / unstable * math.log(value / last[0]) for value in distance]
+    axes[0].semilogx(distance, [row[1] for row in rows], "o", ms=4, color=_ATTRACTOR, label="limit cycles")
+    axes[0].semilogx(distance, law, "--", color="black", lw=1.0, label="−(2/λᵤ) log(Ω − Ω_h) + c")
+    axes[0].set_ylabel("period T [s]")
+    falling = [(row[0], abs(row[2])) for row in rows[:-4] if row[0] < 0.1]
+    power = -slow / unstable - 1
+    through = falling[-1][1] / falling[-1][0] ** power
+    axes[1].loglog([x for x, _ in falling], [y for _, y in falling], "o", ms=4, color=_ATTRACTOR, label="T − law")
+    axes[1].loglog([x for x, _ in falling], [through * x**power for x, _ in falling], "--", color="black", lw=1.0,
+                   label=f"power {power:.3f} = |λₛ|/λᵤ − 1")  # fmt: skip
+    axes[1].set_ylabel("what the law leaves [s]")
+    seen = [(row[0], max(row[3], 1e-17)) for row in rows if row[3] is not None]
+    lost = [row[0] for row in rows if row[3] is None]
+    axes[2].loglog([x for x, _ in seen], [y for _, y in seen], "o", ms=4, color=_ATTRACTOR, label="T in double")
+    if lost:
+        axes[2].loglog(lost, [1.0] * len(lost), "x", ms=6, color="black", label="double finds no cycle")
+    axes[2].loglog(distance, [row[5] for row in rows], "--", color="black", lw=1.0, label="rounding of Ω alone")
+    axes[2].set_ylabel("error of T [s]")
+    for axis in axes:
+        axis.set_xlabel("Ω − Ω_h [rad/s]")
+        axis.grid(lw=0.3, alpha=0.5)
+        axis.legend(frameon=False, fontsize=8)
     return figure, rows

@@ -126,6 +126,9 @@ def write_report(
     if "stable_branch" in names and audit.friction == "linear":
         with suppress(InputError, Shortfall):  # the claim's note says why there is no family
             figures.append(_write_branch(folder, audit))
+    if "infinite_period" in names and audit.friction == "linear":
+        with suppress(InputError, Shortfall):
+            figures.append(_write_near_omega_h(folder, audit))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     write_csv(
         folder / "claims.csv",
@@ -193,6 +196,25 @@ def _write_branch(folder: Path, audit: Audit) -> str:
     return "branch"
 
 
+def _write_near_omega_h(folder: Path, audit: Audit) -> str:
+    from tippedisk_verify.evidence.near_omega_h import near_omega_h
+    from tippedisk_verify.plots import draw_near_omega_h, save
+
+    connection, sights = near_omega_h(audit.parameters, audit.engine)
+    figure, rows = draw_near_omega_h(sights, connection)
+    save(figure, folder, "near_omega_h")
+    header = (
+        "Omega - Omega_h [rad/s]",
+        "T [s]",
+        "T - law [s]",
+        "error of T in double [s]",
+        "relative error of pi - gamma_bar_0 in double",
+        "error of T from rounding Omega [s]",
+    )
+    write_csv(folder / "near_omega_h.csv", header, [["" if cell is None else cell for cell in row] for row in rows])
+    return "near_omega_h"
+
+
 def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None:
     """``scene_X_orbit_N.csv`` for each orbit and ``scene_X_slow_manifold.csv`` for the surface."""
     import math
@@ -252,6 +274,7 @@ def _markdown(
         "scenes_2d": "The same orbits, projected onto beta and gamma",
         "eigenvalues": "Eigenvalues of inverted spinning against the spinning speed",
         "branch": "The family of limit cycles",
+        "near_omega_h": "Close to Omega_h: the period's law, what it leaves, and what double precision loses",
         "harmonic_balance": "One-harmonic laws against numerical harmonic balance",
     }
     if figures:

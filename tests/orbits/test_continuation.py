@@ -9,9 +9,9 @@ from pathlib import Path
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import continued, paper_sets
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 

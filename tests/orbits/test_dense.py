@@ -14,9 +14,9 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.orbits import periodic
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.dense import DenseBranch
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.theory.hopf import hopf_point
 
 INTERPOLATED = ("period", "gamma_bar_0", "v_0", "beta_max", "log_multiplier_slow", "log_multiplier_fast")

@@ -16,7 +16,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.scenes import (
     INITIAL_STATES,
     SCENES,

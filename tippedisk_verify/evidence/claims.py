@@ -19,7 +19,7 @@ from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.heteroclinic import Connection, bisect_omega_h
+from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
@@ -80,7 +80,7 @@ class Audit:
     friction: Friction = "linear"
     digits: int = 12
     omega_h_builds: dict[Build, None] = field(default_factory=dict)
-    _connections: dict[str, Connection] = field(default_factory=dict)
+    _connections: dict[str, Heteroclinic] = field(default_factory=dict)
     _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
     _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
 
@@ -93,12 +93,17 @@ class Audit:
         chosen = {self.parameters.name: self.parameters}
         return chosen if self.friction == "smooth" else chosen | NAMED_SETS | chosen
 
+    def connection(self, name: str) -> Heteroclinic:
+        """The heteroclinic connection of a set. Raises Shortfall if there is none."""
+        if name not in self._connections:
+            method = "manifolds" if self.friction == "linear" else "bisection"
+            self._connections[name] = heteroclinic(self.sets[name], self.engine, method=method, friction=self.friction)
+            self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
+        return self._connections[name]
+
     def omega_h(self, name: str) -> Measured:
         """Omega_h [rad/s] of a set. Raises Shortfall if there is no connection."""
-        if name not in self._connections:
-            self._connections[name] = bisect_omega_h(self.sets[name], self.engine, friction=self.friction)
-            self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
-        return self._connections[name].omega_h
+        return self.connection(name).omega_h
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles. Raises Shortfall for the smooth law."""

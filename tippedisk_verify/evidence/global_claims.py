@@ -1,4 +1,4 @@
-"""Claims about trajectories: the heteroclinic speed, the six scenes, and the cross-check of the engines."""
+"""Claims about trajectories: the limit cycles, the six scenes, and the cross-check of the engines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.claims import Audit, Claim, Finding, number, per_set
+from tippedisk_verify.evidence.claims import Audit, Claim, Finding, per_set
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.orbits.continuation import PAPER_GUESS
 from tippedisk_verify.orbits.periodic import limit_cycle
@@ -108,18 +108,6 @@ def _engines(audit: Audit) -> Finding:
 
 #: In the order of the paper.
 GLOBAL_CLAIMS: tuple[Claim, ...] = (
-    Claim(
-        "omega_h",
-        "text below Figure Shooting",
-        "the periodic solution vanishes at Omega_h = 30.07 rad/s",
-        "30.07",
-        number(
-            "30.07",
-            lambda audit, name: audit.omega_h(name),
-            "where the saddle's unstable branch changes sides",
-            ("bisection",),
-        ),
-    ),
     Claim(
         "stable_branch",
         "Section sec:shooting",

@@ -19,9 +19,9 @@ from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import paper_sets
 from tippedisk_verify.orbits.dense import DenseBranch
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 
 __all__ = ["Run", "race"]

@@ -86,7 +86,8 @@ def cycle_at_half_period(
                 abs(float(step[2] / slopes[2])),
             )
         )
-        if not math.isfinite(sizes[-1]) or not 0 < float(unknowns[0]) < math.pi or not float(unknowns[1]) < 0:
+        inside = 0 < float(precision.pi - unknowns[0]) < math.pi and float(unknowns[1]) < 0
+        if not math.isfinite(sizes[-1]) or not inside:
             raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
         small = sizes[-1] < 1e-7 if precision == DOUBLE else sizes[-1] < 2.0 ** (-0.4 * precision.bits)
         stalled = len(sizes) > 2 and sizes[-1] < 1e-3 and sizes[-1] >= sizes[-2] / 2
@@ -123,12 +124,13 @@ def lengthened(
     *,
     longest: float,
     precision: Precision = DOUBLE,
+    longest_step: float = math.inf,
 ) -> Iterator[PeriodPoint]:
     """Cycles of longer and longer period from ``first`` on, up to the period ``longest`` [s].
 
-    The step in the period adapts: it grows by half after a quick solution and is halved after a failed one. Raises
-    NoSuchCycleError when it has become less than half a millisecond, which in double happens where Omega - Omega_h
-    drowns in rounding.
+    The step in the half period adapts, up to ``longest_step`` [s]: it grows by half after a quick solution and is
+    halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
+    happens where Omega - Omega_h drowns in rounding.
     """
     here, before = first, first
     number = precision.number
@@ -138,6 +140,7 @@ def lengthened(
             raise NoSuchCycleError(
                 f"at the period {2 * float(here.half_period):.4g} s the family drowns in rounding: compute in more bits"
             )
+        step = min(step, longest_step)
         half_period = min(float(here.half_period) + step, longest / 2)
         try:
             guess = _predicted(here, before, number(half_period), precision)

@@ -10,10 +10,10 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import continued
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
 from tippedisk_verify.orbits.dense import DenseBranch
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
 

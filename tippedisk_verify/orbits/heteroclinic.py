@@ -1,157 +1,136 @@
-"""The connection between the saddles: at which speed noninverted spinning's unstable branch reaches its own copy.
+"""The heteroclinic connection between noninverted spinning and its copy: Omega_h by several roads, and what is there.
 
-Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma = 3 pi/2 and goes
-on from well to well; above it the branch turns back before. By the point symmetry the other branch does the same.
+*manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any number of digits.
+*limit-cycles* follows the limit cycles to infinite period. They share the integrator and nothing else. *bisection* only
+looks at which side the unstable branch takes, in double; *scipy* does the same with another integrator.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from fractions import Fraction
-from typing import Literal
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import Exact
+from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
-from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.limit_of_cycles import limit_of_cycles
+from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
+__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic", "samples"]
 
-Side = Literal["passes", "turns back"]
-
-#: The branch crosses the section again before it has reached the next saddle: it turns back.
-_TURNS_BACK = Event("turns back", SECTION.function, direction=1)
-# sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs no pi.
-_PASSES = Event("passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2))
-
-# The branch starts this far from the saddle, along the eigenvector. The symmetry about the saddle leaves no quadratic
-# terms, so the start misses the unstable manifold by the cube, most of it along directions that decay.
-_OFFSET = Fraction(1, 2**17)
-_LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
+Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
+METHODS: tuple[Method, ...] = get_args(Method)
+_DOUBLE_DIGITS = 12
 
 
 @dataclass(frozen=True)
-class Connection:
-    """The speed of the heteroclinic connection and how it was found."""
+class Heteroclinic:
+    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too."""
 
     omega_h: Measured  #: [rad/s]
-    method: str
-    runs: int  #: integrations that it took
+    saddle_eigenvalues: tuple[Measured, Measured, Measured]  #: unstable, slow stable, fast stable [1/s]
+    saddle_value: Measured  #: lambda_u + lambda_s [1/s]; negative: the cycle attracts from inside
+    method: Method
+    splitting_derivative: Measured | None = None  #: d(u)/d(Omega) carried back to s = 1 [s/rad] (manifolds only)
+    budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width [rad/s] (manifolds only)
+
+    def json(self) -> dict[str, object]:
+        entries: dict[str, object] = {
+            "omega_h": self.omega_h.json(),
+            "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
+            "saddle_value": self.saddle_value.json(),
+            "method": self.method,
+        }
+        if self.splitting_derivative is not None:
+            entries["splitting_derivative"] = self.splitting_derivative.json()
+            entries["budget"] = self.budget
+        return entries
 
 
-def unstable_branch(
+def heteroclinic(
     parameters: Parameters,
-    omega: Fraction,
     engine: Engine,
     *,
+    digits: int = 12,
+    method: str = "manifolds",
     friction: Friction = "linear",
-    precision: Precision = DOUBLE,
-    offset: Fraction = _OFFSET,
-    tolerance: float | None = None,
-) -> Result:
-    """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma until it turns back or passes the next saddle.
+) -> Heteroclinic:
+    """Omega_h to ``digits`` significant digits by one of `METHODS`.
 
-    The result's status is EVENT and its last event named ``turns back`` or ``passes``; FLAT if the disk lies flat
-    before either.
+    Raises InputError for an unknown method or more digits than it can have, Shortfall where there is no connection or
+    the digits are not reached.
     """
-    matrix = linearization(parameters, omega, "noninverted")
-    growth = equilibrium(parameters, omega, "noninverted", digits=20).eigenvalues[0].re.value
-    direction = right_eigenvector(matrix, growth)
-    size = max(abs(part) for part in direction)
-    start = [
-        Exact(origin.rational + offset * part / size, origin.pi_multiple)
-        for origin, part in zip(location("noninverted"), direction, strict=True)
-    ]
-    return engine(
-        Request(
-            parameters,
-            omega,
-            start,
-            _LONGEST,
-            friction=friction,
-            precision=precision,
-            tolerance=tolerance,
-            events=(_TURNS_BACK, _PASSES),
-        )
+    if method not in METHODS:
+        raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
+    if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
+        raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
+    if friction == "smooth" and method in ("manifolds", "limit-cycles"):
+        raise InputError(f"{method} is offered for the linear friction law; use bisection or scipy")
+    derivative, budget = None, {}
+    if method == "manifolds":
+        near = bisect_omega_h(parameters, engine, confirm=False).omega_h
+        found = splitting_zero(parameters, near.value, engine, digits)
+        omega_h, derivative, budget = found.omega_h, found.derivative, found.budget
+    elif method == "limit-cycles":
+        omega_h, _ = limit_of_cycles(parameters, engine, digits)
+    else:
+        omega_h = bisect_omega_h(
+            parameters, Baseline("DOP853") if method == "scipy" else engine, friction=friction
+        ).omega_h
+    eigenvalues = _eigenvalues(parameters, omega_h, digits)
+    unstable, slow, _ = eigenvalues
+    return Heteroclinic(
+        omega_h=omega_h,
+        saddle_eigenvalues=eigenvalues,
+        saddle_value=Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty),
+        method=method,
+        splitting_derivative=derivative,
+        budget=budget,
     )
 
 
-def bisect_omega_h(parameters: Parameters, engine: Engine, *, friction: Friction = "linear") -> Connection:
-    """Omega_h by bisection on what the unstable branch does, to the last digits of double precision.
+def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
+    """With what the uncertainty of Omega_h does to them."""
+    here, moved = (
+        equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
+        for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
+    )
+    first, second, third = (
+        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + 2 * abs(a.re.value - b.re.value))
+        for a, b in zip(here, moved, strict=True)
+    )
+    return first, second, third
 
-    With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
-    arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
-    Another engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
-    Raises Shortfall if the branch does not change sides between Omega_crit / 2 and Omega_crit.
+
+def samples(parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401) -> Any:
+    """(count, 4): t [s], beta, gamma [rad], v [rad/s] along the connection in double; t = 0 where gamma = pi/2.
+
+    From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
+    second. Raises Shortfall if the branch cannot be followed.
     """
-    follow = _Follower(parameters, engine, friction)
-    lower, upper = _bisected(follow, DOUBLE)
-    centre, half_width = (lower + upper) / 2, (upper - lower) * 2
-    if engine.name != "taylor":
-        loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11), Fraction(0)) / 2
-        # Its tightest tolerance is near round-off, so the error need not shrink with the tolerance: four times the
-        # shift, and sixteen ulps of the speed for what the passage does to rounding.
-        half_width += 4 * abs(loose - centre) + centre / 2**48
-        return Connection(Measured(centre, half_width), "bisection at two tolerances", follow.runs)
-    wider = companion(DOUBLE)
-    while (
-        follow(centre - half_width, wider, _OFFSET / 8) != "passes"
-        or follow(centre + half_width, wider, _OFFSET / 8) != "turns back"
-    ):
-        half_width *= 2
-        if half_width > centre / 1000:
-            raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
-    return Connection(Measured(centre, half_width), f"bisection, confirmed in {wider.name} precision", follow.runs)
+    import numpy
 
-
-class _Follower:
-    """Which side the unstable branch takes at a speed; counts its integrations."""
-
-    def __init__(self, parameters: Parameters, engine: Engine, friction: Friction) -> None:
-        self.parameters, self._engine, self._friction = parameters, engine, friction
-        self.runs = 0
-
-    def __call__(
-        self, omega: Fraction, precision: Precision, offset: Fraction = _OFFSET, tolerance: float | None = None
-    ) -> Side:
-        self.runs += 1
-        result = unstable_branch(
-            self.parameters,
-            omega,
-            self._engine,
-            friction=self._friction,
-            precision=precision,
-            offset=offset,
-            tolerance=tolerance,
-        )
-        if result.status is Status.EVENT and result.events[-1].name == _TURNS_BACK.name:
-            return "turns back"
-        if result.status in (Status.EVENT, Status.FLAT):
-            return "passes"
-        raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
-
-
-def _bisected(follow: _Follower, precision: Precision, tolerance: float | None = None) -> tuple[Fraction, Fraction]:
-    """Two neighbouring doubles between which the branch changes sides."""
-
-    def passes(omega: Fraction) -> bool:
-        return follow(omega, precision, tolerance=tolerance) == "passes"
-
-    top = Fraction(float(omega_crit(follow.parameters)))
-    upper, lower = top, top * Fraction(63, 64)
-    if passes(upper):
-        raise Shortfall("the saddle's unstable branch passes already at Omega_crit: no connection below it to look for")
-    while not passes(lower):
-        upper, lower = lower, lower - top / 64
-        if lower < top / 2:
-            raise Shortfall(
-                "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
-            )
-    while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
-        lower, upper = (middle, upper) if passes(middle) else (lower, middle)
-    return lower, upper
+    saddle = Saddle(parameters, omega_h.value, 80, 5)
+    start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
+    times = numpy.linspace(0, 12, 6001)
+    state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
+    request = Request(parameters, omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True)
+    result = engine(request)
+    if result.status is not Status.REACHED or result.dense is None:
+        raise Shortfall(f"the unstable branch: {result.status.value}")
+    away = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
+    last = times[int(numpy.argmin(away))]
+    crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
+    before, after = result.samples[crossing - 1 : crossing + 1, 1]
+    middle = times[crossing - 1] - before / (after - before) * (times[1] - times[0])
+    chosen = numpy.linspace(0, last, count)
+    states = result.dense(chosen)
+    return numpy.column_stack((chosen - middle, states[:, :2] + math.pi / 2, states[:, 2]))

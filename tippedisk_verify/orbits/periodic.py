@@ -26,7 +26,17 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
-__all__ = ["HalfMap", "LimitCycle", "Shot", "half_map", "limit_cycle", "shoot", "shoot_full_period"]
+__all__ = [
+    "HalfMap",
+    "LimitCycle",
+    "Shot",
+    "half_map",
+    "limit_cycle",
+    "measured_cycle",
+    "newton_step",
+    "shoot",
+    "shoot_full_period",
+]
 
 _RETURNS = Event("returns", SECTION.function, direction=-1)
 _EXTREME = Event("extreme", TURN.function, terminal=False)
@@ -150,7 +160,7 @@ def _rate(parameters: Parameters, omega: Any, state: Sequence[Any], precision: P
     return acceleration(shifted(precision.ops), constants, precision.number(omega), beta, gamma, v, "linear")
 
 
-def _newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
+def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
     """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
     a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
     determinant = a * d - b * c
@@ -173,7 +183,7 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
         # Round-off of half a period: some hundred ulps of the state.
         if size < 1e-15 * scale or (len(residuals) > 2 and size < 1e-12 * scale and size >= residuals[-2] / 2):
             return Shot(state, tuple(residuals), here)
-        step = _newton_step(here.matrix, here.residual)
+        step = newton_step(here.matrix, here.residual)
         share = 1.0
         while True:
             ahead = (state[0] + share * step[0], state[1] + share * step[1])
@@ -274,13 +284,13 @@ def limit_cycle(
         guess = approximate_cycle(parameters, value)
     shot = shoot(parameters, value, guess, engine)
     if precision is not None:
-        return _measured(parameters, value, shot, engine, precision)
+        return measured_cycle(parameters, value, shot, engine, precision)
     if digits <= 12:
-        cycle = _measured(parameters, value, shot, engine, DOUBLE)
+        cycle = measured_cycle(parameters, value, shot, engine, DOUBLE)
         if _lacking(cycle, digits) is None:
             return cycle
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
-    cycle = _measured(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
+    cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
@@ -295,8 +305,13 @@ def _lacking(cycle: LimitCycle, digits: int) -> str | None:
     return None
 
 
-def _measured(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, precision: Precision) -> LimitCycle:
-    """The cycle in one arithmetic, with half-widths from a wider one."""
+def measured_cycle(
+    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, precision: Precision
+) -> LimitCycle:
+    """The cycle in one arithmetic, with half-widths from a wider one, starting from what Newton's iteration found.
+
+    Raises Shortfall if the chord iteration does not settle.
+    """
     rough = _numbers(parameters, value, shot, engine, precision)
     sharp = _numbers(parameters, value, shot, engine, companion(precision))
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
@@ -325,7 +340,7 @@ def _numbers(
     half = trace / 2 + (root if trace > 0 else -root)
     slow = half * half
     log_slow = precision.ops.log(slow)
-    by_omega = _newton_step(here.matrix, here.by_omega)
+    by_omega = newton_step(here.matrix, here.by_omega)
     time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
     return {
         "period": 2 * here.time,
@@ -346,7 +361,7 @@ def _numbers(
 def _sharpened(
     parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision
 ) -> tuple[Any, Any]:
-    """Chord steps with the derivative from double, until the step is below rounding."""
+    """Chord steps with the shot's derivative, until the step is below rounding."""
     state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
     if precision == DOUBLE:
         return state
@@ -355,7 +370,7 @@ def _sharpened(
     for _ in range(precision.bits // 8 + 8):
         flight = _flight(parameters, omega, state, engine, precision)
         residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
-        step = _newton_step(matrix, residual)
+        step = newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         size = fraction(abs(step[0]) + abs(step[1]))
         # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.

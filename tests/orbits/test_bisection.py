@@ -11,7 +11,7 @@ from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.heteroclinic import bisect_omega_h, unstable_branch
+from tippedisk_verify.orbits.bisection import bisect_omega_h, unstable_branch
 
 
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)

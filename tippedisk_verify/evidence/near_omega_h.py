@@ -1,0 +1,74 @@
+"""What a double sees close to Omega_h, and the laws that hold there.
+
+Cycles of growing period are solved in quadruple precision, which resolves them down to Omega_h + 1e-13; then the same
+speeds, rounded to doubles, are shot at in double. A rounding of Omega alone moves T by 2 / (lambda_u D) roundings, so
+each digit of D costs a digit of T, until the answer is noise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.orbits.at_period import cycle_at_half_period, lengthened
+from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.orbits.periodic import limit_cycle, shoot
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["Sight", "near_omega_h"]
+
+_DIGITS = 28
+_LONGEST = 10.2  # s; Omega_h + 1e-13 for the named sets, the last that quadruple precision resolves well
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One cycle close to Omega_h: what it is, and what double precision makes of it."""
+
+    distance: float  #: D = Omega - Omega_h [rad/s]
+    period: float  #: T [s]
+    remainder: float  #: T + (2 / lambda_u) log(D) minus its value at the closest cycle [s]
+    period_error: float | None  #: |T in double - T| [s]; None where double finds no cycle
+    state_error: float | None  #: of pi - gamma_bar_0, relative
+    expected_error: float  #: what rounding Omega to a double does to T [s]
+
+
+def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, list[Sight]]:
+    """The connection, and cycles from the middle of the branch down to Omega_h + 1e-13.
+
+    Raises NoSuchCycleError or Shortfall where the family cannot be followed.
+    """
+    connection = heteroclinic(parameters, engine, digits=_DIGITS)
+    omega_h = connection.omega_h.value
+    growth = float(connection.saddle_eigenvalues[0])
+    middle = (omega_h + omega_crit(parameters, 20).value) / 2
+    cycle = limit_cycle(parameters, Fraction(float(middle)), engine, precision=DOUBLE)
+    guess = (float(cycle.gamma_bar_0), float(cycle.v_0), float(middle))
+    first = cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine, QUADRUPLE)
+    found = []
+    for point in lengthened(parameters, first, engine, longest=_LONGEST, precision=QUADRUPLE, longest_step=0.4):
+        above = fraction(point.omega) - omega_h
+        omega, period = float(fraction(point.omega)), 2 * fraction(point.half_period)
+        state = (float(point.gamma_bar_0), float(point.v_0))
+        left = float(QUADRUPLE.pi - point.gamma_bar_0)
+        errors: tuple[float | None, float | None] = (None, None)
+        try:
+            shot = shoot(parameters, Fraction(omega), state, engine)
+            errors = (
+                abs(float(2 * fraction(shot.map.time) - period)),
+                abs(float(fraction(shot.state[0]) - fraction(point.gamma_bar_0))) / left,
+            )
+        except NoSuchCycleError:
+            pass
+        found.append((float(above), float(period), errors, 2 / growth / float(above) * 2.0**-53 * omega))
+    constant = found[-1][1] + 2 / growth * math.log(found[-1][0])
+    return connection, [
+        Sight(above, period, period + 2 / growth * math.log(above) - constant, *errors, expected)
+        for above, period, errors, expected in found
+    ]

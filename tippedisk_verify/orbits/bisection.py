@@ -1,0 +1,162 @@
+"""Omega_h by bisection: at which speed noninverted spinning's unstable branch reaches its own copy.
+
+Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma = 3 pi/2 and goes
+on from well to well; above it the branch turns back before. By the point symmetry the other branch does the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
+from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import Exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
+
+Side = Literal["passes", "turns back"]
+
+#: The branch crosses the section again before it has reached the next saddle: it turns back.
+_TURNS_BACK = Event("turns back", SECTION.function, direction=1)
+# sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs no pi.
+_PASSES = Event("passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2))
+
+# The branch starts this far from the saddle, along the eigenvector. The symmetry about the saddle leaves no quadratic
+# terms, so the start misses the unstable manifold by the cube, most of it along directions that decay.
+_OFFSET = Fraction(1, 2**17)
+_LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
+
+
+@dataclass(frozen=True)
+class Connection:
+    """The speed of the heteroclinic connection and how it was found."""
+
+    omega_h: Measured  #: [rad/s]
+    method: str
+    runs: int  #: integrations that it took
+
+
+def unstable_branch(
+    parameters: Parameters,
+    omega: Fraction,
+    engine: Engine,
+    *,
+    friction: Friction = "linear",
+    precision: Precision = DOUBLE,
+    offset: Fraction = _OFFSET,
+    tolerance: float | None = None,
+) -> Result:
+    """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma until it turns back or passes the next saddle.
+
+    The result's status is EVENT and its last event named ``turns back`` or ``passes``; FLAT if the disk lies flat
+    before either.
+    """
+    matrix = linearization(parameters, omega, "noninverted")
+    growth = equilibrium(parameters, omega, "noninverted", digits=20).eigenvalues[0].re.value
+    direction = right_eigenvector(matrix, growth)
+    size = max(abs(part) for part in direction)
+    start = [
+        Exact(origin.rational + offset * part / size, origin.pi_multiple)
+        for origin, part in zip(location("noninverted"), direction, strict=True)
+    ]
+    return engine(
+        Request(
+            parameters,
+            omega,
+            start,
+            _LONGEST,
+            friction=friction,
+            precision=precision,
+            tolerance=tolerance,
+            events=(_TURNS_BACK, _PASSES),
+        )
+    )
+
+
+def bisect_omega_h(
+    parameters: Parameters, engine: Engine, *, friction: Friction = "linear", confirm: bool = True
+) -> Connection:
+    """Omega_h by bisection on what the unstable branch does, to the last digits of double precision.
+
+    With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
+    arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
+    Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
+    Another engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
+    Raises Shortfall if the branch does not change sides between Omega_crit / 2 and Omega_crit.
+    """
+    follow = _Follower(parameters, engine, friction)
+    lower, upper = _bisected(follow, DOUBLE)
+    centre, half_width = (lower + upper) / 2, (upper - lower) * 2
+    if not confirm:
+        return Connection(Measured(centre, half_width), "bisection in double", follow.runs)
+    if engine.name != "taylor":
+        loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11), Fraction(0)) / 2
+        # Its tightest tolerance is near round-off, so the error need not shrink with the tolerance: four times the
+        # shift, and sixteen ulps of the speed for what the passage does to rounding.
+        half_width += 4 * abs(loose - centre) + centre / 2**48
+        return Connection(Measured(centre, half_width), "bisection at two tolerances", follow.runs)
+    wider = companion(DOUBLE)
+    while (
+        follow(centre - half_width, wider, _OFFSET / 8) != "passes"
+        or follow(centre + half_width, wider, _OFFSET / 8) != "turns back"
+    ):
+        half_width *= 2
+        if half_width > centre / 1000:
+            raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
+    return Connection(Measured(centre, half_width), f"bisection, confirmed in {wider.name} precision", follow.runs)
+
+
+class _Follower:
+    """Which side the unstable branch takes at a speed; counts its integrations."""
+
+    def __init__(self, parameters: Parameters, engine: Engine, friction: Friction) -> None:
+        self.parameters, self._engine, self._friction = parameters, engine, friction
+        self.runs = 0
+
+    def __call__(
+        self, omega: Fraction, precision: Precision, offset: Fraction = _OFFSET, tolerance: float | None = None
+    ) -> Side:
+        self.runs += 1
+        result = unstable_branch(
+            self.parameters,
+            omega,
+            self._engine,
+            friction=self._friction,
+            precision=precision,
+            offset=offset,
+            tolerance=tolerance,
+        )
+        if result.status is Status.EVENT and result.events[-1].name == _TURNS_BACK.name:
+            return "turns back"
+        if result.status in (Status.EVENT, Status.FLAT):
+            return "passes"
+        raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
+
+
+def _bisected(follow: _Follower, precision: Precision, tolerance: float | None = None) -> tuple[Fraction, Fraction]:
+    """Two neighbouring doubles between which the branch changes sides."""
+
+    def passes(omega: Fraction) -> bool:
+        return follow(omega, precision, tolerance=tolerance) == "passes"
+
+    top = Fraction(float(omega_crit(follow.parameters)))
+    upper, lower = top, top * Fraction(63, 64)
+    if passes(upper):
+        raise Shortfall("the saddle's unstable branch passes already at Omega_crit: no connection below it to look for")
+    while not passes(lower):
+        upper, lower = lower, lower - top / 64
+        if lower < top / 2:
+            raise Shortfall(
+                "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
+            )
+    while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
+        lower, upper = (middle, upper) if passes(middle) else (lower, middle)
+    return lower, upper

@@ -1,0 +1,149 @@
+"""Limit cycles so close to Omega_h that doubles see nothing of them: at Omega_h + D, with D down to 1e-100 and below.
+
+Omega_h itself must be known to more digits than D has zeros; the manifolds' splitting provides it. The family followed
+in its period predicts the cycle, and shooting in an arithmetic chosen from D corrects it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import Engine, Event, Request, Status
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import Precision, bits
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
+from tippedisk_verify.orbits.periodic import LimitCycle, Shot, half_map, limit_cycle, measured_cycle, newton_step
+from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["cycle_above", "passage_times"]
+
+_DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
+_MOST_STEPS = 12
+_SMALLEST = 10_000  # zeros after the point that D may have
+
+
+def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
+    """The limit cycle of the linear law at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
+
+    Raises InputError unless 0 < above < Omega_crit - Omega_h, NoSuchCycleError where none is found, Shortfall if the
+    digits are not reached.
+    """
+    distance = exact(above)
+    if distance.pi_multiple or distance.rational <= 0:
+        raise InputError(f"the distance above Omega_h must be a positive decimal, not {str(above)[:40]}")
+    value = distance.rational
+    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
+    if zeros > _SMALLEST:
+        raise InputError(f"a distance of 1e-{zeros} rad/s needs more digits than are offered")
+    near = bisect_omega_h(parameters, engine, confirm=False).omega_h
+    room = omega_crit(parameters, 20).value - near.value
+    if value >= room:
+        raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {float(value):.6g}")
+    # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
+    wanted = zeros + digits + 6
+    omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h
+    omega = omega_h.value + value
+    if value > room / 2:
+        cycle = limit_cycle(parameters, omega, engine, digits=digits)
+    elif value > _DOUBLE_SHOOTS:
+        guess = Descent(parameters, engine).nearest(value)
+        cycle = limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
+    else:
+        precision = resolving(parameters, omega_h.value, value, digits + 4)
+        shot = _shot(parameters, omega, _predicted(parameters, value, engine), engine, precision)
+        cycle = measured_cycle(parameters, omega, shot, engine, precision)
+    widened = _with_speed(cycle, omega_h.uncertainty)
+    if widened.period.uncertainty > widened.period.value / 10**digits:
+        raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
+    return widened
+
+
+def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
+    """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
+    descent = Descent(parameters, engine)
+    if above >= descent.above:
+        return descent.nearest(above)
+    while 100 * descent.change >= above:
+        descent.further(4 * above)
+    precision = resolving(parameters, descent.law.omega_h, above, 20)
+    _, guess = descent.law.at(above, descent.here, precision)
+    return guess[:2]
+
+
+def _shot(parameters: Parameters, omega: Fraction, guess: Sequence[Any], engine: Engine, precision: Precision) -> Shot:
+    """Newton's iteration in the arithmetic given, until the state's distance from the saddle has six digits or more."""
+    state = (precision.number(guess[0]), precision.number(guess[1]))
+    sizes: list[float] = []
+    for _ in range(_MOST_STEPS):
+        here = half_map(parameters, omega, state, engine, precision)
+        step = newton_step(here.matrix, here.residual)
+        sizes.append(max(abs(float(step[0] / (precision.pi - state[0]))), abs(float(step[1] / state[1]))))
+        if sizes[-1] < 1e-6:
+            return Shot(state, tuple(sizes), here)
+        state = (state[0] + step[0], state[1] + step[1])
+        if not float(precision.pi - state[0]) > 0 or not float(state[1]) < 0 or not sizes[-1] < 2:
+            break
+    raise NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
+
+
+def _with_speed(cycle: LimitCycle, uncertainty: Fraction) -> LimitCycle:
+    """With what the speed's own uncertainty does to period and state added to their half-widths."""
+    changes: dict[str, Measured] = {"omega": Measured(cycle.omega.value, uncertainty)}
+    for name in ("period", "gamma_bar_0", "v_0"):
+        number, slope = getattr(cycle, name), getattr(cycle, f"d{name}_domega")
+        changes[name] = Measured(number.value, number.uncertainty + 2 * abs(slope.value) * uncertainty)
+    # The others follow the same logarithm: their relative change is that of Omega - Omega_h.
+    for name in ("beta_max", "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast"):
+        number = getattr(cycle, name)
+        share = 2 * abs(changes["period"].uncertainty / cycle.period.value)
+        changes[name] = Measured(number.value, number.uncertainty + abs(number.value) * share)
+    return replace(cycle, **changes)  # type: ignore[arg-type]
+
+
+def passage_times(parameters: Parameters, cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:
+    """(time of one passage, time of one flight) [s]: within ``distance`` of a saddle, and outside, twice a period each.
+
+    The distance is sqrt(cos(beta)^2 + 2 (1 + sin(gamma))), for small values that of the angles to the nearest saddle
+    [rad]. Raises NoSuchCycleError if the cycle does not come that near.
+    """
+    held = cycle.gamma_bar_0.uncertainty
+    precision = bits(max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator))))
+    result = engine(
+        Request(
+            parameters,
+            cycle.omega.value,
+            (0, cycle.gamma_bar_0.value, cycle.v_0.value),
+            cycle.period.value / 2,
+            shifted=True,
+            precision=precision,
+            events=(_rim(distance),),
+            domain="none",
+        )
+    )
+    times = [record.time for record in result.events]
+    if result.status is not Status.REACHED or len(times) != 2:
+        raise NoSuchCycleError(f"the cycle does not pass the saddles within {float(distance):g}")
+    leaves, enters = times
+    return leaves + (result.time - enters), enters - leaves
+
+
+@lru_cache(maxsize=8)
+def _rim(distance: Fraction) -> Event:
+    """Where the orbit crosses a saddle's neighbourhood; kept, so that engines keep what they build for it."""
+    square = float(distance) ** 2
+
+    def function(ops: Any, constants: Any, omega: Any, beta: Any, gamma: Any, v: Any) -> Any:
+        cosine = ops.cos(beta)
+        return cosine * cosine + 2 * (1 + ops.sin(gamma)) - square
+
+    return Event(f"rim {float(distance):g}", function, terminal=False)

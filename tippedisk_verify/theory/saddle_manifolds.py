@@ -1,0 +1,268 @@
+"""The local invariant manifolds of noninverted spinning, as power series (parameterization method).
+
+In y = (beta_bar, gamma + pi/2, v), about the saddle, the field is odd by the point symmetry. Its one-dimensional
+manifolds are curves K(s) = sum of K_n s^n over odd n with f(K(s)) = lambda s K'(s): along them s grows like
+exp(lambda t). Its two-dimensional stable manifold is needed only near the slow stable curve, because what is left of
+the fast direction after the passage between the saddles is tiny: K(s) + t L(s) with L the fast direction carried along
+the curve, Df(K) L = lambda_s s L' + lambda_f L. What that leaves out is of order t^2.
+
+Source: X. Cabré, E. Fontich, R. de la Llave, The parameterization method for invariant manifolds III, J. Differential
+Equations 218 (2005).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.theory.equilibria import characteristic_polynomial, linearization, right_eigenvector
+
+__all__ = ["Saddle", "Series"]
+
+
+class Series:
+    """A truncated power series in one variable, on top of ``quarters`` right angles where it stands for an angle."""
+
+    __slots__ = ("c", "quarters")
+
+    def __init__(self, coefficients: Sequence[Any], quarters: int = 0) -> None:
+        self.c = list(coefficients)
+        self.quarters = quarters
+
+    def _other(self, other: Any) -> list[Any]:
+        return other.c if isinstance(other, Series) else [other] + [0 * self.c[0]] * (len(self.c) - 1)
+
+    def __add__(self, other: Any) -> Series:
+        return Series([a + b for a, b in zip(self.c, self._other(other), strict=True)])
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Series:
+        return Series([a - b for a, b in zip(self.c, self._other(other), strict=True)])
+
+    def __neg__(self) -> Series:
+        return Series([-a for a in self.c])
+
+    def __mul__(self, other: Any) -> Series:
+        if not isinstance(other, Series):
+            return Series([a * other for a in self.c])
+        # Half of the coefficients of even and odd series are zero.
+        left = [(i, a) for i, a in enumerate(self.c) if a]
+        right = [(j, b) for j, b in enumerate(other.c) if b]
+        product = [0 * self.c[0]] * len(self.c)
+        for i, a in left:
+            for j, b in right:
+                if i + j >= len(product):
+                    break
+                product[i + j] += a * b
+        return Series(product)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Series:
+        quotient: list[Any] = []
+        for n, value in enumerate(self.c):
+            rest = value
+            for k in range(1, n + 1):
+                if other.c[k]:
+                    rest -= other.c[k] * quotient[n - k]
+            quotient.append(rest / other.c[0])
+        return Series(quotient)
+
+    def sine_and_cosine(self) -> tuple[Series, Series]:
+        """Of the angle; the series itself must start with zero."""
+        zero = 0 * self.c[0]
+        sine, cosine = [zero], [zero + 1]
+        slopes = [(k, k * value) for k, value in enumerate(self.c) if k and value]
+        for n in range(1, len(self.c)):
+            below = [(k, slope) for k, slope in slopes if k <= n]
+            sine.append(sum((slope * cosine[n - k] for k, slope in below), zero) / n)
+            cosine.append(-sum((slope * sine[n - k] for k, slope in below), zero) / n)
+        pair = Series(sine), Series(cosine)
+        for _ in range(self.quarters % 4):
+            pair = pair[1], -pair[0]
+        return pair
+
+    def at(self, variable: Any) -> Any:
+        """The value at a number."""
+        total = 0 * self.c[0]
+        for coefficient in reversed(self.c):
+            total = total * variable + coefficient
+        return total
+
+
+class _SeriesOps:
+    @staticmethod
+    def sin(angle: Series) -> Series:
+        return angle.sine_and_cosine()[0]
+
+    @staticmethod
+    def cos(angle: Series) -> Series:
+        return angle.sine_and_cosine()[1]
+
+
+@dataclass(frozen=True)
+class Saddle:
+    """Noninverted spinning at one speed with its local manifolds, in mpmath numbers of ``working_bits``.
+
+    ``order`` is the highest power of the series. Raises Shortfall where the equilibrium is not a saddle with one
+    unstable and two real stable directions.
+    """
+
+    parameters: Parameters
+    omega: Fraction
+    working_bits: int
+    order: int
+
+    @cached_property
+    def context(self) -> Any:
+        return bits(self.working_bits).context
+
+    @cached_property
+    def constants(self) -> Constants:
+        ctx = self.context
+        return Constants(*(ctx.mpf(value.numerator) / value.denominator for value in self.parameters.rational()))
+
+    @cached_property
+    def speed(self) -> Any:
+        return self.context.mpf(self.omega.numerator) / self.omega.denominator
+
+    @cached_property
+    def eigenvalues(self) -> tuple[Any, Any, Any]:
+        """(unstable, slow stable, fast stable) [1/s]."""
+        ctx = self.context
+        matrix = linearization(self.parameters, self.omega, "noninverted")
+        exact = [Fraction(part) for part in characteristic_polynomial(matrix)]
+        coefficients = [ctx.mpf(part.numerator) / part.denominator for part in exact]
+        roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=ctx.prec)
+        if any(abs(root.imag) > ctx.sqrt(ctx.eps) * abs(root) for root in roots):
+            raise Shortfall("noninverted spinning is a saddle-focus here: a connection of saddles is not looked for")
+        fast, slow, unstable = sorted(root.real for root in roots)
+        if not slow < 0 < unstable:
+            raise Shortfall("noninverted spinning is no saddle with one unstable direction here")
+        return unstable, slow, fast
+
+    @cached_property
+    def directions(self) -> Any:
+        """Right eigenvectors in (beta, gamma, v), largest component 1, as columns in the eigenvalues' order."""
+        ctx = self.context
+        vectors = []
+        for value in self.eigenvalues:
+            vector = right_eigenvector(linearization(self.parameters, self.omega, "noninverted"), value)
+            parts = [
+                ctx.mpf(part.numerator) / part.denominator if isinstance(part, Fraction) else part for part in vector
+            ]
+            largest = max(parts, key=abs)
+            vectors.append([part / largest for part in parts])
+        return ctx.matrix(vectors).T
+
+    @cached_property
+    def inverse_directions(self) -> Any:
+        """Its rows give the coordinates of a vector along the eigenvectors."""
+        return self.context.inverse(self.directions)
+
+    @cached_property
+    def unstable_curve(self) -> list[Series]:
+        return self._curve(0)
+
+    @cached_property
+    def stable_curve(self) -> list[Series]:
+        """The slow stable manifold; the fast one is not needed."""
+        return self._curve(1)
+
+    def _curve(self, which: int) -> list[Series]:
+        ctx, eigenvalue = self.context, self.eigenvalues[which]
+        curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
+        for power in range(3, self.order + 1, 2):
+            for component in curve:
+                component.extend((ctx.zero, ctx.zero))
+            rates = field(_SeriesOps, self.constants, self.speed, "linear")(*self._state(curve))
+            rest = ctx.matrix([rate.c[power] for rate in rates])
+            along = self.inverse_directions * rest
+            added = [along[k] / (power * eigenvalue - self.eigenvalues[k]) for k in range(3)]
+            column = self.directions * ctx.matrix(added)
+            for row in range(3):
+                curve[row][power] = column[row]
+        return [Series(component) for component in curve]
+
+    def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Series, Series, Series]:
+        beta, gamma, v = curve
+        return Series(beta, quarters=1), Series(gamma, quarters=-1), Series(v)
+
+    @cached_property
+    def fast_direction(self) -> list[Series]:
+        """L(s): the fast stable direction along the slow stable curve; even in s."""
+        return self._carried(2)
+
+    @cached_property
+    def unstable_direction(self) -> list[Series]:
+        """M(s): the unstable direction along the slow stable curve; even in s."""
+        return self._carried(0)
+
+    def _carried(self, which: int) -> list[Series]:
+        """A direction along the slow stable curve: Df(K) L = lambda_s s L' + lambda L, L(0) an eigenvector."""
+        ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[which]
+        entries = self._jacobian_on_stable_curve
+        length = self.order + 1
+        carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
+        for power in range(2, length, 2):
+            rest = ctx.matrix(3, 1)
+            for row in (1, 2):  # beta' = v is linear
+                for column in range(3):
+                    if isinstance(entries[row][column], Series):
+                        terms = entries[row][column].c
+                        rest[row] += sum(
+                            (terms[k] * carried[column][power - k] for k in range(2, power + 1, 2)), ctx.zero
+                        )
+            along = self.inverse_directions * rest
+            added = [along[k] / (own + power * slow - self.eigenvalues[k]) for k in range(3)]
+            vector = self.directions * ctx.matrix(added)
+            for row in range(3):
+                carried[row][power] = vector[row]
+        return [Series(component) for component in carried]
+
+    @cached_property
+    def _jacobian_on_stable_curve(self) -> Any:
+        curve = [component.c for component in self.stable_curve]
+        return jacobian(_SeriesOps, self.constants, self.speed, "linear")(*self._state(curve))
+
+    def reach(self, *curves: Sequence[Series]) -> Any:
+        """The radius within which all of these converge, estimated from their last coefficients."""
+        ctx = self.context
+        rates = [ctx.one * 10]
+        for curve in curves:
+            sizes = [max(abs(component.c[n]) for component in curve) for n in range(len(curve[0].c))]
+            rates += [ctx.power(size, -ctx.one / n) for n, size in list(enumerate(sizes))[-4:] if size and n > 2]
+        return min(rates)
+
+    def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """(u, s, t) of a point near the saddle: K(s) + t L(s) + u M(s).
+
+        The point lies on the stable manifold if u = 0, up to terms of order t^2; small u and t grow and fall like
+        exp(lambda_u t) and exp(lambda_f t) along the flow. Raises Shortfall if it is too far.
+        """
+        ctx = self.context
+        u = s = t = ctx.zero
+        target = [ctx.mpf(part) for part in point]
+        size = max(abs(part) for part in target)
+        for _ in range(400):
+            away = ctx.matrix(
+                [
+                    value - curve.at(s) - t * fast.at(s) - u * unstable.at(s)
+                    for value, curve, fast, unstable in zip(
+                        target, self.stable_curve, self.fast_direction, self.unstable_direction, strict=True
+                    )
+                ]
+            )
+            step = self.inverse_directions * away
+            u, s, t = u + step[0], s + step[1], t + step[2]
+            if max(abs(part) for part in step) <= 16 * ctx.eps * size:
+                return u, s, t
+        raise Shortfall("the end of the unstable branch is too far from the saddle for its local series")
