@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["InputError", "NoSuchCycleError", "Shortfall"]
+__all__ = ["InputError", "NoConnectionError", "NoSuchCycleError", "Shortfall"]
 
 
 class InputError(ValueError):
@@ -27,3 +27,7 @@ class Shortfall(RuntimeError):
 
 class NoSuchCycleError(InputError):
     """There is no limit cycle, or none was found, where one was asked for; the message says what and why."""
+
+
+class NoConnectionError(InputError):
+    """The parameters have no heteroclinic connection of the kind looked for; the message says why."""

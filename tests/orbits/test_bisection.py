@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from tests.problems import SETS
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
@@ -36,5 +36,5 @@ def test_scipy_finds_the_same_speed(taylor) -> None:
 
 def test_a_set_without_connection_is_told_so(taylor) -> None:
     """A disk eight times as inert about one axis: the branch turns back at every speed down to Omega_crit / 2."""
-    with pytest.raises(Shortfall, match="connection"):
+    with pytest.raises(NoConnectionError, match="connection"):
         bisect_omega_h(PRINTED.changed(A="2e-3", C=None), taylor)

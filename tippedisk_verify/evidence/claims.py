@@ -139,7 +139,7 @@ def audited(audit: Audit, claims: Sequence[Claim]) -> Iterator[tuple[Claim, Find
     for claim in claims:
         try:
             finding = claim.examine(audit)
-        except (Shortfall, ArithmeticError) as reason:
+        except (Shortfall, ArithmeticError, InputError) as reason:
             answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
             finding = Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
         yield claim, finding

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, number, per_set
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
@@ -81,10 +81,13 @@ def _two_roads(audit: Audit) -> Finding:
     """Omega_h as the zero of the splitting, and as the limit of the limit cycles."""
     name, parameters = audit.parameters.name, audit.parameters
     taylor = audit.engine if isinstance(audit.engine, Taylor) else Taylor()  # the linear law, whatever is audited
-    one, two = (
-        heteroclinic(parameters, taylor, digits=digits, method=method).omega_h
-        for digits, method in ((12, "manifolds"), (14, "limit-cycles"))
-    )
+    try:
+        one, two = (
+            heteroclinic(parameters, taylor, digits=digits, method=method).omega_h
+            for digits, method in ((12, "manifolds"), (14, "limit-cycles"))
+        )
+    except NoConnectionError as reason:
+        return Finding({name: "no connection"}, {name: True}, str(reason))
     apart = abs(one.value - two.value)
     agreed = apart <= one.uncertainty + two.uncertainty
     note = f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart"

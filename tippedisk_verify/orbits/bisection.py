@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact
@@ -90,7 +90,7 @@ def bisect_omega_h(
     arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
     Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
     Another engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
-    Raises Shortfall if the branch does not change sides between Omega_crit / 2 and Omega_crit.
+    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and Omega_crit.
     """
     follow = _Follower(parameters, engine, friction)
     lower, upper = _bisected(follow, DOUBLE)
@@ -150,11 +150,13 @@ def _bisected(follow: _Follower, precision: Precision, tolerance: float | None =
     top = Fraction(float(omega_crit(follow.parameters)))
     upper, lower = top, top * Fraction(63, 64)
     if passes(upper):
-        raise Shortfall("the saddle's unstable branch passes already at Omega_crit: no connection below it to look for")
+        raise NoConnectionError(
+            "the saddle's unstable branch passes already at Omega_crit: no connection below it to look for"
+        )
     while not passes(lower):
         upper, lower = lower, lower - top / 64
         if lower < top / 2:
-            raise Shortfall(
+            raise NoConnectionError(
                 "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
             )
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):

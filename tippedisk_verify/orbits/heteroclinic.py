@@ -29,6 +29,7 @@ __all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic", "samples"]
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 METHODS: tuple[Method, ...] = get_args(Method)
 _DOUBLE_DIGITS = 12
+_MOST_DIGITS = 1000  # some hours; the time grows like the power 2.5 of the digits
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,15 @@ def heteroclinic(
 ) -> Heteroclinic:
     """Omega_h to ``digits`` significant digits by one of `METHODS`.
 
-    Raises InputError for an unknown method or more digits than it can have, Shortfall where there is no connection or
-    the digits are not reached.
+    Raises InputError for an unknown method or more digits than it can have, NoConnectionError where there is no
+    connection, Shortfall if the digits are not reached.
     """
     if method not in METHODS:
         raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
+    if digits > _MOST_DIGITS:
+        raise InputError(f"Omega_h is offered to {_MOST_DIGITS} digits, not {digits}: more would take days")
     if friction == "smooth" and method in ("manifolds", "limit-cycles"):
         raise InputError(f"{method} is offered for the linear friction law; use bisection or scipy")
     derivative, budget = None, {}

@@ -29,7 +29,7 @@ __all__ = ["cycle_above", "passage_times"]
 
 _DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
 _MOST_STEPS = 12
-_SMALLEST = 10_000  # zeros after the point that D may have
+_SMALLEST = 800  # zeros after the point that D may have
 
 
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
@@ -42,13 +42,13 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     if distance.pi_multiple or distance.rational <= 0:
         raise InputError(f"the distance above Omega_h must be a positive decimal, not {str(above)[:40]}")
     value = distance.rational
-    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
+    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
     if zeros > _SMALLEST:
-        raise InputError(f"a distance of 1e-{zeros} rad/s needs more digits than are offered")
+        raise InputError(f"distances above Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h
     room = omega_crit(parameters, 20).value - near.value
     if value >= room:
-        raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {float(value):.6g}")
+        raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {str(above)[:40]}")
     # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
     wanted = zeros + digits + 6
     omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h

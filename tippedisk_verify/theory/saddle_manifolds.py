@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
@@ -112,8 +112,8 @@ class _SeriesOps:
 class Saddle:
     """Noninverted spinning at one speed with its local manifolds, in mpmath numbers of ``working_bits``.
 
-    ``order`` is the highest power of the series. Raises Shortfall where the equilibrium is not a saddle with one
-    unstable and two real stable directions.
+    ``order`` is the highest power of the series. Raises NoConnectionError where the equilibrium is not a saddle with
+    one unstable and two real stable directions.
     """
 
     parameters: Parameters
@@ -143,10 +143,12 @@ class Saddle:
         coefficients = [ctx.mpf(part.numerator) / part.denominator for part in exact]
         roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=ctx.prec)
         if any(abs(root.imag) > ctx.sqrt(ctx.eps) * abs(root) for root in roots):
-            raise Shortfall("noninverted spinning is a saddle-focus here: a connection of saddles is not looked for")
+            raise NoConnectionError(
+                "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
+            )
         fast, slow, unstable = sorted(root.real for root in roots)
         if not slow < 0 < unstable:
-            raise Shortfall("noninverted spinning is no saddle with one unstable direction here")
+            raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
         return unstable, slow, fast
 
     @cached_property
