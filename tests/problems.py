@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import mpmath
 from hypothesis import strategies as st
 
+from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
@@ -44,3 +46,26 @@ def physical_parameters(draw: st.DrawFn) -> Parameters:
 
 #: States well inside the domain.
 states = st.tuples(decimals("0.3", "2.8"), decimals("-7", "7"), decimals("-10", "10"))
+
+
+def paper_rates(parameters: Parameters, omega: Fraction, state: tuple[mpmath.mpf, ...]) -> list[mpmath.mpf]:
+    """The linear law's field by the tests' own transcription of the paper, in the precision mpmath is set to."""
+    p = parameters
+    r, e, m, A, Bbar, g, mu, epsilon, speed = (
+        mpmath.mpf(value.numerator) / value.denominator
+        for value in (p.r, p.e, p.m, p.A, p.Bbar, p.g, p.mu, p.epsilon, omega)
+    )
+    beta, gamma, v = state
+    gamma_y = sum(paper.lateral_sliding_velocity(r, e, speed, beta, gamma, v))
+    return list(
+        paper.state_rates(
+            sum(paper.mass_matrix(A, Bbar, m, r, e, beta, gamma)),
+            sum(paper.gyroscopic_forces(A, Bbar, m, r, e, speed, beta, gamma, v)),
+            paper.gravitational_force(m, g, r, e, beta, gamma),
+            paper.force_direction(r, e, beta, gamma),
+            paper.linear_friction(mu, m, g, epsilon, gamma_y),
+            speed,
+            beta,
+            v,
+        )
+    )

@@ -285,6 +285,7 @@ def draw_harmonic_balance(parameters: Parameters, distances: Sequence[str]) -> t
         axis.set_xlabel("Ω [rad/s]")
         axis.set_ylabel(name)
         axis.grid(lw=0.3, alpha=0.5)
+    axes[0].margins(y=0.08)
     axes[0].legend(frameon=False)
     return figure, [(key, *point) for key, points in curves.items() for point in points]
 
@@ -334,6 +335,7 @@ def draw_branch(
             top = float(numpy.interp(omega, [r[0] for r in rows], [r[1] for r in rows]))
             axes[0].plot([omega], [top], "s", ms=5, color=_ATTRACTOR, zorder=4)
         axes[0].annotate(scene.name, (omega, top), xytext=(4, 4), textcoords="offset points")
+    axes[0].margins(y=0.08)
     axes[0].legend(frameon=False)
     return figure, rows
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.model import transcription as paper
-from tests.problems import SETS, SPEEDS, STARTS, decimals, physical_parameters, states
+from tests.problems import SETS, SPEEDS, STARTS, decimals, paper_rates, physical_parameters, states
 from tippedisk_verify.flow.baseline import METHODS, Baseline
 from tippedisk_verify.flow.contract import SECTION, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
@@ -53,28 +52,8 @@ def test_mpmath_odefun_agrees_to_35_digits(taylor: Taylor) -> None:
     p = PRINTED
     result = taylor(Request(p, "30.4", STARTS[1], "0.05", precision=bits(200)))
     with mpmath.workdps(40):
-        numbers = {name: mpmath.mpf(getattr(p, name).numerator) / getattr(p, name).denominator
-                   for name in ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")}  # fmt: skip
-        r, e, m, A, Bbar, g, mu, epsilon = numbers.values()
-        omega = mpmath.mpf("30.4")
-
-        def rates(t, state):
-            beta, gamma, v = state
-            gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))
-            return list(
-                paper.state_rates(
-                    sum(paper.mass_matrix(A, Bbar, m, r, e, beta, gamma)),
-                    sum(paper.gyroscopic_forces(A, Bbar, m, r, e, omega, beta, gamma, v)),
-                    paper.gravitational_force(m, g, r, e, beta, gamma),
-                    paper.force_direction(r, e, beta, gamma),
-                    paper.linear_friction(mu, m, g, epsilon, gamma_y),
-                    omega,
-                    beta,
-                    v,
-                )
-            )
-
-        solution = mpmath.odefun(rates, 0, [mpmath.pi / 2, mpmath.pi / 2 + mpmath.mpf("0.4"), mpmath.mpf(0)])
+        start = [mpmath.pi / 2, mpmath.pi / 2 + mpmath.mpf("0.4"), mpmath.mpf(0)]
+        solution = mpmath.odefun(lambda t, state: paper_rates(p, Fraction("30.4"), tuple(state)), 0, start)
         for mine, other in zip(result.state, solution(mpmath.mpf("0.05")), strict=True):
             assert abs(fraction(mine) - fraction(other)) < Fraction(1, 10**35)
 

@@ -7,8 +7,7 @@ from fractions import Fraction
 import mpmath
 import pytest
 
-from tests.model import transcription as paper
-from tests.problems import SETS
+from tests.problems import SETS, paper_rates
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -19,25 +18,9 @@ SPEED = Fraction("30.05")
 
 def rates(saddle: Saddle, y):
     """The tests' own transcription of the equations, at the saddle plus y."""
-    p, ctx = saddle.parameters, saddle.context
     with mpmath.workprec(saddle.working_bits):
-        r, e, m, A, Bbar, g, mu, epsilon, omega = (
-            mpmath.mpf(value.numerator) / value.denominator
-            for value in (p.r, p.e, p.m, p.A, p.Bbar, p.g, p.mu, p.epsilon, saddle.omega)
-        )
-        beta, gamma, v = mpmath.pi / 2 + mpmath.mpf(y[0]), -mpmath.pi / 2 + mpmath.mpf(y[1]), mpmath.mpf(y[2])
-        gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))
-        found = paper.state_rates(
-            sum(paper.mass_matrix(A, Bbar, m, r, e, beta, gamma)),
-            sum(paper.gyroscopic_forces(A, Bbar, m, r, e, omega, beta, gamma, v)),
-            paper.gravitational_force(m, g, r, e, beta, gamma),
-            paper.force_direction(r, e, beta, gamma),
-            paper.linear_friction(mu, m, g, epsilon, gamma_y),
-            omega,
-            beta,
-            v,
-        )
-        return [ctx.mpf(part) for part in found]
+        state = (mpmath.pi / 2 + mpmath.mpf(y[0]), -mpmath.pi / 2 + mpmath.mpf(y[1]), mpmath.mpf(y[2]))
+        return [saddle.context.mpf(part) for part in paper_rates(saddle.parameters, saddle.omega, state)]
 
 
 def slope(series, s):
