@@ -51,7 +51,7 @@ def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[
     names = [name for group in (*only, *more) for name in group.split(",") if name]
     claims = selected(names)
     folder = _folder(out)
-    audit = Audit(common.parameters, default_engine(common.friction), common.friction, common.digits)
+    audit = Audit(common.parameters, default_engine(), common.friction, common.digits)
     findings = []
     with progress(common, len(claims) + (folder is not None)) as advance:
         advance(claims[0].name, 0)
@@ -111,7 +111,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             raise InputError(f"--omega-h must lie between 0 and 1e6 rad/s, not {omega_h[:40]}")
         given = Measured(number.rational, number.rational * 0)
     folder = _folder(out)
-    engine = default_engine(common.friction)
+    engine = default_engine()
     with progress(common, len(chosen)) as advance:
         found_with: tuple[Any, ...] = ()
         if given is None and any(panel.base == "Omega_h" for panel in chosen):

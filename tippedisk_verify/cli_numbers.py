@@ -75,12 +75,12 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
 
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
-        cycle = cycle_above(common.parameters, above_het, default_engine(common.friction), digits=common.digits)
+        cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
     else:
         from tippedisk_verify.orbits.periodic import limit_cycle
 
         omega_value = speed(common, omega, below_crit)
-        cycle = limit_cycle(common.parameters, omega_value, default_engine(common.friction), digits=common.digits)
+        cycle = limit_cycle(common.parameters, omega_value, default_engine(), digits=common.digits)
     found = cycle.json()
     del found["residuals"]  # of interest to who studies the iteration, from Python
     print_result(common, found)
@@ -106,7 +106,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     if paper_sets and omegas is not None:
         raise InputError("give either --paper-sets or --omegas")
     target = None if out is None else output_file(out)
-    engine = default_engine(common.friction)
+    engine = default_engine()
     total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
     cycles = []
     with progress(common, total) as advance:
@@ -144,7 +144,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
     from tippedisk_verify.orbits.heteroclinic import samples
 
     target = None if out is None else output_file(out)
-    engine = default_engine(common.friction)
+    engine = default_engine()
     found = connection(common.parameters, engine, digits=common.digits, method=method, friction=common.friction)
     if target is not None:
         if common.friction == "smooth":

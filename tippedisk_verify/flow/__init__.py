@@ -7,21 +7,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine
-    from tippedisk_verify.model.equations import Friction
 
 __all__ = ["default_engine"]
 
 
-@lru_cache(maxsize=2)
-def default_engine(friction: Friction) -> Engine:
-    """The engine that serves a friction law best, shared within the process so that it compiles once.
-
-    The smooth law is not analytic, so it goes to SciPy's DOP853; the linear law goes to the Taylor engine.
-    """
-    if friction == "smooth":
-        from tippedisk_verify.flow.baseline import Baseline
-
-        return Baseline("DOP853")
+@lru_cache(maxsize=1)
+def default_engine() -> Engine:
+    """The Taylor engine, shared within the process so that it compiles once; it serves both friction laws."""
     from tippedisk_verify.flow.taylor import Taylor
 
     return Taylor()

@@ -17,6 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
     START_WINDOW,
+    SWITCH,
     Build,
     ErrorEstimate,
     Event,
@@ -28,14 +29,17 @@ from tippedisk_verify.flow.contract import (
     checked,
     starts_on,
 )
+from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
 __all__ = ["PARAMETERS", "Taylor", "direction_of", "system_of"]
 
-#: Runtime parameters of the compiled field, in this order.
+#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and the
+#: branch that it is on.
 PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
+_SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
 
 
 class Taylor:
@@ -62,7 +66,7 @@ class Taylor:
         return tuple(integrator.build for integrator in self._integrators.values())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate. Raises InputError for a request that makes no sense, or that asks for the smooth law."""
+        """Integrate. Raises InputError for a request that makes no sense."""
         checked(request)
         precision = request.precision
         events = request.events
@@ -99,16 +103,17 @@ class _Integrator:
     """One compiled integrator and what is needed to set it off again."""
 
     def __init__(self, request: Request, events: tuple[Any, ...], high_accuracy: bool, compact: bool) -> None:
-        if checked_friction(request.friction) != "linear":
-            raise InputError(
-                "the Taylor engine has the linear friction law only: the smooth law is not analytic where the sliding"
-                " velocity vanishes; use the baseline engine for it"
-            )
+        self._smooth = checked_friction(request.friction) == "smooth"
         self.precision = precision = request.precision
         begin = time.perf_counter()
         hy = heyoka_module()
         number, fp_type = precision.number, precision.type
-        system, self._crossings = system_of(request.variations, request.divergence, events, request.shifted)
+        self._ops = shifted(precision.ops) if request.shifted else precision.ops
+        smooth = self._smooth
+        system, self._crossings = system_of(
+            request.variations, request.divergence, (*events, SWITCH) if smooth else events, request.shifted, smooth
+        )
+        self._names = _SMOOTH_PARAMETERS if smooth else PARAMETERS
         self._events = events
         self._records: list[EventRecord] = []
         self._terminal = [event for event in events if event.terminal]
@@ -122,6 +127,11 @@ class _Integrator:
                 hy.t_event(self._crossings[event.name], direction=direction_of(hy, event.direction), fp_type=fp_type)
                 for event in self._terminal
             ]
+        if smooth:
+            # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
+            self._branch = Branch(self.precision, self._ops, len(self._names))
+            switch = hy.t_event(self._crossings[SWITCH.name], callback=self._branch.callback(), fp_type=fp_type)
+            options["t_events"] = [*options.get("t_events", ()), switch]
         if passing := [event for event in events if not event.terminal]:
             options["nt_events"] = [
                 hy.nt_event(
@@ -134,14 +144,18 @@ class _Integrator:
             ]
         start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
         self._size = len(start)
-        self._stepper = stepper = hy.taylor_adaptive(system, start, pars=[number(1)] * len(PARAMETERS), **options)
+        self._stepper: Any = hy.taylor_adaptive(
+            system, start, pars=[number(1)] * (len(self._names) + smooth), **options
+        )
+        stepper = self._stepper
+        if smooth:
+            self._branch.stepper = stepper
         self._divergence = request.divergence
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         extended = request.variations or request.divergence
         self._identity = stepper.state[3:].copy() if extended else None
         self._zero = number(0)
         self._finished = hy.taylor_outcome.time_limit
-        self._ops = shifted(precision.ops) if request.shifted else precision.ops
         self._parameters: Parameters | None = None
         self.build = Build(
             engine="taylor",
@@ -149,7 +163,7 @@ class _Integrator:
             friction=request.friction,
             variations=request.variations,
             divergence=request.divergence,
-            events=tuple(event.name for event in events),
+            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
             u_variables=len(stepper.decomposition) - stepper.dim,
             seconds=time.perf_counter() - begin,
         )
@@ -171,7 +185,7 @@ class _Integrator:
         pars = stepper.pars
         if request.parameters is not self._parameters:
             constants = request.parameters.at(self.precision)
-            for index, name in enumerate(PARAMETERS[1:], start=1):
+            for index, name in enumerate(self._names[1:], start=1):
                 pars[index] = getattr(constants, name)
             self._parameters = request.parameters
         pars[0] = omega
@@ -186,6 +200,8 @@ class _Integrator:
             self._records.clear()
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._result(Status.FLAT, 0)
+        if self._smooth:
+            self._branch.begin(request, omega, state, duration)
         samples = dense = None
         on_surface = self._leave_surfaces(request, omega, state, duration) if request.events else ()
         if request.times is not None and not request.dense:
@@ -199,6 +215,8 @@ class _Integrator:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, c_output=request.dense
             )
+        if self._smooth and self._branch.lost:
+            outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
         status = Status.REACHED if outcome == self._finished else self._status(outcome, low)
         if on_surface:
             self._records[:] = [
@@ -209,6 +227,53 @@ class _Integrator:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return replace(result, samples=result.dense(reached))
         return result
+
+    def _carefully(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
+        """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
+        stepper, branch = self._stepper, self._branch
+        stepper.time = self._zero
+        stepper.state[:3] = state
+        if self._identity is not None:
+            stepper.state[3:] = self._identity
+        stepper.reset_cooldowns()
+        self._records.clear()
+        branch.begin(request, omega, state, duration)
+        wanted = request.times is not None or request.dense
+        pieces: list[tuple[Any, Any]] = []
+        steps, low = 0, None
+        while True:
+            branch.stops = True
+            outcome, low, _, more, piece, _ = stepper.propagate_until(
+                duration, max_steps=request.max_steps - steps, c_output=wanted
+            )
+            branch.stops = False
+            steps += more
+            pieces.append((stepper.time, piece))
+            if not branch.stopped or steps >= request.max_steps:
+                break
+            # A moment later the sign tells which branch it is; until then both are the same to rounding.
+            ahead = stepper.time + branch.moment if duration > 0 else stepper.time - branch.moment
+            if (ahead >= duration) == (duration > 0):
+                ahead = duration
+            branch.asleep = True
+            outcome, low, _, more, piece, _ = stepper.propagate_until(ahead, c_output=wanted)
+            branch.asleep = False
+            steps += more + 1
+            pieces.append((stepper.time, piece))
+            if outcome != self._finished or stepper.time == duration:
+                break
+            branch.look()
+        if branch.stopped and steps >= request.max_steps:
+            outcome = heyoka_module().taylor_outcome.step_limit
+        if not wanted:
+            return outcome, low, steps, None, None
+        dense = Pieces(pieces, bool(duration > 0))
+        samples = None
+        if request.times is not None and not request.dense:
+            times = self.precision.array(request.times)
+            reached = [t for t in times if abs(t) <= abs(stepper.time)]
+            samples = dense(reached)[:, :3]
+        return outcome, low, steps, samples, dense if request.dense else None
 
     def _grid(self, times: Any) -> Any:
         """The sample times in this arithmetic, from the present time on, which heyoka wants in front."""
@@ -289,7 +354,7 @@ class _Integrator:
 
 
 def system_of(
-    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool
+    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, smooth: bool = False
 ) -> tuple[Any, dict[str, Any]]:
     """The heyoka system with what is asked for, and the event functions by name.
 
@@ -299,13 +364,15 @@ def system_of(
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
     state = hy.make_vars("beta", "gamma", "v")
-    pars = dict(zip(PARAMETERS, (hy.par[index] for index in range(len(PARAMETERS))), strict=True))
+    names = _SMOOTH_PARAMETERS if smooth else PARAMETERS
+    pars = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
+    law: tuple[Any, ...] = ("smooth", hy.par[len(names)]) if smooth else ("linear",)
     omega = pars["Omega"]
     constants = Constants(**{name: pars.get(name) for name in Constants._fields})
-    rates = field(ops, constants, omega, "linear")(*state)
+    rates = field(ops, constants, omega, *law)(*state)
     system: Any = list(zip(state, rates, strict=True))
     if divergence:
-        slope = jacobian(ops, constants, omega, "linear")(*state)[2][2]
+        slope = jacobian(ops, constants, omega, *law)(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
     if variations:
         known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars

@@ -100,11 +100,12 @@ def friction_force(constants: Constants, sliding_velocity: Any, friction: Fricti
     return -weight * sliding_velocity / (abs(sliding_velocity) + constants.epsilon)
 
 
-def field(ops: Any, constants: Constants, omega: Any, friction: Friction) -> Field:
+def field(ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None) -> Field:
     """The vector field ``(beta, gamma, v) -> (beta', gamma', v')`` [rad/s, rad/s, rad/s^2] (Eq. 3DOF).
 
     What does not depend on the state is computed here, once; the function returned has only the rest to do.
-    Only ``r, e, a, b, g`` and ``k`` (linear) or ``traction, epsilon`` (smooth) of ``constants`` are used.
+    Only ``r, e, a, b, g`` and ``k`` (linear) or ``traction, epsilon`` (smooth) of ``constants`` are used. ``side`` (1
+    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -129,7 +130,11 @@ def field(ops: Any, constants: Constants, omega: Any, friction: Friction) -> Fie
         # w_y gamma_y = rho sin^2(beta) * slip, and rho sin^2(beta) = rho - rho cos^2(beta).
         slip = sweep - e_omega * (sin_b * cos_g)  # gamma_y / sin(beta)
         grip = (rho - rho_cos2) * slip
-        resistance = k * grip if linear else traction * grip / (abs(sin_b * slip) + epsilon)
+        if linear:
+            resistance = k * grip
+        else:
+            sliding = sin_b * slip
+            resistance = traction * grip / ((abs(sliding) if side is None else side * sliding) + epsilon)
         return v, -(omega * cos_b), (cos_b * drive - resistance) / mass
 
     return vector_field
@@ -148,11 +153,12 @@ def acceleration(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: A
 
 
 def jacobian(
-    ops: Any, constants: Constants, omega: Any, friction: Friction
+    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
     """The function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``, differentiated by hand.
 
-    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative.
+    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side`` as in
+    `field`.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -191,11 +197,12 @@ def jacobian(
             resistance, resist_b, resist_g, resist_v = k * grip, k * grip_b, k * grip_g, k * grip_v
         else:
             sliding = sin_b * slip
-            yielding = abs(sliding) + epsilon
+            size = abs(sliding) if side is None else side * sliding
+            yielding = size + epsilon
             resistance = traction * grip / yielding
             # d|gamma_y| = sign(gamma_y) d(gamma_y), and grip = rho sin(beta) gamma_y, so grip * sign(gamma_y) needs no
             # sign function: this holds for every kind of number, and at gamma_y = 0.
-            drag = traction * rho * sin_b * abs(sliding) / (yielding * yielding)
+            drag = traction * rho * sin_b * size / (yielding * yielding)
             factor = traction / yielding
             resist_b = factor * grip_b - drag * (cos_b * slip + sin_b * slip_b)
             resist_g = factor * grip_g - drag * (sin_b * slip_g)

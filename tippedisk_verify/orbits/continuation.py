@@ -8,6 +8,7 @@ from fractions import Fraction
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
@@ -46,7 +47,12 @@ def paper_sets(parameters: Parameters, omega_h: Fraction) -> PaperSets:
 
 
 def continued(
-    parameters: Parameters, omegas: Sequence[float], engine: Engine, *, first: LimitCycle | None = None
+    parameters: Parameters,
+    omegas: Sequence[float],
+    engine: Engine,
+    *,
+    first: LimitCycle | None = None,
+    friction: Friction = "linear",
 ) -> Iterator[LimitCycle]:
     """Limit cycles at one speed after the other, each predicted along the tangent of the one before.
 
@@ -58,13 +64,15 @@ def continued(
     for omega in omegas:
         target = Fraction(omega)
         if previous is None:
-            previous = limit_cycle(parameters, target, engine, precision=DOUBLE)
+            previous = limit_cycle(parameters, target, engine, precision=DOUBLE, friction=friction)
         else:
-            previous = _reached(parameters, previous, target, engine)
+            previous = _reached(parameters, previous, target, engine, friction)
         yield previous
 
 
-def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
+def _reached(
+    parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine, friction: Friction
+) -> LimitCycle:
     for halvings in range(_FEWEST_HALVINGS + 1):
         try:
             found = here
@@ -73,7 +81,7 @@ def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine:
             for part in range(1, parts + 1):
                 omega = begin + (target - begin) * part / parts
                 guess = _predicted(found, omega)
-                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
+                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE, friction=friction)
             return found
         except NoSuchCycleError:
             if halvings == _FEWEST_HALVINGS:

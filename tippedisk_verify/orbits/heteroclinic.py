@@ -75,12 +75,12 @@ def heteroclinic(
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
     if digits > _MOST_DIGITS:
         raise InputError(f"Omega_h is offered to {_MOST_DIGITS} digits, not {digits}: more would take days")
-    if friction == "smooth" and method in ("manifolds", "limit-cycles"):
-        raise InputError(f"{method} is offered for the linear friction law; use bisection or scipy")
+    if friction == "smooth" and method == "limit-cycles":
+        raise InputError(f"{method} is offered for the linear friction law; use one of the other methods")
     derivative, budget = None, {}
     if method == "manifolds":
-        near = bisect_omega_h(parameters, engine, confirm=False).omega_h
-        found = splitting_zero(parameters, near.value, engine, digits)
+        near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
+        found = splitting_zero(parameters, near.value, engine, digits, friction)
         omega_h, derivative, budget = found.omega_h, found.derivative, found.budget
     elif method == "limit-cycles":
         omega_h, _ = limit_of_cycles(parameters, engine, digits)

@@ -20,6 +20,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -98,14 +99,19 @@ class LimitCycle:
 
 
 def half_map(
-    parameters: Parameters, omega: Any, state: Sequence[Any], engine: Engine, precision: Precision = DOUBLE
+    parameters: Parameters,
+    omega: Any,
+    state: Sequence[Any],
+    engine: Engine,
+    precision: Precision = DOUBLE,
+    friction: Friction = "linear",
 ) -> HalfMap:
     """The map and its derivatives at (gamma_bar, v) on the section. Raises NoSuchCycleError without a return."""
-    result = _flight(parameters, omega, state, engine, precision, variations=_VARIATIONS)
+    result = _flight(parameters, omega, state, engine, precision, friction=friction, variations=_VARIATIONS)
     _, gamma_row, v_row = result.derivatives
     beta_row = result.derivatives[0]
     v_end = result.state[2]
-    v_rate = _rate(parameters, omega, result.state, precision)
+    v_rate = _rate(parameters, omega, result.state, precision, friction)
     # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
     flight = [-beta_row[k] / v_end for k in range(4)]
     v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
@@ -117,7 +123,7 @@ def half_map(
         by_omega=(-gamma_row[3], -v_section[3]),
         time_by_state=(flight[1], flight[2]),
         time_by_omega=flight[3],
-        trivial=_trivial(v, _rate(parameters, omega, (0 * v, gamma_bar, v), precision), result.derivatives),
+        trivial=_trivial(v, _rate(parameters, omega, (0 * v, gamma_bar, v), precision, friction), result.derivatives),
     )
 
 
@@ -152,12 +158,12 @@ def _flight(
     return result
 
 
-def _rate(parameters: Parameters, omega: Any, state: Sequence[Any], precision: Precision) -> Any:
+def _rate(parameters: Parameters, omega: Any, state: Sequence[Any], precision: Precision, friction: Friction) -> Any:
     from tippedisk_verify.model.equations import acceleration, shifted
 
     constants = parameters.at(precision)
     beta, gamma, v = state
-    return acceleration(shifted(precision.ops), constants, precision.number(omega), beta, gamma, v, "linear")
+    return acceleration(shifted(precision.ops), constants, precision.number(omega), beta, gamma, v, friction)
 
 
 def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
@@ -167,7 +173,9 @@ def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
     return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
 
 
-def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine) -> Shot:
+def shoot(
+    parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine, friction: Friction = "linear"
+) -> Shot:
     """Damped Newton iteration in double from a guess (gamma_bar, v).
 
     Raises NoSuchCycleError if it does not converge, or if it shrinks towards the equilibrium, which is the trivial
@@ -176,7 +184,7 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
     state = (float(guess[0]), float(guess[1]))
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
-    here = half_map(parameters, omega, state, engine)
+    here = half_map(parameters, omega, state, engine, friction=friction)
     for _ in range(_MOST_STEPS):
         size = _size(here.residual)
         residuals.append(size)
@@ -192,7 +200,7 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
             if abs(ahead[0]) + abs(ahead[1]) / 10 < scale / 5:
                 raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
             try:
-                found = half_map(parameters, omega, ahead, engine)
+                found = half_map(parameters, omega, ahead, engine, friction=friction)
             except NoSuchCycleError:
                 found = None
             if found is not None and (_size(found.residual) < size or size < 1e-10 * scale):
@@ -209,7 +217,12 @@ def _size(residual: Sequence[Any]) -> float:
 
 
 def shoot_full_period(
-    parameters: Parameters, omega: Any, state: Sequence[float], period: float, engine: Engine
+    parameters: Parameters,
+    omega: Any,
+    state: Sequence[float],
+    period: float,
+    engine: Engine,
+    friction: Friction = "linear",
 ) -> tuple[tuple[float, float, float], float, tuple[float, ...]]:
     """The paper's own form, without the symmetry: periodicity residual r_p and anchor r_a = beta_bar_0, four unknowns.
 
@@ -221,7 +234,7 @@ def shoot_full_period(
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
     residuals: list[float] = []
-    rates = _double_field(parameters, omega)
+    rates = _double_field(parameters, omega, friction)
     for _ in range(_MOST_STEPS):
         start = unknown[:3]
         result = engine(
@@ -230,6 +243,7 @@ def shoot_full_period(
                 omega,
                 start.tolist(),
                 unknown[3],
+                friction=friction,
                 shifted=True,
                 variations=("beta", "gamma", "v"),
                 domain="none",
@@ -253,10 +267,10 @@ def shoot_full_period(
     raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
 
 
-def _double_field(parameters: Parameters, omega: Any) -> Any:
+def _double_field(parameters: Parameters, omega: Any, friction: Friction) -> Any:
     from tippedisk_verify.model.equations import field, shifted
 
-    return field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), "linear")
+    return field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), friction)
 
 
 # ------------------------------------------------------------------------------------------------ with uncertainties
@@ -268,13 +282,15 @@ def limit_cycle(
     digits: int = 12,
     guess: Sequence[float] | None = None,
     precision: Precision | None = None,
+    friction: Friction = "linear",
 ) -> LimitCycle:
-    """The limit cycle of the linear law at ``omega`` [rad/s], each number to about ``digits`` significant digits.
+    """The limit cycle at ``omega`` [rad/s], each number to about ``digits`` significant digits.
 
-    Without a ``guess`` (gamma_bar, v) harmonic balance provides one. Up to 12 digits everything runs in double if that
-    holds them (close to the Hopf point it does not), with the error measured in a wider arithmetic; ``precision`` fixes
-    the arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
-    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles part slowly.
+    Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not), with the error
+    measured in a wider arithmetic; ``precision`` fixes the arithmetic, and then the digits are what it gives. Raises
+    InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not
+    reached.
     """
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
@@ -282,15 +298,15 @@ def limit_cycle(
     value = speed.rational
     if guess is None:
         guess = approximate_cycle(parameters, value)
-    shot = shoot(parameters, value, guess, engine)
+    shot = shoot(parameters, value, guess, engine, friction)
     if precision is not None:
-        return measured_cycle(parameters, value, shot, engine, precision)
+        return measured_cycle(parameters, value, shot, engine, precision, friction)
     if digits <= 12:
-        cycle = measured_cycle(parameters, value, shot, engine, DOUBLE)
+        cycle = measured_cycle(parameters, value, shot, engine, DOUBLE, friction)
         if _lacking(cycle, digits) is None:
             return cycle
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
-    cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
+    cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)), friction)
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
@@ -306,14 +322,19 @@ def _lacking(cycle: LimitCycle, digits: int) -> str | None:
 
 
 def measured_cycle(
-    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, precision: Precision
+    parameters: Parameters,
+    value: Fraction,
+    shot: Shot,
+    engine: Engine,
+    precision: Precision,
+    friction: Friction = "linear",
 ) -> LimitCycle:
     """The cycle in one arithmetic, with half-widths from a wider one, starting from what Newton's iteration found.
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    rough = _numbers(parameters, value, shot, engine, precision)
-    sharp = _numbers(parameters, value, shot, engine, companion(precision))
+    rough = _numbers(parameters, value, shot, engine, precision, friction)
+    sharp = _numbers(parameters, value, shot, engine, companion(precision), friction)
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
@@ -326,12 +347,19 @@ def measured_cycle(
 
 
 def _numbers(
-    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision
+    parameters: Parameters,
+    omega: Fraction,
+    shot: Shot,
+    engine: Engine,
+    precision: Precision,
+    friction: Friction = "linear",
 ) -> dict[str, Any]:
     """All numbers of the cycle in one arithmetic."""
-    state = _sharpened(parameters, omega, shot, engine, precision)
-    here = half_map(parameters, omega, state, engine, precision)
-    flight = _flight(parameters, omega, state, engine, precision, divergence=True, events=(_EXTREME,))
+    state = _sharpened(parameters, omega, shot, engine, precision, friction)
+    here = half_map(parameters, omega, state, engine, precision, friction)
+    flight = _flight(
+        parameters, omega, state, engine, precision, friction=friction, divergence=True, events=(_EXTREME,)
+    )
     turns = [record.state[0] for record in flight.events if record.name == _EXTREME.name]
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
@@ -359,7 +387,7 @@ def _numbers(
 
 
 def _sharpened(
-    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision
+    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
 ) -> tuple[Any, Any]:
     """Chord steps with the shot's derivative, until the step is below rounding."""
     state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
@@ -368,7 +396,7 @@ def _sharpened(
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
     previous: Fraction | None = None
     for _ in range(precision.bits // 8 + 8):
-        flight = _flight(parameters, omega, state, engine, precision)
+        flight = _flight(parameters, omega, state, engine, precision, friction=friction)
         residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
         step = newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])

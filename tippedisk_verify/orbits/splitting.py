@@ -16,6 +16,7 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -67,13 +68,14 @@ class Road:
         precision: Precision,
         closer: float = 1.0,
         coarser: tuple[Fraction, Splitting] | None = None,
+        friction: Friction = "linear",
     ) -> None:
-        self.parameters, self.engine, self.precision = parameters, engine, precision
+        self.parameters, self.engine, self.precision, self.friction = parameters, engine, precision, friction
         digits = precision.bits * math.log10(2)
         # Longer series cost a cube of their order, closer starts a longer flight: a balance.
         self.order = 2 * round(6 + digits / 4) + 1
         self.bits = precision.bits + 32
-        saddle = Saddle(parameters, near, self.bits, self.order)
+        saddle = Saddle(parameters, near, self.bits, self.order, friction)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
         self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
         self.end = _short(
@@ -88,10 +90,10 @@ class Road:
                 self.duration, time + Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
             )
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
-        self.truncation = 2 * share ** (self.order + 2)
+        self.truncation = 2 * share ** (self.order + 1 + (friction == "linear"))
 
     def __call__(self, omega: Fraction) -> Splitting:
-        saddle = Saddle(self.parameters, omega, self.bits, self.order)
+        saddle = Saddle(self.parameters, omega, self.bits, self.order, self.friction)
         ctx = saddle.context
         result = self.engine(
             Request(
@@ -99,6 +101,7 @@ class Road:
                 omega,
                 self.start_of(saddle),
                 self.duration,
+                friction=self.friction,
                 shifted=True,
                 precision=self.precision,
                 domain="none",
@@ -125,7 +128,15 @@ class Road:
         state = (start[0], Exact(fraction(start[1]), Fraction(-1)), start[2])
         times = numpy.arange(0, _LONGEST, 0.01)
         request = Request(
-            self.parameters, near, state, float(times[-1]), shifted=True, times=times, precision=DOUBLE, domain="none"
+            self.parameters,
+            near,
+            state,
+            float(times[-1]),
+            friction=self.friction,
+            shifted=True,
+            times=times,
+            precision=DOUBLE,
+            domain="none",
         )
         samples = self.engine(request).samples
         away = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
@@ -153,14 +164,16 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digits: int) -> SplittingZero:
+def splitting_zero(
+    parameters: Parameters, near: Fraction, engine: Engine, digits: int, friction: Friction = "linear"
+) -> SplittingZero:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some twelve.
 
     Raises Shortfall if the iteration does not settle, or if the digits are not reached.
     """
     guard = _GUARD
     while True:
-        found = _zero(parameters, near, engine, digits + guard)
+        found = _zero(parameters, near, engine, digits + guard, friction)
         if found.omega_h.uncertainty <= found.omega_h.value / 10**digits:
             return found
         guard *= 2
@@ -170,12 +183,12 @@ def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digit
             )
 
 
-def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -> SplittingZero:
+def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, friction: Friction) -> SplittingZero:
     omega, slope, evaluations = near, None, 0
     value = Splitting(0, 0, 0)
     coarser: tuple[Fraction, Splitting] | None = None
     for precision in _stages(wanted):
-        road = Road(parameters, near, engine, precision, coarser=coarser)
+        road = Road(parameters, near, engine, precision, coarser=coarser, friction=friction)
         # A step between the resolution and the distance where curvature shows: half of the digits.
         step = Fraction(1, 10 ** (int(precision.bits * math.log10(2)) // 2))
         value = road(omega)
@@ -197,7 +210,7 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
     if slope is None or not slope:
         raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
     wider = companion(precision)
-    finer = Road(parameters, near, engine, wider, closer=0.5, coarser=coarser)
+    finer = Road(parameters, near, engine, wider, closer=0.5, coarser=coarser, friction=friction)
     check = finer(omega)
     shift = abs(fraction(check.u) / slope)
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.

@@ -6,6 +6,10 @@ exp(lambda t). Its two-dimensional stable manifold is needed only near the slow 
 the fast direction after the passage between the saddles is tiny: K(s) + t L(s) with L the fast direction carried along
 the curve, Df(K) L = lambda_s s L' + lambda_f L. What that leaves out is of order t^2.
 
+The smooth law is analytic on either side of gamma_y = 0, and each curve leaves the saddle on one side: its branch
+gives the curve on that side, with even powers too. The unstable curve is meant for s > 0, where gamma grows, and the
+stable one for s < 0, where an orbit with growing gamma arrives.
+
 Source: X. Cabré, E. Fontich, R. de la Llave, The parameterization method for invariant manifolds III, J. Differential
 Equations 218 (2005).
 """
@@ -19,7 +23,7 @@ from functools import cached_property
 from typing import Any
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import Friction, field, jacobian
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import characteristic_polynomial, linearization, right_eigenvector
@@ -76,6 +80,9 @@ class Series:
             quotient.append(rest / other.c[0])
         return Series(quotient)
 
+    def __rtruediv__(self, value: Any) -> Series:
+        return Series([value, *[0 * self.c[0]] * (len(self.c) - 1)]) / self
+
     def sine_and_cosine(self) -> tuple[Series, Series]:
         """Of the angle; the series itself must start with zero."""
         zero = 0 * self.c[0]
@@ -120,6 +127,7 @@ class Saddle:
     omega: Fraction
     working_bits: int
     order: int
+    friction: Friction = "linear"
 
     @cached_property
     def context(self) -> Any:
@@ -182,10 +190,12 @@ class Saddle:
     def _curve(self, which: int) -> list[Series]:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
-        for power in range(3, self.order + 1, 2):
+        step = self._power_step
+        rates_of = field(_SeriesOps, self.constants, self.speed, self.friction, self._side(which))
+        for power in range(1 + step, self.order + 1, step):
             for component in curve:
-                component.extend((ctx.zero, ctx.zero))
-            rates = field(_SeriesOps, self.constants, self.speed, "linear")(*self._state(curve))
+                component.extend([ctx.zero] * step)
+            rates = rates_of(*self._state(curve))
             rest = ctx.matrix([rate.c[power] for rate in rates])
             along = self.inverse_directions * rest
             added = [along[k] / (power * eigenvalue - self.eigenvalues[k]) for k in range(3)]
@@ -193,6 +203,20 @@ class Saddle:
             for row in range(3):
                 curve[row][power] = column[row]
         return [Series(component) for component in curve]
+
+    @property
+    def _power_step(self) -> int:
+        """The linear law's field is odd about the saddle: every other power vanishes."""
+        return 2 if self.friction == "linear" else 1
+
+    def _side(self, which: int) -> int | None:
+        """The sign of gamma_y along a curve, on the half of it that is used."""
+        if self.friction == "linear":
+            return None
+        c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
+        # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of gamma itself.
+        velocity = (c.r - c.e) * v - c.e * self.speed * gamma
+        return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
 
     def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Series, Series, Series]:
         beta, gamma, v = curve
@@ -214,14 +238,15 @@ class Saddle:
         entries = self._jacobian_on_stable_curve
         length = self.order + 1
         carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
-        for power in range(2, length, 2):
+        step = self._power_step
+        for power in range(step, length, step):
             rest = ctx.matrix(3, 1)
             for row in (1, 2):  # beta' = v is linear
                 for column in range(3):
                     if isinstance(entries[row][column], Series):
                         terms = entries[row][column].c
                         rest[row] += sum(
-                            (terms[k] * carried[column][power - k] for k in range(2, power + 1, 2)), ctx.zero
+                            (terms[k] * carried[column][power - k] for k in range(step, power + 1, step)), ctx.zero
                         )
             along = self.inverse_directions * rest
             added = [along[k] / (own + power * slow - self.eigenvalues[k]) for k in range(3)]
@@ -233,7 +258,8 @@ class Saddle:
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.c for component in self.stable_curve]
-        return jacobian(_SeriesOps, self.constants, self.speed, "linear")(*self._state(curve))
+        law = (self.friction, self._side(1))
+        return jacobian(_SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
 
     def reach(self, *curves: Sequence[Series]) -> Any:
         """The radius within which all of these converge, estimated from their last coefficients."""
