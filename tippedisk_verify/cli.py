@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import click
 
 from tippedisk_verify import __version__
+from tippedisk_verify.cli_basin import COMMANDS as BASIN_COMMANDS
 from tippedisk_verify.cli_bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.cli_common import Common, Interrupts, common_options, print_json, progress
 from tippedisk_verify.cli_numbers import COMMANDS
@@ -118,8 +119,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
             advance("Omega_h", 0)
-            method = "manifolds" if common.friction == "linear" else "bisection"
-            given = heteroclinic(common.parameters, engine, method=method, friction=common.friction).omega_h
+            given = heteroclinic(common.parameters, engine, friction=common.friction).omega_h
             found_with = getattr(engine, "builds", ())
         panels = []
         for panel in chosen:
@@ -187,7 +187,7 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     console.print(table)
 
 
-for command in (*COMMANDS, *BENCH_COMMANDS):
+for command in (*COMMANDS, *BASIN_COMMANDS, *BENCH_COMMANDS):
     cli.add_command(command)
 
 

@@ -68,19 +68,22 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
     from tippedisk_verify.flow import default_engine
 
-    if common.friction == "smooth":
-        raise InputError("limit cycles are offered for the linear friction law")
     if above_het is not None:
+        if common.friction == "smooth":
+            raise InputError(
+                "--above-het is offered for the linear friction law: give the smooth law's speed by --omega"
+            )
         from tippedisk_verify.orbits.near_connection import cycle_above
 
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
         cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
     else:
-        from tippedisk_verify.orbits.periodic import limit_cycle
+        from tippedisk_verify.orbits.continuation import followed_cycle
 
         omega_value = speed(common, omega, below_crit)
-        cycle = limit_cycle(common.parameters, omega_value, default_engine(), digits=common.digits)
+        options = {"digits": common.digits, "friction": common.friction}
+        cycle = followed_cycle(common.parameters, omega_value, default_engine(), **options)
     found = cycle.json()
     del found["residuals"]  # of interest to who studies the iteration, from Python
     print_result(common, found)
@@ -99,8 +102,6 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     from tippedisk_verify.orbits import branches
     from tippedisk_verify.report import branch_entry, write_branch
 
-    if common.friction == "smooth":
-        raise InputError("limit cycles are offered for the linear friction law")
     if common.digits > 12:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and omegas is not None:
@@ -110,7 +111,9 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
     cycles = []
     with progress(common, total) as advance:
-        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
+        for cycle in branches.family(
+            common.parameters, engine, paper_sets=paper_sets, omegas=omegas, friction=common.friction
+        ):
             cycles.append(cycle)
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:

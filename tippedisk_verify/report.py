@@ -15,6 +15,7 @@ from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.basins import Basins
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel
 from tippedisk_verify.theory.hopf import omega_crit
@@ -123,7 +124,7 @@ def write_report(
         figures.append(_write_eigenvalues(folder, audit.parameters))
     if "amplitude_law" in names and audit.friction == "linear":
         figures.append(_write_harmonic_balance(folder, audit.parameters))
-    if "stable_branch" in names and audit.friction == "linear":
+    if "stable_branch" in names:
         with suppress(InputError, Shortfall):  # the claim's note says why there is no family
             figures.append(_write_branch(folder, audit))
     if "infinite_period" in names and audit.friction == "linear":
@@ -286,6 +287,15 @@ def _markdown(
         ]
     lines += ["", "Computed with " + ", ".join(f"{k} {v}" for k, v in results["provenance"].items()) + ".", ""]
     return "\n".join(lines)
+
+
+def write_basins(found: Basins, folder: Path) -> None:
+    """``basins.csv``: every initial state and what it ended on."""
+    from tippedisk_verify.orbits.basins import OUTCOMES
+
+    cells = zip(found.beta.ravel().tolist(), found.gamma.ravel().tolist(), found.outcome.ravel().tolist(), strict=True)
+    rows = [(beta, gamma, found.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
+    write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
 
 
 def branch_entry(cycle: LimitCycle) -> dict[str, object]:

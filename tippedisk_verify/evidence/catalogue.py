@@ -8,13 +8,14 @@ from difflib import get_close_matches
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.claims import Claim
 from tippedisk_verify.evidence.connection_claims import CONNECTION_CLAIMS
+from tippedisk_verify.evidence.friction_claims import FRICTION_CLAIMS
 from tippedisk_verify.evidence.global_claims import GLOBAL_CLAIMS
 from tippedisk_verify.evidence.local_claims import LOCAL_CLAIMS
 from tippedisk_verify.evidence.manifold_claims import MANIFOLD_CLAIMS
 
 __all__ = ["CLAIMS", "selected"]
 
-CLAIMS: tuple[Claim, ...] = LOCAL_CLAIMS + MANIFOLD_CLAIMS + CONNECTION_CLAIMS + GLOBAL_CLAIMS
+CLAIMS: tuple[Claim, ...] = LOCAL_CLAIMS + MANIFOLD_CLAIMS + CONNECTION_CLAIMS + GLOBAL_CLAIMS + FRICTION_CLAIMS
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:

@@ -86,18 +86,14 @@ class Audit:
 
     @cached_property
     def sets(self) -> dict[str, Parameters]:
-        """The selected set first, then the named ones.
-
-        With the smooth law only the selected one: its trajectories cost a thousand times more.
-        """
+        """The selected set first, then the named ones."""
         chosen = {self.parameters.name: self.parameters}
-        return chosen if self.friction == "smooth" else chosen | NAMED_SETS | chosen
+        return chosen | NAMED_SETS | chosen
 
     def connection(self, name: str) -> Heteroclinic:
         """The heteroclinic connection of a set. Raises Shortfall if there is none."""
         if name not in self._connections:
-            method = "manifolds" if self.friction == "linear" else "bisection"
-            self._connections[name] = heteroclinic(self.sets[name], self.engine, method=method, friction=self.friction)
+            self._connections[name] = heteroclinic(self.sets[name], self.engine, friction=self.friction)
             self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
         return self._connections[name]
 
@@ -106,11 +102,9 @@ class Audit:
         return self.connection(name).omega_h
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """An overview of a set's limit cycles. Raises Shortfall for the smooth law."""
-        if self.friction == "smooth":
-            raise Shortfall("limit cycles are offered for the linear friction law")
+        """An overview of a set's limit cycles."""
         if name not in self._families:
-            self._families[name] = tuple(family(self.sets[name], self.engine))
+            self._families[name] = tuple(family(self.sets[name], self.engine, friction=self.friction))
         return self._families[name]
 
     def panel(self, scene: str, name: str) -> Panel:

@@ -8,7 +8,6 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, per_set
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.orbits.continuation import PAPER_GUESS
@@ -48,10 +47,8 @@ def _branch(audit: Audit, name: str) -> tuple[str, bool]:
 
 
 def _table_2(audit: Audit, name: str) -> tuple[str, bool]:
-    if audit.friction == "smooth":
-        raise Shortfall("limit cycles are offered for the linear friction law")
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS)
+    cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS, friction=audit.friction)
     return f"{float(cycle.gamma_bar_0):.4f}, {float(cycle.v_0):.4f}, {float(cycle.period):.4f}", True
 
 

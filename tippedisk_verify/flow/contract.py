@@ -21,7 +21,6 @@ __all__ = [
     "FLAT",
     "SECTION",
     "SLIDING_REVERSAL",
-    "SWITCH",
     "TURN",
     "Build",
     "Engine",
@@ -78,14 +77,6 @@ FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta)
 SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
 #: v = 0: beta is extreme.
 TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
-#: gamma_y = 0: where the smooth law changes its analytic branch.
-SWITCH = Event(
-    "switch",
-    lambda ops, constants, omega, beta, gamma, v: (
-        ops.sin(beta)
-        * ((constants.r + constants.e * ops.sin(gamma)) * v - constants.e * omega * (ops.sin(beta) * ops.cos(gamma)))
-    ),
-)
 #: gamma_y / sin(beta) = 0: the sliding velocity changes sign.
 SLIDING_REVERSAL = Event(
     "sliding reversal",

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import Event, Variation
-from tippedisk_verify.flow.taylor import PARAMETERS, direction_of, system_of
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation
+from tippedisk_verify.flow.taylor import PARAMETERS, SMOOTH_PARAMETERS, direction_of, system_of
+from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
 __all__ = ["Flights", "Lanes", "field_constants"]
@@ -21,7 +22,11 @@ __all__ = ["Flights", "Lanes", "field_constants"]
 
 @dataclass(frozen=True)
 class Flights:
-    """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere."""
+    """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
+
+    With the smooth law a run whose branch was in doubt for a moment (two switches closer than events can tell) counts
+    as not finished: the Taylor engine, one at a time, can do it.
+    """
 
     states: Any  #: (n, 3) final (beta, gamma, v)
     derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
@@ -30,12 +35,20 @@ class Flights:
     finished: Any = None  #: (n,) whether the final time was reached
 
 
-def field_constants(parameters: Parameters) -> Any:
-    """(r, e, a, b, g, k), the field's constants in double, as an array."""
+def field_constants(parameters: Parameters, friction: Friction = "linear") -> Any:
+    """The field's constants in double as an array: (r, e, a, b, g, k), or traction and epsilon instead of k."""
     import numpy
 
     constants = parameters.at(DOUBLE)
-    return numpy.array([getattr(constants, name) for name in PARAMETERS[1:]])
+    return numpy.array([getattr(constants, name) for name in _names(friction)[1:]])
+
+
+def _names(friction: Friction) -> tuple[str, ...]:
+    return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
+
+
+# The smooth law's own events: it changes its branch at either.
+_OWN = (Event("(switch)", SLIDING_REVERSAL.function), Event("(turns over)", FLAT.function))
 
 
 class Lanes:
@@ -59,10 +72,11 @@ class Lanes:
         variations: tuple[Variation, ...] = (),
         divergence: bool = False,
         shifted: bool = False,
+        friction: Friction = "linear",
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
     ) -> Flights:
-        """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,) with the linear law.
+        """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,).
 
         ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
         from pi/2. ``events`` are recorded and end nothing.
@@ -76,24 +90,36 @@ class Lanes:
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
         if any(event.terminal for event in events):
             raise InputError("events of many runs at once are recorded; they cannot end a run")
-        key = (variations, divergence, events, shifted)
+        key = (variations, divergence, events, shifted, friction)
         batch = self._batches.get(key)
         if batch is None:
-            batch = self._batches[key] = _Batch(self.width, variations, divergence, events, shifted)
-        pars = numpy.empty((len(PARAMETERS), count))
+            batch = self._batches[key] = _Batch(self.width, *key)
+        names = _names(friction)
+        pars = numpy.empty((len(names), count))
         pars[0] = omegas
-        pars[1:] = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1)).T
+        pars[1:] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
         return batch.run(pars, states.T, durations, max_steps)
 
 
 class _Batch:
     def __init__(
-        self, width: int, variations: tuple[Variation, ...], divergence: bool, events: Sequence[Event], shift: bool
+        self,
+        width: int,
+        variations: tuple[Variation, ...],
+        divergence: bool,
+        events: Sequence[Event],
+        shift: bool,
+        friction: Friction,
     ) -> None:
         import numpy
 
         hy = heyoka_module()
-        system, crossings = system_of(variations, divergence, events, shift)
+        smooth = friction == "smooth"
+        # The smooth law changes its branch where the disk lies flat, too: one event then serves for both.
+        flat = [event.name for event in events if smooth and event.function is FLAT.function]
+        events = [event for event in events if event.name not in flat]
+        system, crossings = system_of(variations, divergence, (*events, *_OWN) if smooth else events, shift, smooth)
+        count = len(_names(friction)) + smooth
         self._width, self._shift = width, 3 + divergence
         self._variations, self._divergence = len(variations), divergence
         self._names: list[tuple[str, int, float, tuple[float, float, float]]] = []
@@ -106,9 +132,15 @@ class _Batch:
                 )
                 for event in events
             ]
+        self._branches = _Branches(friction, shift) if smooth else None
+        if self._branches is not None:
+            options["t_events"] = [
+                hy.t_event_batch(crossings[_OWN[0].name], callback=self._branches.callback()),
+                hy.t_event_batch(crossings[_OWN[1].name], callback=self._turned(self._branches, flat)),
+            ]
         start = numpy.zeros((self._shift, width))
         start[0] = start[1] = 1.0
-        self._stepper = hy.taylor_adaptive_batch(system, start, pars=numpy.ones((len(PARAMETERS), width)), **options)
+        self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=numpy.ones((count, width)), **options)
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         self._rest = self._stepper.state[3:].copy()
         self._reached = hy.taylor_outcome.time_limit
@@ -151,14 +183,20 @@ class _Batch:
 
         stepper = self._stepper
         stepper.set_time(0.0)
-        stepper.pars[:] = pars
+        stepper.pars[: len(pars)] = pars
         stepper.state[:3] = states
+        if self._branches is not None:
+            self._branches.begin(stepper, durations)
         stepper.state[3:] = self._rest
         if self._names is not None and stepper.with_events:
             stepper.reset_cooldowns()
         mark = len(self._names)
         stepper.propagate_until(durations, max_steps=max_steps)
         reached = numpy.array([result[0] == self._reached for result in stepper.propagate_res])
+        if self._branches is not None and reached.all():
+            reached &= self._branches.kept(stepper)
+            self._names[mark:] = [entry for entry in self._names[mark:] if entry[1] < self._first + size]
+            return stepper.state[:, :size].copy(), reached[:size]
         if not reached.all() and size > 1:
             # One lane that breaks off ends the others too: each of them again, alone in all lanes.
             del self._names[mark:]
@@ -179,6 +217,19 @@ class _Batch:
             final[:, lane], finished[lane] = column[:, 0], reached[0]
         return final, finished
 
+    def _turned(self, branches: _Branches, flat: Sequence[str]) -> Any:
+        """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
+        names = self._names
+
+        def turned(stepper: Any, sign: int, lane: int) -> bool:
+            branches.turn(stepper, lane)
+            for name in flat:
+                beta, gamma, v = stepper.state[:3, lane].tolist()
+                names.append((name, self._first + lane, float(stepper.time[lane]), (beta, gamma, v)))
+            return True
+
+        return turned
+
     def _recorder(self, name: str) -> Any:
         names = self._names
 
@@ -188,3 +239,70 @@ class _Batch:
             names.append((name, self._first + lane, when, (beta, gamma, v)))
 
         return record
+
+
+class _Branches:
+    """The smooth law's branch of every lane, the sign of gamma_y, in the last row of the parameters."""
+
+    def __init__(self, friction: Friction, shift: bool) -> None:
+        self._friction, self._shift = friction, shift
+        self._sides: list[float] = []  # signs of gamma_y / sin(beta)
+        self._upright: list[float] = []  # signs of sin(beta)
+        self._forward: list[bool] = []
+        self._doubtful: set[int] = set()
+
+    def _slip(self, stepper: Any, states: Any) -> Any:
+        import numpy
+
+        return SLIDING_REVERSAL.function(*self._setting(stepper), *states) + numpy.zeros(len(states[0]))
+
+    def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
+        import numpy
+
+        known = dict(zip(_names(self._friction), stepper.pars, strict=False))
+        constants = Constants(**{name: known.get(name) for name in Constants._fields})
+        return shifted(numpy) if self._shift else numpy, constants, known["Omega"]
+
+    def begin(self, stepper: Any, durations: Any) -> None:
+        """On the surface the sign a moment later decides."""
+        import numpy
+
+        states = stepper.state[:3].copy()
+        ops, constants, omega = self._setting(stepper)
+        slip = self._slip(stepper, states)
+        on_surface = numpy.abs(slip) <= 64 * 2.0**-52
+        if on_surface.any():
+            rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))
+            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * rates)
+            slip = numpy.where(on_surface, later, slip)
+        self._sides = numpy.where(slip >= 0, 1.0, -1.0).tolist()
+        self._upright = numpy.where(ops.sin(states[0]) >= 0, 1.0, -1.0).tolist()
+        self._forward = (durations >= 0).tolist()
+        self._doubtful.clear()
+        stepper.pars[-1] = numpy.multiply(self._sides, self._upright)
+
+    def callback(self) -> Any:
+        """For heyoka, as a plain function: it copies whatever else it is given."""
+
+        def switched(stepper: Any, sign: int, lane: int) -> bool:
+            side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
+            if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
+                self._doubtful.add(lane)
+            self._sides[lane] = side
+            stepper.pars[-1, lane] = side * self._upright[lane]
+            return True
+
+        return switched
+
+    def turn(self, stepper: Any, lane: int) -> None:
+        """sin(beta) has changed its sign."""
+        self._upright[lane] = -self._upright[lane]
+        stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
+
+    def kept(self, stepper: Any) -> Any:
+        """Which lanes were on the right branch all the time."""
+        import numpy
+
+        right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -1000 * 2.0**-52
+        right[list(self._doubtful)] = False
+        return right

@@ -1,8 +1,9 @@
-"""Which analytic branch of the smooth law a run is on, and when it changes.
+"""Which analytic branch of the smooth law a run is on, and when it changes: at gamma_y = 0.
 
 The field is continuous where gamma_y = 0, and so are its first derivatives, so state and derivatives are carried across
-unchanged (the saltation matrix is the identity). A switch sets the branch from the direction of the crossing, not by
-flipping it: one that was missed, because two crossings lay closer than events can tell apart, shows at the next.
+unchanged (the saltation matrix is the identity). gamma_y is sin(beta) times the slip, and each factor has its own
+event, so that lying flat and switching never coincide. A switch sets the branch from the direction of the crossing,
+not by flipping it: one that was missed, because two crossings lay closer than events can tell apart, shows at the next.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tippedisk_verify.flow.contract import START_WINDOW, SWITCH, Request
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, START_WINDOW, Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import Precision
 
@@ -20,7 +21,7 @@ _MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 
 
 class Branch:
-    """The sign of gamma_y that an integrator computes with, kept in its last parameter."""
+    """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
     def __init__(self, precision: Precision, ops: Any, place: int) -> None:
         self._ops, self._place = ops, place
@@ -30,7 +31,8 @@ class Branch:
         #: After a switch the branches differ by gamma_y squared: so long that this is below rounding, and no longer.
         self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
         self.stepper: Any = None
-        self.side = 1
+        self.side = 1  #: the sign of gamma_y / sin(beta)
+        self._upright = 1  # the sign of sin(beta)
         self.stops = self.stopped = self.asleep = False
         self._forward = True
         self._contradicted = False
@@ -42,25 +44,36 @@ class Branch:
         self._forward = bool(duration >= 0)
         self._contradicted = self.stopped = False
         self._switches = 0
-        velocity = self._velocity(state)
-        if abs(float(velocity)) <= 64 * self._epsilon:
+        self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
+        slip = self._slip(state)
+        if abs(float(slip)) <= 64 * self._epsilon:
             rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
             step = self._window if self._forward else -self._window
-            velocity = self._velocity([part + step * rate for part, rate in zip(state, rates, strict=True)])
-        self._set(1 if velocity >= 0 else -1)
+            slip = self._slip([part + step * rate for part, rate in zip(state, rates, strict=True)])
+        self._set(1 if slip >= 0 else -1)
 
     def callback(self) -> Callable[[Any, int], bool]:
         """For heyoka, as a plain function: it copies whatever else it is given."""
-        return lambda stepper, sign: self._switched(sign)
+        return lambda stepper, sign: self._switched(sign, stepper.time)
 
-    def _switched(self, sign: int) -> bool:
+    def flat_callback(self) -> Callable[[Any, int], bool]:
+        """The same for sin(beta) = 0, where nobody asked for the end of the run."""
+        return lambda stepper, sign: self._turned()
+
+    def _turned(self) -> bool:
+        self._upright = -self._upright
+        self._set(self.side)
+        return True
+
+    def _switched(self, sign: int, time: Any) -> bool:
         """At a crossing; whether the run goes on."""
         if self.asleep:
             return True
         self._switches += 1
         side = self.side if sign == 0 else sign if self._forward else -sign
-        if side == self.side:
-            # On this branch already: the crossing before was missed (or this one touches the surface only).
+        if side == self.side and abs(time) > self._window:
+            # On this branch already: the crossing before was missed (or this one touches the surface only). At the very
+            # beginning it is the start itself, on the surface.
             self._contradicted = True
         self._set(side)
         self.stopped = self.stops
@@ -69,22 +82,21 @@ class Branch:
     def look(self) -> None:
         """Take the branch of the present state."""
         self.stopped = False
-        self._set(1 if self._velocity(self.stepper.state[:3]) >= 0 else -1)
+        self._set(1 if self._slip(self.stepper.state[:3]) >= 0 else -1)
 
     @property
     def lost(self) -> bool:
         """Whether the run was on the wrong branch for a while: by its switches, or by where it ended."""
-        # A thousand roundings of the state are what may be left of gamma_y at a switch; NaN is lost too.
-        return self._contradicted or not (
-            float(self._velocity(self.stepper.state[:3])) * self.side >= -1000 * self._epsilon
-        )
+        # A thousand roundings of the state are what may be left of the slip at a switch; NaN is lost too.
+        slip = float(self._slip(self.stepper.state[:3]))
+        return self._contradicted or not slip * self.side >= -1000 * self._epsilon
 
-    def _velocity(self, state: Sequence[Any]) -> Any:
-        return SWITCH.function(self._ops, self._constants, self._omega, *state)
+    def _slip(self, state: Sequence[Any]) -> Any:
+        return SLIDING_REVERSAL.function(self._ops, self._constants, self._omega, *state)
 
     def _set(self, side: int) -> None:
         self.side = side
-        self.stepper.pars[self._place] = self._one if side > 0 else -self._one
+        self.stepper.pars[self._place] = self._one if side * self._upright > 0 else -self._one
 
 
 class Pieces:

@@ -16,8 +16,8 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
+    SLIDING_REVERSAL,
     START_WINDOW,
-    SWITCH,
     Build,
     ErrorEstimate,
     Event,
@@ -34,12 +34,16 @@ from tippedisk_verify.model.equations import checked_friction, field, jacobian, 
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
-__all__ = ["PARAMETERS", "Taylor", "direction_of", "system_of"]
+__all__ = ["PARAMETERS", "SMOOTH_PARAMETERS", "Taylor", "direction_of", "system_of"]
 
 #: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and the
 #: branch that it is on.
 PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
-_SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
+SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
+# The smooth law's own events, under names that requests cannot have.
+_SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
+_TURN_OVER = Event("(turns over)", FLAT.function)
+_OWN = (_SWITCH, _TURN_OVER)
 
 
 class Taylor:
@@ -111,9 +115,9 @@ class _Integrator:
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
         smooth = self._smooth
         system, self._crossings = system_of(
-            request.variations, request.divergence, (*events, SWITCH) if smooth else events, request.shifted, smooth
+            request.variations, request.divergence, (*events, *_OWN) if smooth else events, request.shifted, smooth
         )
-        self._names = _SMOOTH_PARAMETERS if smooth else PARAMETERS
+        self._names = SMOOTH_PARAMETERS if smooth else PARAMETERS
         self._events = events
         self._records: list[EventRecord] = []
         self._terminal = [event for event in events if event.terminal]
@@ -130,8 +134,13 @@ class _Integrator:
         if smooth:
             # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
             self._branch = Branch(self.precision, self._ops, len(self._names))
-            switch = hy.t_event(self._crossings[SWITCH.name], callback=self._branch.callback(), fp_type=fp_type)
-            options["t_events"] = [*options.get("t_events", ()), switch]
+            own = [(_SWITCH, self._branch.callback())]
+            if FLAT not in self._terminal:
+                own.append((_TURN_OVER, self._branch.flat_callback()))
+            options["t_events"] = [
+                *options.get("t_events", ()),
+                *(hy.t_event(self._crossings[event.name], callback=back, fp_type=fp_type) for event, back in own),
+            ]
         if passing := [event for event in events if not event.terminal]:
             options["nt_events"] = [
                 hy.nt_event(
@@ -163,7 +172,7 @@ class _Integrator:
             friction=request.friction,
             variations=request.variations,
             divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
+            events=(*(event.name for event in events), *((_SWITCH.name,) if smooth else ())),
             u_variables=len(stepper.decomposition) - stepper.dim,
             seconds=time.perf_counter() - begin,
         )
@@ -364,7 +373,7 @@ def system_of(
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
     state = hy.make_vars("beta", "gamma", "v")
-    names = _SMOOTH_PARAMETERS if smooth else PARAMETERS
+    names = SMOOTH_PARAMETERS if smooth else PARAMETERS
     pars = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
     law: tuple[Any, ...] = ("smooth", hy.par[len(names)]) if smooth else ("linear",)
     omega = pars["Omega"]

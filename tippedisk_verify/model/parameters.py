@@ -71,6 +71,10 @@ class Parameters:
     name: str = "custom"
     _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: the values, without what was computed from them."""
+        return Parameters, tuple(getattr(self, item.name) for item in fields(self) if item.init)
+
     def __post_init__(self) -> None:
         faults = []
         for item in fields(self):

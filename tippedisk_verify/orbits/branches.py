@@ -8,10 +8,11 @@ from fractions import Fraction
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.bisection import bisect_omega_h
-from tippedisk_verify.orbits.continuation import continued
+from tippedisk_verify.orbits.continuation import continued, followed_cycle
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
 from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.periodic import LimitCycle
@@ -24,7 +25,12 @@ _MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD
 
 
 def family(
-    parameters: Parameters, engine: Engine, *, paper_sets: bool = False, omegas: str | None = None
+    parameters: Parameters,
+    engine: Engine,
+    *,
+    paper_sets: bool = False,
+    omegas: str | None = None,
+    friction: Friction = "linear",
 ) -> Iterator[LimitCycle]:
     """The paper's 801 cycles, those at a comma-separated list of speeds, or an even overview.
 
@@ -34,21 +40,30 @@ def family(
         speeds = [exact(text) for text in omegas.split(",")]
         if any(speed.pi_multiple or speed.rational <= 0 for speed in speeds):
             raise InputError("each speed must be a positive decimal")
-        if len(speeds) >= _MANY:
+        if len(speeds) >= _MANY and friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:
-            yield from continued(parameters, [float(speed) for speed in speeds], engine)
+            first = followed_cycle(parameters, speeds[0].rational, engine, friction=friction)
+            yield from continued(parameters, [float(speed) for speed in speeds], engine, first=first, friction=friction)
         return
-    omega_h = bisect_omega_h(parameters, engine).omega_h.value
+    omega_h = bisect_omega_h(parameters, engine, friction=friction).omega_h.value
     if not paper_sets:
         crit = omega_crit(parameters, 20).value
         # From just below Omega_crit down to a thousandth of the way above Omega_h, closer together towards both ends.
         shares = [(2 * n - DEFAULT_COUNT + 1) / (DEFAULT_COUNT - 1) for n in range(DEFAULT_COUNT)]
         spread = [0.5 + 0.499 * share * (1.5 - 0.5 * share * share) for share in shares]
-        yield from continued(parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine)
+        yield from continued(
+            parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine, friction=friction
+        )
         return
     sets = sets_of(parameters, omega_h)
-    yield from _together(parameters, (sets.start, *sets.increasing, *sets.decreasing), engine, omega_h)
+    if friction == "linear":
+        yield from _together(parameters, (sets.start, *sets.increasing, *sets.decreasing), engine, omega_h)
+        return
+    start = followed_cycle(parameters, Fraction(sets.start), engine, friction=friction)
+    yield start
+    yield from continued(parameters, sets.increasing, engine, first=start, friction=friction)
+    yield from continued(parameters, sets.decreasing, engine, first=start, friction=friction)
 
 
 def _together(

@@ -14,7 +14,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["PAPER_GUESS", "PaperSets", "continued", "paper_sets"]
+__all__ = ["PAPER_GUESS", "PaperSets", "continued", "followed_cycle", "paper_sets"]
 
 #: Table initail of the paper, the guess (gamma_bar, v) [rad, rad/s] at Omega_crit - 0.5.
 PAPER_GUESS = (1.69, -1.72)
@@ -68,6 +68,27 @@ def continued(
         else:
             previous = _reached(parameters, previous, target, engine, friction)
         yield previous
+
+
+def followed_cycle(
+    parameters: Parameters, omega: Fraction, engine: Engine, *, digits: int = 12, friction: Friction = "linear"
+) -> LimitCycle:
+    """The limit cycle at ``omega`` [rad/s] of either law; followed from near the Hopf point where no guess is at hand.
+
+    Raises as `limit_cycle` does.
+    """
+    try:
+        return limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
+    except NoSuchCycleError:
+        crit = omega_crit(parameters, 20).value
+        if friction == "linear" or not omega < crit:
+            raise
+    # The linear law's balance guesses too far away here: step towards the speed, closer and closer together.
+    speeds = [float(crit + (omega - crit) * Fraction(share, 16)) for share in (1, 4, 8, 11, 13, 14, 15)]
+    *_, near = continued(parameters, speeds, engine, friction=friction)
+    *_, near = continued(parameters, [float(omega)], engine, first=near, friction=friction)
+    guess = (float(near.gamma_bar_0), float(near.v_0))
+    return limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
 
 
 def _reached(
