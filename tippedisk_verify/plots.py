@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.evidence.near_omega_h import Sight
+from tippedisk_verify.evidence.switching_order import OrderPoint
 from tippedisk_verify.files import write_bytes
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -406,4 +407,28 @@ def draw_basins(found: Basins) -> Any:
         f" {found.duration:g} s",
         fontsize=10,
     )
+    return figure
+
+
+def draw_switching_order(points: Sequence[OrderPoint]) -> Any:
+    """Error against tolerance, with and without switching the smooth law's branch."""
+    figure, axes = _pyplot().subplots(1, 2, figsize=(8.5, 3.4), layout="constrained", sharex=True, sharey=True)
+    names = {"taylor": "taylor, switching its branch", "scipy-DOP853": "DOP853, not switching"}
+    for axis, (method, title) in zip(axes, names.items(), strict=True):
+        for law, style in (("linear", "o--"), ("smooth", "s-")):
+            chosen = [point for point in points if point.method == method and point.friction == law]
+            axis.loglog(
+                [point.tolerance for point in chosen],
+                [max(point.error, 1e-17) for point in chosen],
+                style,
+                ms=4,
+                lw=1.0,
+                color="black" if law == "linear" else _ATTRACTOR,
+                label=f"{law} law",
+            )
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("tolerance")
+        axis.grid(lw=0.3, alpha=0.5)
+        axis.legend(frameon=False)
+    axes[0].set_ylabel("error after 3 s")
     return figure

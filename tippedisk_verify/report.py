@@ -130,6 +130,8 @@ def write_report(
     if "infinite_period" in names and audit.friction == "linear":
         with suppress(InputError, Shortfall):
             figures.append(_write_near_omega_h(folder, audit))
+    if "smooth_same_behaviour" in names:
+        figures.append(_write_switching_order(folder, audit.parameters))
     write_text(folder / "results.json", json.dumps(results, indent=1, ensure_ascii=False) + "\n")
     write_csv(
         folder / "claims.csv",
@@ -216,6 +218,17 @@ def _write_near_omega_h(folder: Path, audit: Audit) -> str:
     return "near_omega_h"
 
 
+def _write_switching_order(folder: Path, parameters: Parameters) -> str:
+    from tippedisk_verify.evidence.switching_order import switching_order
+    from tippedisk_verify.plots import draw_switching_order, save
+
+    points = switching_order(parameters)
+    save(draw_switching_order(points), folder, "switching_order")
+    rows = [(point.method, point.friction, point.tolerance, point.error) for point in points]
+    write_csv(folder / "switching_order.csv", ("method", "friction law", "tolerance", "error [rad, rad/s]"), rows)
+    return "switching_order"
+
+
 def write_scene_data(folder: Path, panel: Panel, parameters: Parameters) -> None:
     """``scene_X_orbit_N.csv`` for each orbit and ``scene_X_slow_manifold.csv`` for the surface."""
     import math
@@ -275,6 +288,7 @@ def _markdown(
         "scenes_2d": "The same orbits, projected onto beta and gamma",
         "eigenvalues": "Eigenvalues of inverted spinning against the spinning speed",
         "branch": "The family of limit cycles",
+        "switching_order": "Error against tolerance of both friction laws, with and without switching branches",
         "near_omega_h": "Close to Omega_h: the period's law, what it leaves, and what double precision loses",
         "harmonic_balance": "One-harmonic laws against numerical harmonic balance",
     }

@@ -122,7 +122,7 @@ def test_error_estimate_admits_not_knowing(taylor: Taylor) -> None:
         ({"state": (1, 2)}, "three components"),
         ({"max_steps": 0}, "max_steps"),
         ({"tolerance": 2.0}, "tolerance"),
-        ({"friction": "smooth"}, "linear friction law only"),
+        ({"friction": "rough"}, "use linear or smooth"),
         ({"variations": ("mass",)}, "no derivative"),
         ({"omega": "nan"}, "finite"),
         ({"duration": math.inf}, "finite"),

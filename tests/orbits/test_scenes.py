@@ -9,7 +9,6 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, Event, Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
@@ -79,13 +78,11 @@ def test_interpolated_crossings_against_located_ones(taylor) -> None:
     assert max(abs(mine - theirs)) < 1e-12  # rounding, over passages that cost two digits
 
 
-def test_the_smooth_law_has_the_same_outcomes() -> None:
-    engine = Baseline("DOP853")
+def test_the_smooth_law_has_the_same_outcomes(taylor) -> None:
     omega_h = Measured(Fraction("30.0848424715"), Fraction(1, 10**9))
-    for name in ("a", "c", "f"):
-        panel = compute(scene_named(name), PRINTED, engine, omega_h=omega_h, friction="smooth")
-        assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[name]] * 2
-        assert panel.compiled == ()
+    for name in SCENES:
+        panel = compute(name, PRINTED, taylor, omega_h=omega_h, friction="smooth")
+        assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[name.name]] * 2
 
 
 def test_refusals(taylor) -> None:

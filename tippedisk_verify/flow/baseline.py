@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
+    SLIDING_REVERSAL,
     START_WINDOW,
     STATE_VARIATIONS,
     Event,
@@ -220,8 +221,6 @@ def _with_variations(
 
     names = request.variations
     inputs = [name for name in names if name not in STATE_VARIATIONS]
-    if inputs and request.friction != "linear":
-        raise InputError("derivatives with respect to parameters are offered for the linear friction law only")
     forced: list[tuple[int, Any]] = [(names.index(name), _stepped(request, constants, omega, name)) for name in inputs]
     first = numpy.zeros((3, len(names)))
     for column, name in enumerate(names):
@@ -241,12 +240,27 @@ def _with_variations(
 def _stepped(request: Request, constants: Constants, omega: float, name: str) -> Any:
     """The field with one parameter moved by an imaginary step; its imaginary part is the derivative."""
     step = complex(0.0, _COMPLEX_STEP)
-    ops = shifted(cmath) if request.shifted else cmath
+    ops, plain = (shifted(cmath), shifted(math)) if request.shifted else (cmath, math)
+    linear = request.friction == "linear"
+    names = ("r", "e", "a", "b", "g", *(("k",) if linear else ()))
+    if name != "Omega" and name not in names:
+        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, Omega, {', '.join(names)}")
+    speed: complex = omega
     if name == "Omega":
-        return field(ops, constants, omega + step, "linear")
-    if name not in ("r", "e", "a", "b", "g", "k"):
-        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, Omega, r, e, a, b, g or k")
-    return field(ops, constants._replace(**{name: getattr(constants, name) + step}), omega, "linear")
+        speed = omega + step
+    else:
+        constants = constants._replace(**{name: getattr(constants, name) + step})
+    if linear:
+        return field(ops, constants, speed, "linear")
+    sides = {side: field(ops, constants, speed, "smooth", side) for side in (1, -1)}
+    real = Constants(*(value.real for value in constants))
+
+    def branch(beta: float, gamma: float, v: float) -> Any:
+        # The absolute value has no complex derivative: the branch that the state is on does its work.
+        sliding = plain.sin(beta) * SLIDING_REVERSAL.function(plain, real, omega, beta, gamma, v)
+        return sides[1 if sliding >= 0 else -1](beta, gamma, v)
+
+    return branch
 
 
 def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, Any]:

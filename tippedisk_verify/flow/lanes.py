@@ -135,8 +135,10 @@ class _Batch:
         self._branches = _Branches(friction, shift) if smooth else None
         if self._branches is not None:
             options["t_events"] = [
-                hy.t_event_batch(crossings[_OWN[0].name], callback=self._branches.callback()),
-                hy.t_event_batch(crossings[_OWN[1].name], callback=self._turned(self._branches, flat)),
+                hy.t_event_batch(crossings[_OWN[0].name], callback=self._branches.callback(), cooldown=START_WINDOW),
+                hy.t_event_batch(
+                    crossings[_OWN[1].name], callback=self._turned(self._branches, flat), cooldown=START_WINDOW
+                ),
             ]
         start = numpy.zeros((self._shift, width))
         start[0] = start[1] = 1.0

@@ -137,9 +137,15 @@ class _Integrator:
             own = [(_SWITCH, self._branch.callback())]
             if FLAT not in self._terminal:
                 own.append((_TURN_OVER, self._branch.flat_callback()))
+            # The state at a switch is on the surface to rounding, whatever the tolerance; heyoka's own cooldown, made
+            # from the tolerance, would hide the next switch at loose ones.
+            wait = number(START_WINDOW)
             options["t_events"] = [
                 *options.get("t_events", ()),
-                *(hy.t_event(self._crossings[event.name], callback=back, fp_type=fp_type) for event, back in own),
+                *(
+                    hy.t_event(self._crossings[event.name], callback=back, cooldown=wait, fp_type=fp_type)
+                    for event, back in own
+                ),
             ]
         if passing := [event for event in events if not event.terminal]:
             options["nt_events"] = [

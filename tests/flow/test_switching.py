@@ -1,0 +1,197 @@
+"""The smooth law in the Taylor engine: full order, honest estimates, and switches that come close together."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy
+import pytest
+from hypothesis import given, settings
+
+from tests.problems import STARTS, decimals, states
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import FLAT, Event, Request, Status
+from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import exact, fraction
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+
+_ENGINE = Taylor()
+
+
+def smooth(omega, start, duration, **needs) -> Request:
+    return Request(PRINTED, omega, start, duration, friction="smooth", **needs)
+
+
+@pytest.mark.parametrize("omega", ["29.9", "30.4", "31.4"])
+@pytest.mark.parametrize("start", STARTS)
+def test_estimates_hold_and_are_small(taylor, omega, start) -> None:
+    rough = taylor(smooth(omega, start, 10, error_estimate=True))
+    truth = taylor(smooth(omega, start, 10, precision=bits(200)))
+    assert rough.status is truth.status
+    for mine, true, width in zip(rough.state, truth.state, rough.error.state, strict=True):
+        assert abs(fraction(mine) - fraction(true)) <= Fraction(float(width))
+    assert rough.error.largest < 1e-10
+
+
+def errors_against_tolerance(friction: str, tolerances: list[float]) -> list[float]:
+    request = Request(PRINTED, "30.4", STARTS[1], 3, friction=friction)
+    truth = _ENGINE(Request(PRINTED, "30.4", STARTS[1], 3, friction=friction, precision=QUADRUPLE)).state
+    found = []
+    for tolerance in tolerances:
+        state = _ENGINE(Request(PRINTED, "30.4", STARTS[1], 3, friction=friction, tolerance=tolerance)).state
+        found.append(max(abs(float(fraction(a) - fraction(b))) for a, b in zip(state, truth, strict=True)))
+    assert request.precision == DOUBLE
+    return found
+
+
+def test_convergence_order_is_that_of_the_linear_law() -> None:
+    tolerances = [10.0**-k for k in range(4, 12)]
+    slopes = [
+        numpy.polyfit(numpy.log(tolerances), numpy.log(errors_against_tolerance(law, tolerances)), 1)[0]
+        for law in ("linear", "smooth")
+    ]
+    assert abs(slopes[0] - slopes[1]) < 0.2
+    assert slopes[1] > 0.8
+
+
+def test_derivatives_cross_the_switches(taylor) -> None:
+    """The saltation matrix is the identity: the variational equations, carried on unchanged, give the differences."""
+    precision, step = bits(200), Fraction(1, 10**15)
+    start = list(STARTS[1])
+    whole = taylor(
+        smooth("30.4", start, 1, precision=precision, variations=("beta", "gamma", "v", "Omega"), domain="none")
+    )
+    for column in range(4):
+        ends = []
+        for sign in (1, -1):
+            moved, omega = list(start), Fraction("30.4")
+            if column < 3:
+                moved[column] = exact(moved[column]) + exact(sign * step)
+            else:
+                omega += sign * step
+            ends.append(taylor(smooth(omega, moved, 1, precision=precision, domain="none")).state)
+        for row in range(3):
+            slope = (fraction(ends[0][row]) - fraction(ends[1][row])) / (2 * step)
+            # Second derivatives jump at a switch, so the central difference is off by the step to the first power.
+            assert abs(slope - fraction(whole.derivatives[row][column])) < Fraction(1, 10**8)
+
+
+@pytest.mark.parametrize("start", [("pi/2", "pi/2", 0), ("pi/2", "-pi/2", 0), ("pi/2", "3 pi/2", 0)])
+def test_equilibria_stay_though_they_lie_on_the_surface(taylor, start) -> None:
+    result = taylor(smooth("31.4", start, "0.2"))
+    assert result.status is Status.REACHED
+    assert max(abs(float(a) - float(exact(b))) for a, b in zip(result.state, start, strict=True)) < 1e-13
+
+
+def test_a_start_on_the_surface(taylor) -> None:
+    """gamma_y = 0 at the start, in both directions of time; against 200 bits and against SciPy."""
+    import math
+
+    c = PRINTED.at(DOUBLE)
+    for gamma in (0.3, 2.0, 4.0):
+        v = c.e * 30.4 * math.sin(1.4) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
+        for duration in ("0.5", "-0.02"):
+            request = smooth("30.4", (1.4, gamma, v), duration)
+            mine, truth = taylor(request), taylor(smooth("30.4", (1.4, gamma, v), duration, precision=bits(200)))
+            assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-11
+            other = Baseline("DOP853")(request)
+            assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, other.state, strict=True)) < 1e-8
+
+
+def test_careful_runs_give_the_same(taylor) -> None:
+    """The slow path that looks at the branch after every switch, forced, against the fast one: with all outputs."""
+    times = [0.1 * k for k in range(31)]
+    for needs in ({}, {"times": times}, {"times": times, "dense": True}):
+        request = smooth("30.4", STARTS[0], 3.0, **needs)
+        fast = taylor(request)
+        engine = Taylor()
+        engine(request)
+        (integrator,) = engine._integrators.values()
+        begin = integrator._branch.begin
+
+        def doubtful(*arguments, begin=begin, branch=integrator._branch, once=[True]) -> None:  # noqa: B006
+            begin(*arguments)
+            branch._contradicted, once[0] = once[0], False
+
+        integrator._branch.begin = doubtful
+        slow = engine(request)
+        assert slow.status is fast.status
+        assert numpy.abs(slow.state - fast.state).max() < 1e-11
+        if needs:
+            assert numpy.abs(slow.samples - fast.samples).max() < 1e-11
+
+
+@settings(max_examples=100)
+@given(start=states, omega=decimals("25", "35"))
+def test_against_113_bits_from_random_starts(start, omega) -> None:
+    result = _ENGINE(smooth(omega, start, 2, error_estimate=True))
+    truth = _ENGINE(smooth(omega, start, 2, precision=QUADRUPLE))
+    if result.error is None or not numpy.isfinite(result.error.state).all():
+        return  # it says that it does not know
+    assert result.status is truth.status
+    for mine, true, width in zip(result.state, truth.state, result.error.state, strict=True):
+        assert abs(fraction(mine) - fraction(true)) <= Fraction(float(width))
+
+
+def random_states(count: int, seed: int) -> numpy.ndarray:
+    random = numpy.random.default_rng(seed)
+    return numpy.column_stack(
+        (random.uniform(0.02, 3.12, count), random.uniform(-1.5, 4.7, count), random.uniform(-10, 10, count))
+    )
+
+
+@pytest.mark.slow
+def test_100_starts_against_200_bits_and_scipy(taylor) -> None:
+    """10 s or to the edge of the domain: within the estimates, which are small unless the orbit itself amplifies."""
+    for k, start in enumerate(random_states(100, 11).tolist()):
+        omega = (29.9, 30.4, 31.4)[k % 3]
+        mine = taylor(smooth(omega, start, 10, error_estimate=True))
+        truth = taylor(smooth(omega, start, 10, precision=bits(200)))
+        assert mine.status is truth.status
+        for value, true, width in zip(mine.state, truth.state, mine.error.state, strict=True):
+            assert abs(fraction(value) - fraction(true)) <= Fraction(float(width))
+        growth = taylor(
+            smooth(omega, start, float(mine.time), variations=("beta", "gamma", "v"), domain="none")
+        ).derivatives
+        amplified = max(1.0, float(numpy.abs(growth).max()))
+        assert mine.error.largest < max(1e-10, 1e-12 * amplified)
+        other = Baseline("DOP853")(smooth(omega, start, 10))
+        assert other.status is mine.status
+        # SciPy does not switch: its error of some 1e-10 a switch grows along the orbit, and moves the end if flat.
+        assert numpy.abs(other.state - mine.state).max() < 1e-6 * amplified
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_10000_starts_end_with_a_status(friction) -> None:
+    """20 s each, one by one: every run ends, and none leaves the domain unreported."""
+    for k, start in enumerate(random_states(10_000, 5)):
+        request = Request(PRINTED, (29.9, 30.4, 31.4)[k % 3], start.tolist(), 20.0, friction=friction)
+        result = _ENGINE(request)
+        assert result.status in (Status.REACHED, Status.FLAT)
+        assert (numpy.sin(result.state[0]) > 1e-9) == (result.status is Status.REACHED)
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_lanes_agree_with_single_runs_and_see_who_lies_flat(taylor, friction) -> None:
+    flat = Event("lies flat", FLAT.function, terminal=False)
+    starts = random_states(120, 9)
+    found = Lanes()(
+        field_constants(PRINTED, friction),
+        numpy.full(120, 30.4),
+        starts,
+        numpy.full(120, 4.0),
+        friction=friction,
+        events=(flat,),
+    )
+    lying = {run for name, run, _, _ in found.crossings if name == flat.name}
+    for k, start in enumerate(starts):
+        alone = taylor(Request(PRINTED, 30.4, start.tolist(), 4.0, friction=friction))
+        if not found.finished[k]:
+            continue  # it says so
+        assert (k in lying) == (alone.status is Status.FLAT)
+        if alone.status is Status.REACHED:
+            assert numpy.abs(found.states[k] - alone.state).max() < 1e-9
+    assert found.finished.mean() > 0.99
