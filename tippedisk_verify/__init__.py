@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
+    from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
     from tippedisk_verify.orbits.dense import DenseBranch
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
+    from tippedisk_verify.theory.melnikov import limit_period, limit_speed
     from tippedisk_verify.theory.slow_manifold import study
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
@@ -62,6 +64,7 @@ _HOMES = {
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.dense": ("DenseBranch",),
+    "orbits.basins": ("basins",),
     "orbits.bisection": ("bisect_omega_h",),
     "orbits.heteroclinic": ("heteroclinic",),
     "orbits.near_connection": ("cycle_above",),
@@ -69,6 +72,7 @@ _HOMES = {
     "orbits.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),
     "theory.harmonic_balance": ("one_harmonic",),
+    "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
     "theory.slow_manifold": ("study",),
     "theory.spectral_balance": ("balanced_cycle",),
@@ -100,6 +104,7 @@ __all__ = [
     "Taylor",
     "Verdict",
     "balanced_cycle",
+    "basins",
     "bisect_omega_h",
     "bits",
     "cycle_above",
@@ -108,6 +113,8 @@ __all__ = [
     "heteroclinic",
     "hopf_point",
     "limit_cycle",
+    "limit_period",
+    "limit_speed",
     "omega_crit",
     "one_harmonic",
     "period_crit",

@@ -1,4 +1,4 @@
-"""How states move: one contract (`contract`), the Taylor engine (`taylor`) and the SciPy baseline (`baseline`)."""
+"""How states move: one contract (`contract`), the Taylor engine (`taylor`, many at once: `lanes`), and SciPy (`baseline`)."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation
-from tippedisk_verify.flow.taylor import PARAMETERS, SMOOTH_PARAMETERS, direction_of, system_of
+from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, field, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
@@ -45,10 +45,6 @@ def field_constants(parameters: Parameters, friction: Friction = "linear") -> An
 
 def _names(friction: Friction) -> tuple[str, ...]:
     return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
-
-
-# The smooth law's own events: it changes its branch at either.
-_OWN = (Event("(switch)", SLIDING_REVERSAL.function), Event("(turns over)", FLAT.function))
 
 
 class Lanes:
@@ -118,7 +114,9 @@ class _Batch:
         # The smooth law changes its branch where the disk lies flat, too: one event then serves for both.
         flat = [event.name for event in events if smooth and event.function is FLAT.function]
         events = [event for event in events if event.name not in flat]
-        system, crossings = system_of(variations, divergence, (*events, *_OWN) if smooth else events, shift, smooth)
+        system, crossings = system_of(
+            variations, divergence, (*events, SWITCH, TURN_OVER) if smooth else events, shift, smooth
+        )
         count = len(_names(friction)) + smooth
         self._width, self._shift = width, 3 + divergence
         self._variations, self._divergence = len(variations), divergence
@@ -135,9 +133,9 @@ class _Batch:
         self._branches = _Branches(friction, shift) if smooth else None
         if self._branches is not None:
             options["t_events"] = [
-                hy.t_event_batch(crossings[_OWN[0].name], callback=self._branches.callback(), cooldown=START_WINDOW),
+                hy.t_event_batch(crossings[SWITCH.name], callback=self._branches.callback(), cooldown=START_WINDOW),
                 hy.t_event_batch(
-                    crossings[_OWN[1].name], callback=self._turned(self._branches, flat), cooldown=START_WINDOW
+                    crossings[TURN_OVER.name], callback=self._turned(self._branches, flat), cooldown=START_WINDOW
                 ),
             ]
         start = numpy.zeros((self._shift, width))

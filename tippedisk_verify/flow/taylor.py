@@ -9,41 +9,29 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
-    SLIDING_REVERSAL,
     START_WINDOW,
     Build,
-    ErrorEstimate,
-    Event,
     EventRecord,
     Request,
     Result,
     Status,
-    Variation,
     checked,
     starts_on,
 )
+from tippedisk_verify.flow.error_estimate import compared
 from tippedisk_verify.flow.switching import Branch, Pieces
-from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
+from tippedisk_verify.model.equations import checked_friction, shifted
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
-__all__ = ["PARAMETERS", "SMOOTH_PARAMETERS", "Taylor", "direction_of", "system_of"]
-
-#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and the
-#: branch that it is on.
-PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
-SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
-# The smooth law's own events, under names that requests cannot have.
-_SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
-_TURN_OVER = Event("(turns over)", FLAT.function)
-_OWN = (_SWITCH, _TURN_OVER)
+__all__ = ["Taylor"]
 
 
 class Taylor:
@@ -98,7 +86,7 @@ class Taylor:
         wider = companion(request.precision)
         begin = time.perf_counter()
         check = self(replace(request, precision=wider, tolerance=None, error_estimate=False, dense=False))
-        error = _compared(request.precision, wider, result, check, request.shifted)
+        error = compared(request.precision, wider, result, check, request.shifted)
         error = replace(error, seconds=time.perf_counter() - begin)
         return replace(result, error=error, built=result.built + check.built)
 
@@ -115,7 +103,11 @@ class _Integrator:
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
         smooth = self._smooth
         system, self._crossings = system_of(
-            request.variations, request.divergence, (*events, *_OWN) if smooth else events, request.shifted, smooth
+            request.variations,
+            request.divergence,
+            (*events, SWITCH, TURN_OVER) if smooth else events,
+            request.shifted,
+            smooth,
         )
         self._names = SMOOTH_PARAMETERS if smooth else PARAMETERS
         self._events = events
@@ -134,9 +126,9 @@ class _Integrator:
         if smooth:
             # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
             self._branch = Branch(self.precision, self._ops, len(self._names))
-            own = [(_SWITCH, self._branch.callback())]
+            own = [(SWITCH, self._branch.callback())]
             if FLAT not in self._terminal:
-                own.append((_TURN_OVER, self._branch.flat_callback()))
+                own.append((TURN_OVER, self._branch.flat_callback()))
             # The state at a switch is on the surface to rounding, whatever the tolerance; heyoka's own cooldown, made
             # from the tolerance, would hide the next switch at loose ones.
             wait = number(START_WINDOW)
@@ -178,7 +170,7 @@ class _Integrator:
             friction=request.friction,
             variations=request.variations,
             divergence=request.divergence,
-            events=(*(event.name for event in events), *((_SWITCH.name,) if smooth else ())),
+            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
             u_variables=len(stepper.decomposition) - stepper.dim,
             seconds=time.perf_counter() - begin,
         )
@@ -368,42 +360,6 @@ class _Integrator:
         return record
 
 
-def system_of(
-    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, smooth: bool = False
-) -> tuple[Any, dict[str, Any]]:
-    """The heyoka system with what is asked for, and the event functions by name.
-
-    With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
-    derivatives, row by row. Raises InputError for a derivative that the field does not have.
-    """
-    hy = heyoka_module()
-    ops = shifted(hy) if shift else hy
-    state = hy.make_vars("beta", "gamma", "v")
-    names = SMOOTH_PARAMETERS if smooth else PARAMETERS
-    pars = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
-    law: tuple[Any, ...] = ("smooth", hy.par[len(names)]) if smooth else ("linear",)
-    omega = pars["Omega"]
-    constants = Constants(**{name: pars.get(name) for name in Constants._fields})
-    rates = field(ops, constants, omega, *law)(*state)
-    system: Any = list(zip(state, rates, strict=True))
-    if divergence:
-        slope = jacobian(ops, constants, omega, *law)(*state)[2][2]
-        system.append((hy.make_vars("divergence"), slope))
-    if variations:
-        known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars
-        unknown = [name for name in variations if name not in known]
-        if unknown:
-            raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(known)}")
-        system = hy.var_ode_sys(system, [known[name] for name in variations])
-    return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
-
-
-def direction_of(hy: Any, sign: int) -> Any:
-    """heyoka's name for the sign of a crossing."""
-    kinds = {-1: "negative", 0: "any", 1: "positive"}
-    return getattr(hy.event_direction, kinds[sign])
-
-
 def _native(times: Any, precision: Precision) -> bool:
     dtype = getattr(times, "dtype", None)
     return dtype is not None and precision.kind != "real" and dtype == precision.type
@@ -428,61 +384,3 @@ def _outside(result: Result, shift: bool) -> bool:
     if sine(result.state[0]) <= 0:
         return True
     return result.samples is not None and bool(numpy.any(sine(result.samples[:, 0]) <= 0))
-
-
-def _compared(precision: Precision, wider: Precision, result: Result, check: Result, shift: bool) -> ErrorEstimate:
-    """Half-widths from the distance to a run with at least 11 more bits.
-
-    The wider run's own error is about 2^-11 or less of the first one's. An eighth of the largest distance leaves it a
-    factor of 256, also where one component's distance is small by chance; an ulp of each value is the least claimed.
-    An event's time has no neighbours to lean on: it borrows an eighth of the state's distance over the state's speed.
-    """
-    import numpy
-
-    ulp = wider.number(precision.epsilon)
-
-    def widths(values: Any, truths: Any) -> Any:
-        exact = _widened(values, wider)
-        away = abs(exact - truths)
-        rows = away if away.ndim > 1 else away[None, :]
-        largest = numpy.array([max(row, default=0) for row in rows], dtype=rows.dtype)
-        bound = away + (largest[:, None] if away.ndim > 1 else largest[0]) / 8 + abs(exact) * ulp
-        return bound.astype(float) if precision.kind == "double" else bound
-
-    def time_width(mine: Any, theirs: Any, state: Any, truth: Any) -> float:
-        own = float(widths(_alone(mine), _alone(theirs))[0])
-        turning = numpy.sin(state[0]) if shift else numpy.cos(state[0])
-        speed = max(abs(float(state[2])), abs(float(turning)), 1e-300)
-        return own + float(max(abs(_widened(state, wider) - truth))) / 8 / speed
-
-    names = [[record.name for record in run.events] for run in (result, check)]
-    unlike = result.status is not check.status or names[0] != names[1]
-    if unlike or (result.samples is not None and len(result.samples) != len(check.samples)):
-        return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
-    ended = result.status is not Status.REACHED
-    return ErrorEstimate(
-        state=widths(result.state, check.state),
-        time=time_width(result.time, check.time, result.state, check.state) if ended else 0.0,
-        samples=None if result.samples is None else widths(result.samples, check.samples),
-        events=tuple(
-            time_width(mine.time, theirs.time, mine.state, theirs.state)
-            for mine, theirs in zip(result.events, check.events, strict=True)
-        ),
-        variations=None if result.derivatives is None else widths(result.derivatives, check.derivatives),
-    )
-
-
-def _alone(value: Any) -> Any:
-    import numpy
-
-    return numpy.array([value], dtype=type(value))
-
-
-def _widened(values: Any, wider: Precision) -> Any:
-    """An array in a wider arithmetic, exactly."""
-    import numpy
-
-    if wider.kind == "extended":
-        return values.astype(numpy.longdouble)
-    flat = [wider.number(entry) for entry in values.ravel()]
-    return numpy.array(flat, dtype=wider.type).reshape(values.shape)

@@ -21,7 +21,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import Lanes, field_constants
-from tippedisk_verify.flow.taylor import PARAMETERS
+from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE

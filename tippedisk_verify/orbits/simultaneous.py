@@ -13,7 +13,7 @@ from typing import Any
 
 from tippedisk_verify.flow.contract import TURN, Event, Variation
 from tippedisk_verify.flow.lanes import Lanes
-from tippedisk_verify.flow.taylor import PARAMETERS
+from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.equations import acceleration, shifted
 from tippedisk_verify.model.parameters import Constants
 
