@@ -69,15 +69,13 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
     from tippedisk_verify.flow import default_engine
 
     if above_het is not None:
-        if common.friction == "smooth":
-            raise InputError(
-                "--above-het is offered for the linear friction law: give the smooth law's speed by --omega"
-            )
         from tippedisk_verify.orbits.near_connection import cycle_above
 
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
-        cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
+        cycle = cycle_above(
+            common.parameters, above_het, default_engine(), digits=common.digits, friction=common.friction
+        )
     else:
         from tippedisk_verify.orbits.continuation import followed_cycle
 
@@ -150,9 +148,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
     engine = default_engine()
     found = connection(common.parameters, engine, digits=common.digits, method=method, friction=common.friction)
     if target is not None:
-        if common.friction == "smooth":
-            raise InputError("samples of the connection are offered for the linear friction law")
-        rows = samples(common.parameters, found.omega_h, engine).tolist()
+        rows = samples(common.parameters, found.omega_h, engine, friction=common.friction).tolist()
         write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
     print_result(common, found.json())
     return 0

@@ -141,7 +141,6 @@ def test_command(tmp_path: Path, capsys) -> None:
         ["--method", "guess"],
         ["--method", "bisection", "--digits", "20"],
         ["--digits", "2000"],
-        ["--friction", "smooth", "--method", "limit-cycles"],
         ["--out", str(tmp_path / "no" / "where.csv")],
     ):
         assert main(["heteroclinic", *wrong]) == 2

@@ -15,11 +15,15 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.switching_order import switching_order
 from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.basins import OUTCOMES, basins, classified_lanes
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.near_connection import cycle_above
 from tippedisk_verify.orbits.periodic import limit_cycle, shoot, shoot_full_period
 from tippedisk_verify.orbits.relaxation import relaxation
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -75,6 +79,24 @@ def test_omega_h_of_the_smooth_law(taylor) -> None:
         more.saddle_eigenvalues, equilibrium(CALIBRATED, more.omega_h.value, "noninverted", 20).eigenvalues, strict=True
     ):
         assert abs(mine.value - other.re.value) <= mine.uncertainty + other.re.uncertainty
+
+
+def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
+    manifolds, cycles = (
+        heteroclinic(PRINTED, taylor, digits=20, method=method, friction="smooth").omega_h
+        for method in ("manifolds", "limit-cycles")
+    )
+    assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
+    near = cycle_above(PRINTED, "1e-9", taylor, friction="smooth")
+    assert near.stable
+    start = (0, near.gamma_bar_0.value, near.v_0.value)
+    half = near.period.value / 2
+    request = Request(
+        PRINTED, near.omega.value, start, half, friction="smooth", shifted=True, precision=bits(220), domain="none"
+    )
+    grown = (near.gamma_bar_0.uncertainty + near.v_0.uncertainty + near.omega.uncertainty) * 10**9
+    for there, here in zip(taylor(request).state, start, strict=True):
+        assert abs(fraction(there) + fraction(here)) <= 100 * grown + near.period.uncertainty
 
 
 def test_relaxation_follows_the_closed_form_near_rolling() -> None:

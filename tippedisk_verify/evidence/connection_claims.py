@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.errors import NoConnectionError, Shortfall
+from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, number, per_set
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
@@ -17,15 +17,9 @@ __all__ = ["CONNECTION_CLAIMS"]
 _SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are looked at
 
 
-def _only_linear(audit: Audit) -> None:
-    if audit.friction == "smooth":
-        raise Shortfall("limit cycles are offered for the linear friction law")
-
-
 def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
-    _only_linear(audit)
-    descent = Descent(audit.sets[name], audit.engine)
+    descent = Descent(audit.sets[name], audit.engine, audit.friction)
     above, here = float(descent.above), descent.here
     growth = float(audit.connection(name).saddle_eigenvalues[0])
     # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).

@@ -1,4 +1,4 @@
-"""How states move: one contract (`contract`), the Taylor engine (`taylor`, many at once: `lanes`), and SciPy (`baseline`)."""
+"""How states move: one `contract`, the Taylor engine (`taylor`; many runs at once: `lanes`), and SciPy (`baseline`)."""
 
 from __future__ import annotations
 

@@ -75,15 +75,13 @@ def heteroclinic(
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
     if digits > _MOST_DIGITS:
         raise InputError(f"Omega_h is offered to {_MOST_DIGITS} digits, not {digits}: more would take days")
-    if friction == "smooth" and method == "limit-cycles":
-        raise InputError(f"{method} is offered for the linear friction law; use one of the other methods")
     derivative, budget = None, {}
     if method == "manifolds":
         near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
         found = splitting_zero(parameters, near.value, engine, digits, friction)
         omega_h, derivative, budget = found.omega_h, found.derivative, found.budget
     elif method == "limit-cycles":
-        omega_h, _ = limit_of_cycles(parameters, engine, digits)
+        omega_h, _ = limit_of_cycles(parameters, engine, digits, friction)
     else:
         omega_h = bisect_omega_h(
             parameters, Baseline("DOP853") if method == "scipy" else engine, friction=friction
@@ -113,7 +111,9 @@ def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tupl
     return first, second, third
 
 
-def samples(parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401) -> Any:
+def samples(
+    parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401, *, friction: Friction = "linear"
+) -> Any:
     """(count, 4): t [s], beta, gamma [rad], v [rad/s] along the connection in double; t = 0 where gamma = pi/2.
 
     From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
@@ -121,11 +121,21 @@ def samples(parameters: Parameters, omega_h: Measured, engine: Engine, count: in
     """
     import numpy
 
-    saddle = Saddle(parameters, omega_h.value, 80, 5)
+    saddle = Saddle(parameters, omega_h.value, 80, 5, friction)
     start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
     times = numpy.linspace(0, 12, 6001)
     state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
-    request = Request(parameters, omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True)
+    request = Request(
+        parameters,
+        omega_h.value,
+        state,
+        12.0,
+        friction=friction,
+        shifted=True,
+        times=times,
+        domain="none",
+        dense=True,
+    )
     result = engine(request)
     if result.status is not Status.REACHED or result.dense is None:
         raise Shortfall(f"the unstable branch: {result.status.value}")

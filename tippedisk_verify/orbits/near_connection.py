@@ -15,6 +15,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Event, Request, Status
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -32,8 +33,10 @@ _MOST_STEPS = 12
 _SMALLEST = 800  # zeros after the point that D may have
 
 
-def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
-    """The limit cycle of the linear law at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
+def cycle_above(
+    parameters: Parameters, above: object, engine: Engine, *, digits: int = 12, friction: Friction = "linear"
+) -> LimitCycle:
+    """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
     Raises InputError unless 0 < above < Omega_crit - Omega_h, NoSuchCycleError where none is found, Shortfall if the
     digits are not reached.
@@ -45,32 +48,32 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
     if zeros > _SMALLEST:
         raise InputError(f"distances above Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
-    near = bisect_omega_h(parameters, engine, confirm=False).omega_h
+    near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
     room = omega_crit(parameters, 20).value - near.value
     if value >= room:
         raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {str(above)[:40]}")
     # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
     wanted = zeros + digits + 6
-    omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h
+    omega_h = splitting_zero(parameters, near.value, engine, wanted, friction).omega_h
     omega = omega_h.value + value
     if value > room / 2:
-        cycle = limit_cycle(parameters, omega, engine, digits=digits)
+        cycle = limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
     elif value > _DOUBLE_SHOOTS:
-        guess = Descent(parameters, engine).nearest(value)
-        cycle = limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
+        guess = Descent(parameters, engine, friction).nearest(value)
+        cycle = limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
     else:
         precision = resolving(parameters, omega_h.value, value, digits + 4)
-        shot = _shot(parameters, omega, _predicted(parameters, value, engine), engine, precision)
-        cycle = measured_cycle(parameters, omega, shot, engine, precision)
+        shot = _shot(parameters, omega, _predicted(parameters, value, engine, friction), engine, precision, friction)
+        cycle = measured_cycle(parameters, omega, shot, engine, precision, friction)
     widened = _with_speed(cycle, omega_h.uncertainty)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
 
 
-def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
+def _predicted(parameters: Parameters, above: Fraction, engine: Engine, friction: Friction) -> Sequence[Any]:
     """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
-    descent = Descent(parameters, engine)
+    descent = Descent(parameters, engine, friction)
     if above >= descent.above:
         return descent.nearest(above)
     while 100 * descent.change >= above:
@@ -80,12 +83,19 @@ def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Seque
     return guess[:2]
 
 
-def _shot(parameters: Parameters, omega: Fraction, guess: Sequence[Any], engine: Engine, precision: Precision) -> Shot:
+def _shot(
+    parameters: Parameters,
+    omega: Fraction,
+    guess: Sequence[Any],
+    engine: Engine,
+    precision: Precision,
+    friction: Friction,
+) -> Shot:
     """Newton's iteration in the arithmetic given, until the state's distance from the saddle has six digits or more."""
     state = (precision.number(guess[0]), precision.number(guess[1]))
     sizes: list[float] = []
     for _ in range(_MOST_STEPS):
-        here = half_map(parameters, omega, state, engine, precision)
+        here = half_map(parameters, omega, state, engine, precision, friction)
         step = newton_step(here.matrix, here.residual)
         sizes.append(max(abs(float(step[0] / (precision.pi - state[0]))), abs(float(step[1] / state[1]))))
         if sizes[-1] < 1e-6:
