@@ -202,7 +202,7 @@ class DenseBranch:
         """On every eighth node, in rising s: for each number what rounding of the parameters does, and of the flow.
 
         Each constant in turn is moved a little and the cycle solved again: a difference quotient. The flow's round-off
-        is seen on twins, the same cycle solved from starts some hundred roundings away.
+        is seen on twins, the same cycle solved from starts some roundings away.
         """
         import numpy
 
@@ -214,7 +214,7 @@ class DenseBranch:
         constants = numpy.tile(self._constants, (len(which), 1))
         jitter = numpy.ones(len(which))
         for twin in range(_TWINS):
-            jitter[twin * len(every) : (twin + 1) * len(every)] += (100 + 37 * twin) * (-1) ** twin * _UNIT
+            jitter[twin * len(every) : (twin + 1) * len(every)] += (4 + 3 * twin) * (-1) ** twin * _UNIT
         for index in range(count):
             begin = _TWINS * len(every) + index * len(every)
             constants[begin : begin + len(every), index] *= 1 + shift
@@ -231,7 +231,8 @@ class DenseBranch:
         sources = {}
         for name in _NUMBERS:
             values, base = getattr(found, name), getattr(at, name)
-            twins = numpy.vstack((base[every], values[: _TWINS * len(every)].reshape(_TWINS, -1)))
+            # Not against the node itself: its own last step is accounted for, and would hide how little this is.
+            twins = values[: _TWINS * len(every)].reshape(_TWINS, -1)
             spread = twins.max(axis=0) - twins.min(axis=0)
             moved = values[_TWINS * len(every) :].reshape(count, -1)
             slopes = numpy.abs(moved - base[every]) / shift
@@ -266,12 +267,11 @@ class DenseBranch:
         s = numpy.log(cycles.omega - self.omega_h)
         s_known, sources = self._error_sources
         last_gamma, last_v, last_time = numpy.abs(cycles.last_step).T
-        # At fixed Omega a wrong start counts against Omega - Omega_h itself, along the branch against its square root;
-        # at the Hopf point against the squared amplitude, along the branch not.
+        # At fixed Omega a wrong start counts against Omega - Omega_h itself, along the branch against its square root.
         whole = self.omega_crit - self.omega_h
-        amplified = 1 + 16 * numpy.exp((math.log(whole) - s) / 2) + 4 * whole / (self.omega_crit - cycles.omega)
+        near_h = numpy.exp((math.log(whole) - s) / 2)
         start = self._scale("gamma_bar_0", cycles)
-        wrong = amplified * (start + last_gamma + last_v)
+        wrong = start + last_gamma + last_v
         widths = {}
         for name in _NUMBERS:
             parameters, flow = (numpy.exp(numpy.interp(s, s_known, _log(source))) for source in sources[name])
@@ -283,8 +283,13 @@ class DenseBranch:
             if name not in ("period", "gamma_bar_0", "v_0", "beta_max"):  # those are taken after the last step
                 along = numpy.interp(s, self._s[::-1], self._along[name][::-1])
                 late = _RATE * last_time * numpy.abs(getattr(cycles, name))
-                # Sensitivities divide by 1 - the half map's multiplier.
-                width += along * wrong + (late / (1 - numpy.sqrt(cycles.multiplier_slow)) if "domega" in name else late)
+                if "domega" in name:
+                    # At the Hopf point sensitivities count against the squared amplitude, and divide by 1 - multiplier.
+                    at_hopf = whole / (self.omega_crit - cycles.omega)
+                    width += along * (1 + 16 * near_h + 4 * at_hopf) * wrong
+                    width += late / (1 - numpy.sqrt(cycles.multiplier_slow))
+                else:
+                    width += along * (1 + 8 * near_h) * wrong + 2 * late
             widths[name] = width
         return widths
 
