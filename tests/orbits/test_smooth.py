@@ -12,7 +12,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.evidence.switching_order import switching_order
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
@@ -67,6 +67,12 @@ def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
     near = followed_cycle(PRINTED, Fraction("30.0855"), taylor, friction="smooth")
     assert near.stable
     assert float(near.period) > 3
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_below_omega_h_it_says_so(taylor, friction) -> None:
+    with pytest.raises(NoSuchCycleError, match=r"above Omega_h = 30\.0"):
+        followed_cycle(PRINTED, Fraction("30.03"), taylor, friction=friction)
 
 
 def test_omega_h_of_the_smooth_law(taylor) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -75,8 +77,24 @@ def followed_cycle(
 ) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s] of either law; followed from near the Hopf point where no guess is at hand.
 
-    Raises as `limit_cycle` does.
+    Raises as `limit_cycle` does; below Omega_h it says so.
     """
+    try:
+        return _followed(parameters, omega, engine, digits, friction)
+    except NoSuchCycleError:
+        crit = omega_crit(parameters, 20).value
+        omega_h = Fraction(0)
+        with suppress(NoConnectionError, Shortfall):
+            omega_h = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
+        if omega < omega_h:
+            raise NoSuchCycleError(
+                f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g} and"
+                f" below Omega_crit = {float(crit):.10g} rad/s"
+            ) from None
+        raise
+
+
+def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: int, friction: Friction) -> LimitCycle:
     try:
         return limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
     except NoSuchCycleError:
