@@ -91,8 +91,8 @@ def test_slopes_against_differences(taylor, name) -> None:
     check_slope(taylor, name)
 
 
-def test_the_splitting_derivative_is_what_a_speed_off_omega_h_shows(taylor) -> None:
-    """Passing the saddle at Omega_h + D takes (1 / lambda_u) log(1 / (|derivative| D)) + ...: by differences in D."""
+def test_the_unstable_branch_on_both_sides(taylor) -> None:
+    """Above it turns back, later by the law the closer it is; below it passes to the next well."""
     connection = heteroclinic(PRINTED, taylor, digits=30)
     growth = float(connection.saddle_eigenvalues[0])
     times = []

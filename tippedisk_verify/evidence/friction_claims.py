@@ -6,9 +6,8 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.evidence.claims import Audit, Claim, per_set
-from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.model.equations import Friction, terms
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -31,11 +30,6 @@ def _below(parameters: Parameters) -> Fraction:
 @lru_cache(maxsize=16)
 def _cycle(parameters: Parameters, friction: Friction) -> LimitCycle:
     return followed_cycle(parameters, _below(parameters), default_engine(), digits=12, friction=friction)
-
-
-@lru_cache(maxsize=1)
-def _lanes() -> Lanes:
-    return Lanes()
 
 
 def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
@@ -81,7 +75,7 @@ def _attractive(audit: Audit, name: str) -> tuple[str, bool | None]:
     said, falling = [], []
     laws: tuple[Friction, ...] = ("linear", "smooth")
     for law in laws:
-        found = relaxation(parameters, _below(parameters), _lanes(), friction=law, distance=0.5)
+        found = relaxation(parameters, _below(parameters), default_lanes(), friction=law, distance=0.5)
         parts = ~(found.measured > 0)
         falling.append(not parts.any())
         away = numpy.abs(found.beta - numpy.pi / 2)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine
+    from tippedisk_verify.flow.lanes import Lanes
 
-__all__ = ["default_engine"]
+__all__ = ["default_engine", "default_lanes"]
 
 
 @lru_cache(maxsize=1)
@@ -17,3 +18,11 @@ def default_engine() -> Engine:
     from tippedisk_verify.flow.taylor import Taylor
 
     return Taylor()
+
+
+@lru_cache(maxsize=1)
+def default_lanes() -> Lanes:
+    """The engine for many runs at once, shared within the process for the same reason."""
+    from tippedisk_verify.flow.lanes import Lanes
+
+    return Lanes()

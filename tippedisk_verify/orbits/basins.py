@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import field_constants
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.continuation import followed_cycle
@@ -135,11 +134,6 @@ def _cycle_amplitude(parameters: Parameters, omega: Fraction, friction: Friction
     return float(cycle.gamma_bar_0) if cycle.stable else None
 
 
-@lru_cache(maxsize=1)
-def _lanes() -> Lanes:
-    return Lanes()
-
-
 def classified_lanes(
     states: Any, parameters: Parameters, omega: Fraction, friction: Friction, duration: float, amplitude: float | None
 ) -> Any:
@@ -157,7 +151,7 @@ def classified_lanes(
         stretch = min(_STRETCH, duration - _LAST - elapsed) if elapsed < duration - _LAST else duration - elapsed
         last = elapsed + stretch >= duration
         events = (_FLAT, _SECTION) if last else (_FLAT,)
-        flights = _lanes()(
+        flights = default_lanes()(
             constants,
             numpy.full(len(moving), speed),
             now,

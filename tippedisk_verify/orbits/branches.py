@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import Parameters
@@ -72,5 +72,5 @@ def _together(
     """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is."""
     if omega_h is None:
         omega_h = bisect_omega_h(parameters, engine).omega_h.value
-    branch = DenseBranch(parameters, Lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
+    branch = DenseBranch(parameters, default_lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
     return branch.limit_cycles(speeds)

@@ -22,8 +22,7 @@ __all__ = ["omega_h_slopes"]
 
 _VARIATIONS: tuple[Variation, ...] = ("Omega", "r", "e", "a", "b", "g", "k")
 _CLOSE = 1e-6  # of the ordinary distances from the saddles
-# What is left out is of the order of the end's distance to the power 1 - lambda_u / lambda_s, some 1e-13.
-_ERROR = Fraction(1, 10**11)
+_CLOSER = 1 / 32  # of that, for the second run, which shows the first one's error
 
 
 def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) -> dict[str, Measured]:
@@ -31,7 +30,18 @@ def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) ->
 
     ``omega_h`` must be known to some twenty digits. Raises Shortfall if the branch cannot be followed.
     """
-    road = Road(parameters, omega_h.value, engine, QUADRUPLE, closer=_CLOSE)
+    rough, sharp = (
+        _by_constants_given(parameters, _by_field_constants(parameters, omega_h, engine, closer))
+        for closer in (_CLOSE, _CLOSE * _CLOSER)
+    )
+    return {name: Measured.compared(sharp[name], rough[name], QUADRUPLE.epsilon) for name in sharp}
+
+
+def _by_field_constants(
+    parameters: Parameters, omega_h: Measured, engine: Engine, closer: float
+) -> dict[str, Fraction]:
+    """d(Omega_h) / d(constant) for the field's own constants."""
+    road = Road(parameters, omega_h.value, engine, QUADRUPLE, closer=closer)
     start = road.start_of(Saddle(parameters, omega_h.value, road.bits, road.order))
     result = engine(
         Request(
@@ -53,11 +63,15 @@ def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) ->
         name: sum((along[row] * fraction(result.derivatives[row][column]) for row in range(3)), Fraction(0))
         for column, name in enumerate(_VARIATIONS)
     }
-    by = {name: -u[name] / u["Omega"] for name in _VARIATIONS[1:]}
+    return {name: -u[name] / u["Omega"] for name in _VARIATIONS[1:]}
+
+
+def _by_constants_given(parameters: Parameters, by: dict[str, Fraction]) -> dict[str, Fraction]:
+    """The same for the given parameters, by the chain rule."""
     p = parameters
-    # The field's own a = A / m, b = B / m - e^2 and k = mu g / epsilon, by the chain rule.
+    # The field's own a = A / m, b = B / m - e^2 and k = mu g / epsilon.
     k = p.mu * p.g / p.epsilon
-    slopes = {
+    return {
         "r": by["r"],
         "e": by["e"] - 2 * p.e * by["b"],
         "m": -(by["a"] * p.A + by["b"] * p.B) / p.m**2,
@@ -67,9 +81,3 @@ def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) ->
         "mu": by["k"] * k / p.mu,
         "epsilon": -by["k"] * k / p.epsilon,
     }
-    sizes = {
-        "e": abs(by["e"]) + abs(2 * p.e * by["b"]),
-        "m": (abs(by["a"] * p.A) + abs(by["b"] * p.B)) / p.m**2,
-        "g": abs(by["g"]) + abs(by["k"] * p.mu / p.epsilon),
-    }
-    return {name: Measured.of(slope, sizes.get(name, abs(slope)) * _ERROR) for name, slope in slopes.items()}

@@ -189,8 +189,7 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, f
     coarser: tuple[Fraction, Splitting] | None = None
     for precision in _stages(wanted):
         road = Road(parameters, near, engine, precision, coarser=coarser, friction=friction)
-        # A step between the resolution and the distance where curvature shows: half of the digits.
-        step = Fraction(1, 10 ** (int(precision.bits * math.log10(2)) // 2))
+        step = _half_digits(precision)
         value = road(omega)
         slope = (fraction(road(omega + step).u) - fraction(value.u)) / step
         evaluations += 2
@@ -216,25 +215,31 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, f
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
     fast = 10 * fraction(check.t) ** 2 / abs(slope)
     half_width = shift * Fraction(9, 8) + fast + omega * precision.epsilon
-    saddle = Saddle(parameters, omega, wider.bits, 3)
-    unstable, slow, _ = saddle.eigenvalues
-    ctx = saddle.context
-    # u grows like exp(lambda_u t) and s falls like exp(lambda_s t): this product does not depend on the flight time.
-    carried = ctx.power(abs(ctx.mpf(value.s)), -unstable / slow)
-    derivative = ctx.mpf(slope.numerator) / slope.denominator * carried
-    # The difference quotient's own error: the step times the second derivative, some hundred times the first.
-    certain = abs(fraction(derivative)) * 1000 * step
+    # The slope once more, with another step and at another distance from the saddles: the difference is its error.
+    finer_step = _half_digits(wider)
+    finer_slope = (fraction(finer(omega + finer_step).u) - fraction(check.u)) / finer_step
+    unstable, slow, _ = Saddle(parameters, omega, wider.bits, 3).eigenvalues
+    rough, sharp = (
+        fraction(change) * fraction(abs(ending.s) ** (-unstable / slow))
+        for change, ending in ((slope, value), (finer_slope, check))
+    )
     return SplittingZero(
         omega_h=Measured(omega, half_width),
-        derivative=Measured(fraction(derivative), certain + abs(fraction(derivative)) * Fraction(1, 10**10)),
+        # u grows like exp(lambda_u t), s falls like exp(lambda_s t): this product does not depend on the flight time.
+        derivative=Measured.compared(sharp, rough, precision.epsilon),
         budget={
             "series, flow and rounding, by a wider run": float(shift),
             "fast direction beyond first order": float(fast),
             "truncation of the series": road.truncation / abs(float(slope)),
             "last rounding": float(omega * precision.epsilon),
         },
-        evaluations=evaluations + 1,
+        evaluations=evaluations + 2,
     )
+
+
+def _half_digits(precision: Precision) -> Fraction:
+    """A step between the resolution and the distance where curvature shows: half of the digits."""
+    return Fraction(1, 10 ** (int(precision.bits * math.log10(2)) // 2))
 
 
 def _cut(omega: Fraction, precision: Precision) -> Fraction:
