@@ -6,7 +6,7 @@ The rooms, each importing only from those before it:
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
 - `tippedisk_verify.orbits`: scenes, limit cycles, connections;
-- `tippedisk_verify.evidence`: claims and how they are checked.
+- `tippedisk_verify.evidence`: claims and how they are checked, reference values, and the grading of other programs.
 
 >>> import tippedisk_verify as tv
 >>> print(tv.omega_crit(tv.PRINTED, digits=20))
@@ -16,6 +16,10 @@ False
 >>> result = tv.Taylor()(tv.Request(tv.PRINTED, "30.4", ("pi/2", "pi/2 + 0.4", 0), 10, error_estimate=True))
 >>> result.status.name, bool(result.error.largest < 1e-12)
 ('REACHED', True)
+>>> print(tv.reference("printed/linear/limit-cycle/crit-0.5/v_0").values["doubles"][0][:20])
+-1.71000216164390253
+>>> tv.compare("printed/linear/hopf/point/omega_crit", 30.9).verdict
+'wrong'
 
 Importing the package loads nothing heavy: each name is fetched when it is first used.
 """
@@ -30,6 +34,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.evidence.claims import Audit, Verdict
+    from tippedisk_verify.evidence.conformance.grading import compare
+    from tippedisk_verify.evidence.reference.store import reference
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
     from tippedisk_verify.flow.lanes import Lanes
@@ -55,6 +61,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "errors": ("InputError", "Shortfall"),
     "evidence.claims": ("Audit", "Verdict"),
+    "evidence.conformance.grading": ("compare",),
+    "evidence.reference.store": ("reference",),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.lanes": ("Lanes",),
@@ -107,6 +115,7 @@ __all__ = [
     "basins",
     "bisect_omega_h",
     "bits",
+    "compare",
     "cycle_above",
     "equilibrium",
     "exact",
@@ -118,6 +127,7 @@ __all__ = [
     "omega_crit",
     "one_harmonic",
     "period_crit",
+    "reference",
     "scene_named",
     "study",
 ]

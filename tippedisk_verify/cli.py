@@ -19,7 +19,9 @@ from tippedisk_verify import __version__
 from tippedisk_verify.cli_basin import COMMANDS as BASIN_COMMANDS
 from tippedisk_verify.cli_bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.cli_common import Common, Interrupts, common_options, print_json, progress
+from tippedisk_verify.cli_conformance import COMMANDS as CONFORMANCE_COMMANDS
 from tippedisk_verify.cli_numbers import COMMANDS
+from tippedisk_verify.cli_reference import COMMANDS as REFERENCE_COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]
@@ -187,7 +189,7 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     console.print(table)
 
 
-for command in (*COMMANDS, *BASIN_COMMANDS, *BENCH_COMMANDS):
+for command in (*COMMANDS, *BASIN_COMMANDS, *BENCH_COMMANDS, *REFERENCE_COMMANDS, *CONFORMANCE_COMMANDS):
     cli.add_command(command)
 
 

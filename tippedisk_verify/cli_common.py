@@ -13,7 +13,17 @@ import click
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["Common", "Interrupts", "common_options", "print_json", "print_result", "progress", "speed", "speed_options"]
+__all__ = [
+    "Common",
+    "Interrupts",
+    "common_options",
+    "plain_options",
+    "print_json",
+    "print_result",
+    "progress",
+    "speed",
+    "speed_options",
+]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -51,12 +61,30 @@ def common_options(command: F) -> F:
                          help="The friction law."),
             click.option("--digits", type=int, default=12, show_default=True, metavar="N",
                          help="Significant digits of each main result."),
-            click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
-            click.option("--quiet", is_flag=True, help="No progress and no table."),
+            *_OUTPUT_OPTIONS,
         )
     ):  # fmt: skip
         checked = option(checked)
     return checked  # type: ignore[return-value]
+
+
+_OUTPUT_OPTIONS = (
+    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
+    click.option("--quiet", is_flag=True, help="No progress and no table."),
+)
+
+
+def plain_options(command: F) -> F:
+    """The common options of commands that read or make files, whose contents say what they are for."""
+    from functools import wraps
+
+    @wraps(command)
+    def wrapped(as_json: bool, quiet: bool, **options: Any) -> Any:
+        return command(Common(None, "linear", 12, as_json, quiet), **options)
+
+    for option in reversed(_OUTPUT_OPTIONS):
+        wrapped = option(wrapped)
+    return wrapped  # type: ignore[return-value]
 
 
 def speed(common: Common, omega: str | None, below_crit: str | None) -> Any:

@@ -21,7 +21,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
-from tippedisk_verify.orbits.periodic import _numbers, half_map, limit_cycle, shoot, shoot_full_period
+from tippedisk_verify.orbits.periodic import cycle_numbers, half_map, limit_cycle, shoot, shoot_full_period
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.spectral_balance import approximate_cycle, balanced_cycle
 
@@ -62,16 +62,16 @@ def test_a_double_is_as_good_as_its_inputs(taylor, parameters, distance) -> None
     """Within 2e-14 and what rounding Omega and the parameters does, 4 * 2^-53 * sum |p dx/dp|, against 113 bits."""
     speed = below(parameters, distance)
     shot = shoot(parameters, speed, approximate_cycle(parameters, speed), taylor)
-    rough, sharp = (_numbers(parameters, speed, shot, taylor, precision) for precision in (DOUBLE, QUADRUPLE))
+    rough, sharp = (cycle_numbers(parameters, speed, shot, taylor, precision) for precision in (DOUBLE, QUADRUPLE))
     # Steps by which no critical speed moves by more than a thousandth of the distance to the nearer of them.
     relative = Fraction(distance) / 30_000 / 3
     sums = dict.fromkeys((*MAIN, "multiplier_slow"), Fraction(0))
     for name in ("Omega", "r", "e", "m", "A", "B", "g", "mu", "epsilon"):
         if name == "Omega":
-            moved = _numbers(parameters, speed * (1 + relative), shot, taylor, QUADRUPLE)
+            moved = cycle_numbers(parameters, speed * (1 + relative), shot, taylor, QUADRUPLE)
         else:
             changed = parameters.changed(**{name: getattr(parameters, name) * (1 + relative)})
-            moved = _numbers(changed, speed, shot, taylor, QUADRUPLE)
+            moved = cycle_numbers(changed, speed, shot, taylor, QUADRUPLE)
         for key in sums:
             sums[key] += abs(fraction(moved[key]) - fraction(sharp[key])) / relative
     for key, total in sums.items():

@@ -26,7 +26,7 @@ from tippedisk_verify.orbits.periodic import LimitCycle, Shot, half_map, limit_c
 from tippedisk_verify.orbits.splitting import splitting_zero
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["cycle_above", "passage_times"]
+__all__ = ["cycle_above", "cycle_near", "passage_times"]
 
 _DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
 _MOST_STEPS = 12
@@ -58,17 +58,34 @@ def cycle_above(
     omega = omega_h.value + value
     if value > room / 2:
         cycle = limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
-    elif value > _DOUBLE_SHOOTS:
-        guess = Descent(parameters, engine, friction).nearest(value)
-        cycle = limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
     else:
-        precision = resolving(parameters, omega_h.value, value, digits + 4)
-        shot = _shot(parameters, omega, _predicted(parameters, value, engine, friction), engine, precision, friction)
-        cycle = measured_cycle(parameters, omega, shot, engine, precision, friction)
+        cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits, friction=friction)
     widened = _with_speed(cycle, omega_h.uncertainty)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
+
+
+def cycle_near(
+    parameters: Parameters,
+    omega: Fraction,
+    omega_h: Fraction,
+    engine: Engine,
+    *,
+    digits: int = 12,
+    friction: Friction = "linear",
+) -> LimitCycle:
+    """The limit cycle at exactly ``omega`` [rad/s], a little above ``omega_h``: their distance needs some digits.
+
+    Raises NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    """
+    above = omega - omega_h
+    if above > _DOUBLE_SHOOTS:
+        guess = Descent(parameters, engine, friction).nearest(above)
+        return limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
+    precision = resolving(parameters, omega_h, above, digits + 4)
+    shot = _shot(parameters, omega, _predicted(parameters, above, engine, friction), engine, precision, friction)
+    return measured_cycle(parameters, omega, shot, engine, precision, friction)
 
 
 def _predicted(parameters: Parameters, above: Fraction, engine: Engine, friction: Friction) -> Sequence[Any]:

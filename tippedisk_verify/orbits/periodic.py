@@ -31,6 +31,7 @@ __all__ = [
     "HalfMap",
     "LimitCycle",
     "Shot",
+    "cycle_numbers",
     "half_map",
     "limit_cycle",
     "measured_cycle",
@@ -333,8 +334,8 @@ def measured_cycle(
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    rough = _numbers(parameters, value, shot, engine, precision, friction)
-    sharp = _numbers(parameters, value, shot, engine, companion(precision), friction)
+    rough = cycle_numbers(parameters, value, shot, engine, precision, friction)
+    sharp = cycle_numbers(parameters, value, shot, engine, companion(precision), friction)
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
@@ -346,7 +347,7 @@ def measured_cycle(
     )
 
 
-def _numbers(
+def cycle_numbers(
     parameters: Parameters,
     omega: Fraction,
     shot: Shot,

@@ -37,6 +37,7 @@ __all__ = [
     "critical_manifold",
     "first_correction",
     "invariance_residual",
+    "invariance_residuals",
     "orders",
     "reduced_equilibrium",
     "reduced_omega_crit",
@@ -188,11 +189,11 @@ def orders(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
 
 def invariance_residual(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int) -> Any:
     """epsilon (dh/dx) f - g [m rad/s^3] of the series truncated at ``order``: of size epsilon^(order + 1)."""
-    return _residuals(ops, constants, omega, beta, gamma, order)[-1]
+    return invariance_residuals(ops, constants, omega, beta, gamma, order)[-1]
 
 
-def _residuals(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """The residual of each truncation, from one expansion."""
+def invariance_residuals(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+    """`invariance_residual` of each truncation up to ``highest``, from one expansion."""
     _checked_order(highest)
     fast = _jets(ops, constants, omega, beta, gamma, highest + 1)
     series = _expanded(fast, highest)
@@ -388,7 +389,10 @@ def _largest_residuals(parameters: Parameters, omega: Fraction, order: int) -> t
     """For each order up to the given one; 60 digits, because at small epsilon the residual is tiny beside its terms."""
     ctx, constants, speed = _numbers(parameters, omega, bits_for_digits(60))
     places = [[ctx.mpf(part.numerator) / part.denominator for part in point] for point in POINTS]
-    rows = [[abs(value) for value in _residuals(ctx, constants, speed, place[0], place[1], order)] for place in places]
+    rows = [
+        [abs(value) for value in invariance_residuals(ctx, constants, speed, place[0], place[1], order)]
+        for place in places
+    ]
     return tuple(float(max(column)) for column in zip(*rows, strict=True))
 
 

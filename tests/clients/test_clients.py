@@ -1,0 +1,138 @@
+"""Programs in three languages, written from the paper alone, answer the questions and are graded.
+
+That they agree with the reference data is also evidence for the data: nothing is shared but the paper.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
+from tippedisk_verify.evidence.conformance.grading import Grade, graded
+from tippedisk_verify.evidence.conformance.sheet import questions, read_answers, sheet_csv
+from tippedisk_verify.evidence.reference.store import Store, stored
+
+HERE = Path(__file__).parent
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+NODE = shutil.which("node")
+#: Names of the mistakes that the C client can make on request, in the order of its fault numbers.
+FAULTS = (
+    *("h-2-sign", "h-3-sign", "h-4-sign", "h-5-sign", "gamma-y-square", "B-for-Bbar", "degrees", "shifted-angles"),
+    *("parameters-single", "A-B-exchanged", "gamma-rate-sign", "h-4-power"),
+)
+
+
+@pytest.fixture(scope="module")
+def store() -> Store:
+    return stored()
+
+
+@pytest.fixture(scope="module")
+def c_client(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if COMPILER is None:
+        pytest.skip("no C compiler on this machine")
+    program = tmp_path_factory.mktemp("c") / "client"
+    options = ["-O2", "-std=c99", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run([COMPILER, *options, "-o", str(program), str(HERE / "client.c"), "-lm"], check=True)
+    return program
+
+
+def _asked(store: Store, starts: tuple[str, ...]) -> str:
+    """A sheet with the questions whose ids start so."""
+    chosen = [quantity for quantity in questions(store) if quantity.id.startswith(starts)]
+    assert chosen
+    return sheet_csv(store, chosen)
+
+
+def _answered(command: list[str], sheet: str, store: Store, folder: Path) -> list[Grade]:
+    (folder / "sheet.csv").write_text(sheet)
+    subprocess.run(command, check=True, timeout=300, cwd=folder)
+    return graded(read_answers(folder / "answers.csv", store), store)
+
+
+def _least(grades: list[Grade], level: int) -> float:
+    return min(grade.digits for grade in grades if grade.level == level)
+
+
+RHS = ("printed/both/rhs", "printed/linear/rhs", "printed/smooth/rhs", "printed/both/equilibrium")
+
+
+def test_the_c_client_has_the_digits_of_its_arithmetic(c_client: Path, store: Store, tmp_path: Path) -> None:
+    motion = tuple(
+        f"{name}/{law}/{kind}"
+        for name in ("printed", "calibrated")
+        for law in ("linear", "smooth")
+        for kind in ("trajectory/d", "limit-cycle/crit-0.3", "limit-cycle/crit-0.5")
+    )
+    sheet = _asked(store, (*RHS, *motion))
+    grades = _answered([str(c_client), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    asked = sum(1 for _ in csv.DictReader(io.StringIO(sheet)))
+    assert len(grades) > 0.95 * asked  # all but the derivatives of a cycle's state
+    assert not any(grade.failed for grade in grades)
+    assert _least(grades, 1) >= 15  # printed doubles; it computes in long double where the machine has it
+    assert _least(grades, 2) >= 15
+    # Its integrator's tolerance is 1e-14 or better per step, and an orbit amplifies by some hundred.
+    assert _least(grades, 6) >= 12
+    assert _least(grades, 7) >= 12
+
+
+@pytest.mark.slow
+def test_the_c_client_on_every_orbit(c_client: Path, store: Store, tmp_path: Path) -> None:
+    sheet = _asked(store, ("printed/", "calibrated/"))
+    grades = _answered([str(c_client), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    assert not any(grade.failed for grade in grades if grade.level < 8)
+    assert _least(grades, 6) >= 12
+
+
+@pytest.mark.parametrize("fault", range(1, len(FAULTS) + 1))
+def test_each_fault_of_the_c_client_is_named(fault: int, c_client: Path, store: Store, tmp_path: Path) -> None:
+    grades = _answered([str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path)
+    (diagnosis,) = diagnosed(grades, store)
+    assert diagnosis.level == 1
+    assert [name for name, _ in diagnosis.causes] == [FAULTS[fault - 1]]
+    assert diagnosis.frictions == ("linear", "smooth")
+
+
+@pytest.mark.parametrize("fault", [13, 14, 15, 16], ids=["two at once", "r in M", "r in f_G", "friction by 1.1"])
+def test_two_faults_and_unlisted_ones_are_unexplained(fault: int, c_client: Path, store: Store, tmp_path: Path) -> None:
+    grades = _answered([str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path)
+    for diagnosis in diagnosed(grades, store):
+        assert diagnosis.causes == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", [*range(1, 7), *range(9, 13), 13, 14, 15, 16])
+def test_faults_are_named_from_orbits_alone(fault: int, c_client: Path, store: Store, tmp_path: Path) -> None:
+    """Without the right-hand side; the angles' faults are left out, because a cycle's questions have no angles."""
+    sheet = _asked(store, ("printed/linear/trajectory", "printed/linear/limit-cycle"))
+    grades = _answered([str(c_client), "sheet.csv", "answers.csv", str(fault)], sheet, store, tmp_path)
+    (diagnosis,) = diagnosed(grades, store)
+    expected = [FAULTS[fault - 1]] if fault <= len(FAULTS) else []
+    assert [name for name, _ in diagnosis.causes] == expected
+
+
+@pytest.mark.skipif(NODE is None, reason="no Node.js on this machine")
+def test_the_javascript_client(store: Store, tmp_path: Path) -> None:
+    assert NODE is not None
+    sheet = _asked(store, (*RHS, "printed/linear/trajectory/d", "printed/smooth/trajectory/d"))
+    grades = _answered([NODE, str(HERE / "client.mjs"), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    assert not any(grade.failed for grade in grades)
+    assert _least(grades, 1) >= 14
+    assert _least(grades, 6) >= 10
+
+
+def test_the_scipy_client(store: Store, tmp_path: Path) -> None:
+    asked = ("printed/both/rhs/0", "printed/smooth/rhs/0", "printed/linear/trajectory/d1")
+    sheet = _asked(store, (*asked, "printed/linear/limit-cycle/crit-0.5"))
+    grades = _answered([sys.executable, str(HERE / "client.py"), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    assert not any(grade.failed for grade in grades)
+    assert _least(grades, 1) >= 14
+    assert _least(grades, 6) >= 11
+    assert _least(grades, 7) >= 10

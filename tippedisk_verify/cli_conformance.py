@@ -1,0 +1,97 @@
+"""The commands `conformance questions|grade`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from tippedisk_verify.cli_common import Common, plain_options, print_json
+from tippedisk_verify.errors import InputError
+
+__all__ = ["COMMANDS"]
+
+
+@click.group()
+def conformance() -> None:
+    """Ask another implementation, and grade its answers in digits."""
+
+
+@conformance.command()
+@click.argument("file", metavar="FILE.csv|FILE.json")
+@click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given.")
+@click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only.")
+@click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all nine if not given.")
+@plain_options
+def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str, ...], levels: str | None) -> int:
+    """Write an answer sheet: inputs only, easiest first."""
+    from tippedisk_verify.evidence.conformance.sheet import questions as asked
+    from tippedisk_verify.evidence.conformance.sheet import sheet_csv, sheet_json
+    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.files import output_file, write_text
+
+    target = output_file(file)
+    if target.suffix.lower() not in (".csv", ".json"):
+        raise InputError(f"'{file[:60]}' must end in .csv or .json: that decides the form of the sheet")
+    store = stored()
+    chosen = asked(store, sets=sets, frictions=laws, levels=_levels(levels))
+    write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
+    if common.json:
+        print_json({"questions": len(chosen), "file": str(target)})
+    elif not common.quiet:
+        click.echo(f"{len(chosen)} questions: fill in the column answer in {target}, then grade it")
+    return 0
+
+
+def _levels(text: str | None) -> tuple[int, ...]:
+    if text is None:
+        return ()
+    first, _, last = text.partition("-")
+    if not (first.isdecimal() and (last.isdecimal() or not last)) or len(text) > 5:
+        raise InputError(f"--levels is a number or a range such as 1-3, not '{text[:40]}'")
+    ends = int(first), int(last or first)
+    if not 1 <= ends[0] <= ends[1] <= 9:
+        raise InputError(f"levels go from 1 to 9, not '{text[:40]}'")
+    return tuple(range(ends[0], ends[1] + 1))
+
+
+@conformance.command()
+@click.argument("file", metavar="FILE")
+@click.option(
+    "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
+)
+@click.option("--html", metavar="FILE.html", help="Write a page with all grades there.")
+@plain_options
+def grade(common: Common, file: str, reading: str | None, html: str | None) -> int:
+    """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails."""
+    from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
+    from tippedisk_verify.evidence.conformance.grading import graded, levels_of
+    from tippedisk_verify.evidence.conformance.pages import Report, html_page, print_report
+    from tippedisk_verify.evidence.conformance.sheet import read_answers
+    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.files import output_file, write_text
+
+    if reading not in (None, "decimals", "doubles"):
+        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+    target = None if html is None else output_file(html)
+    store = stored()
+    answers = read_answers(Path(file), store, reading)
+    grades = graded(answers, store)
+    sets = {store[one.id].set for one in grades}
+    asked = [quantity for quantity in store.values() if not sets or quantity.set in sets]
+    report = Report(Path(file).name, answers, grades, levels_of(grades, asked), diagnosed(grades, store))
+    if target is not None:
+        write_text(target, html_page(report))
+    if common.json:
+        print_json(report.json())
+    elif not common.quiet:
+        from rich.console import Console
+
+        console = Console()
+        if not console.is_terminal:
+            console = Console(width=160)
+        print_report(report, console)
+    return 0
+
+
+COMMANDS = (conformance,)

@@ -1,0 +1,137 @@
+"""The commands `reference generate|check|list|show`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tippedisk_verify.cli_common import Common, plain_options, print_json, progress
+from tippedisk_verify.errors import InputError
+
+__all__ = ["COMMANDS"]
+
+
+@click.group()
+def reference() -> None:
+    """Reference values: make them, check them, read them."""
+
+
+@reference.command()
+@click.option("--out", default="reference_data", show_default=True, metavar="DIR", help="Where the files go.")
+@click.option("--only", multiple=True, metavar="KIND", help="These kinds only.")
+@click.option("--set", "sets", multiple=True, metavar="NAME", help="These parameter sets only.")
+@click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
+@plain_options
+def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, ...], jobs: int | None) -> int:
+    """Make the reference files; what an interrupted run has computed is taken up again."""
+    from tippedisk_verify.evidence.reference.generation import generate as made
+    from tippedisk_verify.evidence.reference.places import SETS
+
+    if not out:
+        raise InputError("--out needs the name of a folder")
+    with progress(common, 0) as advance, processes(jobs) as pool:
+        written = made(Path(out), only=only, sets=sets or SETS, executor=pool, advance=advance)
+    if common.json:
+        print_json({"written": [str(path) for path in written]})
+    elif not common.quiet:
+        for path in written:
+            click.echo(path)
+    return 0
+
+
+@reference.command()
+@click.option("--data", metavar="DIR", help="The folder to check; the installed data if not given.")
+@click.option("--all", "everything", is_flag=True, help="Compute every number again (some CPU hours).")
+@click.option("--sample", type=int, default=20, show_default=True, metavar="N", help="Compute so many entries again.")
+@click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Which ones.")
+@click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
+@plain_options
+def check(common: Common, data: str | None, everything: bool, sample: int, seed: int, jobs: int | None) -> int:
+    """Hold the files against their hashes and schema, and numbers against their other roads."""
+    from tippedisk_verify.evidence.reference.checking import check as checked
+    from tippedisk_verify.evidence.reference.store import data_folder
+
+    folder = data_folder() if data is None else Path(data)
+    with progress(common, 0) as advance, processes(jobs if sample or everything else 1) as pool:
+        report = checked(folder, sample=None if everything else sample, seed=seed, executor=pool, advance=advance)
+    if common.json:
+        print_json(report.json())
+    elif not common.quiet:
+        for fault in report.faults:
+            click.echo(fault)
+        click.echo(
+            f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again by another road: "
+            f"{len(report.faults) or 'no'} fault{'s' * (len(report.faults) != 1)}"
+        )
+    return 1 if report.faults else 0
+
+
+@reference.command("list")
+@click.argument("prefix", default="")
+@plain_options
+def listed(common: Common, prefix: str) -> int:
+    """The ids that start with PREFIX, such as printed/linear/limit-cycle."""
+    from tippedisk_verify.evidence.reference.store import stored
+
+    found = stored().matching(prefix)
+    if not found:
+        raise InputError(f"no reference value starts with '{prefix[:100]}': try printed/ or calibrated/")
+    if common.json:
+        print_json({"ids": [quantity.id for quantity in found]})
+    elif not common.quiet:
+        for quantity in found:
+            click.echo(quantity.id)
+    return 0
+
+
+@reference.command()
+@click.argument("ids", nargs=-1, required=True, metavar="ID...")
+@plain_options
+def show(common: Common, ids: tuple[str, ...]) -> int:
+    """Values with all that is known of them."""
+    from tippedisk_verify.evidence.reference.store import reference as value_of
+
+    found = [value_of(id_) for id_ in ids]
+    if common.json:
+        print_json({"values": [quantity.json() for quantity in found]})
+    elif not common.quiet:
+        for quantity in found:
+            click.echo(f"{quantity.id} [{quantity.unit}]")
+            for reading, (value, uncertainty) in quantity.values.items():
+                click.echo(f"  from {reading:8s} {value} ± {uncertainty}")
+            inputs = ", ".join(f"{name} {text}" for name, text in quantity.inputs.items())
+            click.echo(f"  inputs        {inputs or 'the parameters only'}")
+            others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
+            click.echo(f"  grade         {quantity.grade}: {', '.join(quantity.methods)}{' (' * bool(others)}{others}"
+                       f"{')' * bool(others)}")  # fmt: skip
+            slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
+            click.echo(f"  condition     {slopes or 'depends on nothing'}")
+    return 0
+
+
+@contextmanager
+def processes(jobs: int | None) -> Iterator[Any]:
+    """A pool of fresh processes, or None where one process does; ended at once if the caller is interrupted."""
+    import os
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    if jobs is not None and not 1 <= jobs <= 4096:
+        raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
+    workers = jobs or os.cpu_count() or 1
+    if workers == 1:
+        yield None
+        return
+    # Fresh processes: what the parent has compiled and its threads are not for forking.
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+COMMANDS = (reference,)

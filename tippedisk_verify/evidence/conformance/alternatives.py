@@ -1,0 +1,247 @@
+"""Models with one mistake each: what people get wrong when they write the tippedisk down.
+
+A mistake in the equations is a `Spelling`: the paper's terms written out once more, each with a switch. A mistake in
+what goes in or comes out changes the inputs or the answers. Each alternative predicts numbers; that is all a diagnosis
+may rest on. A test holds the spelling without mistakes against `model.equations`.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.model.parameters import Parameters
+
+__all__ = ["ALTERNATIVES", "CORRECT", "Alternative", "Spelling", "spelled"]
+
+
+@dataclass(frozen=True)
+class Spelling:
+    """The equations of motion with switches; the defaults are right."""
+
+    mass: tuple[int, int, int] = (1, 1, 1)  #: signs of M's terms
+    h: tuple[int, int, int, int, int] = (1, 1, 1, 1, 1)  #: signs of h's terms, as printed
+    gravity: int = 1  #: sign of f_G
+    traction: int = 1  #: sign of lambda_Ty
+    slip: tuple[int, int] = (1, 1)  #: signs of gamma_y's terms
+    kinematic: int = -1  #: gamma' = this * Omega cos(beta)
+    eccentricity: int = 1  #: sign of e in r + e sin(gamma)
+    h4_power: int = 3  #: of cos(beta) in h's fourth term
+    h5_constant: int = 2  #: in 3 sin^2(beta) - 2
+    slip_sine: str = "squared"  #: in gamma_y's second part: squared, plain, or of-square (sin(beta^2))
+    lever_sine: bool = True  #: w_y = rho sin(beta), not rho
+    mass_squared: bool = True  #: cos^2 and sin^2 in M, not cos and sin
+    mass_exchanged: bool = False  #: sin^2 and cos^2 exchanged in M
+    twice: bool = True  #: the factor 2 of h's second term
+    weighted: bool = True  #: the friction force has the factor m g
+    per_epsilon: bool = True  #: the friction force is divided by epsilon (linear) or smoothed by it
+
+
+CORRECT = Spelling()
+
+
+def spelled(
+    spelling: Spelling, ops: Any, p: Any, omega: Any, state: Any, friction: str, side: Any = None
+) -> dict[str, Any]:
+    """M, h, f_G, w_y, gamma_y, gamma_rate, lambda_Ty and v_rate in this spelling.
+
+    ``p`` has r, e, m, A, Bbar, g, mu and epsilon; ``side`` is the sign of gamma_y where complex numbers hide it.
+    """
+    beta, gamma, v = state
+    sb, cb, sg, cg = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
+    rho = p.r + spelling.eccentricity * p.e * sg
+    cos_part, sin_part = (cg * cg, sg * sg) if spelling.mass_squared else (cg, sg)
+    if spelling.mass_exchanged:
+        cos_part, sin_part = sin_part, cos_part
+    m1, m2, m3 = spelling.mass
+    mass = m1 * p.A * cos_part + m2 * p.Bbar * sin_part + m3 * p.m * rho * rho * cb * cb
+    terms = (
+        (p.A * cg * cg + p.Bbar * sg * sg) * omega * omega * sb * cb,
+        -(2 if spelling.twice else 1) * (p.A - p.Bbar) * omega * v * cb * sg * cg,
+        p.m * rho * rho * v * v * sb * cb,
+        p.m * p.e * rho * omega * omega * sb * cb**spelling.h4_power * sg,
+        -p.m * p.e * rho * (3 * sb * sb - spelling.h5_constant) * omega * v * cb * cg,
+    )
+    gyroscopic = sum(sign * term for sign, term in zip(spelling.h, terms, strict=True))
+    gravity = -spelling.gravity * p.m * p.g * rho * cb
+    direction = rho * sb if spelling.lever_sine else rho
+    sine = {"squared": sb * sb, "plain": sb, "of-square": ops.sin(beta * beta)}[spelling.slip_sine]
+    slip = spelling.slip[0] * rho * v * sb - spelling.slip[1] * p.e * omega * sine * cg
+    weight = p.mu * (p.m * p.g if spelling.weighted else 1)
+    if friction == "linear":
+        force = -weight * slip / (p.epsilon if spelling.per_epsilon else 1)
+    else:
+        size = side * slip if side is not None else abs(slip)
+        force = -weight * slip / (size + (p.epsilon if spelling.per_epsilon else 1))
+    force *= spelling.traction
+    return {
+        "M": mass,
+        "h": gyroscopic,
+        "f_G": gravity,
+        "w_y": direction,
+        "gamma_y": slip,
+        "gamma_rate": spelling.kinematic * omega * cb,
+        "lambda_Ty": force,
+        "v_rate": (gyroscopic + gravity + direction * force) / mass,
+    }
+
+
+Inputs = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One mistake: its name, what to look for, and how it changes the model, the inputs or the outputs."""
+
+    name: str
+    cause: str
+    spelling: Spelling = CORRECT
+    parameters: Callable[[Parameters], dict[str, Any]] | None = None  #: values to use instead, Bbar among them
+    inputs: Callable[[Inputs], Inputs] | None = None
+    output: Callable[[str, float], float] | None = None  #: (quantity, right value) -> the answer given
+    counterpart: dict[str, str] = field(default_factory=dict)  #: answers that belong to another set, law or form
+
+    @property
+    def of_the_model(self) -> bool:
+        """Whether it changes the equations or their inputs, and so everything that follows from them."""
+        return self.spelling != CORRECT or self.parameters is not None or self.inputs is not None
+
+
+def _angles(change: Callable[[float], float]) -> Callable[[Inputs], Inputs]:
+    return lambda inputs: {
+        name: change(value) if name in ("beta", "gamma") else value for name, value in inputs.items()
+    }
+
+
+def _single(value: Any) -> float:
+    return float(struct.unpack("f", struct.pack("f", float(value)))[0])
+
+
+def _all_single(p: Parameters) -> dict[str, Any]:
+    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+    return {name: _single(getattr(p, name)) for name in names}
+
+
+def _rounded(digits: int) -> Callable[[Parameters], dict[str, Any]]:
+    def values(p: Parameters) -> dict[str, Any]:
+        names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+        return {name: Fraction(f"{float(getattr(p, name)):.{digits - 1}e}") for name in names}
+
+    return values
+
+
+def _gravity(value: str) -> Callable[[Parameters], dict[str, Any]]:
+    return lambda p: {"g": Fraction(value)}
+
+
+def _sign_of_h(term: int) -> Spelling:
+    signs: Any = tuple(-1 if n == term else 1 for n in range(1, 6))
+    return replace(CORRECT, h=signs)
+
+
+_H_TERMS = (
+    "(A cos^2 gamma + Bbar sin^2 gamma) Omega^2 sin beta cos beta",
+    "2 (A - Bbar) Omega v cos beta sin gamma cos gamma",
+    "m rho^2 v^2 sin beta cos beta",
+    "m e rho Omega^2 sin beta cos^3 beta sin gamma",
+    "m e rho (3 sin^2 beta - 2) Omega v cos beta cos gamma",
+)
+_ANGLE_ANSWERS = ("beta", "gamma", "crossing_gamma", "gamma_bar_0", "beta_max", "amplitude")
+_SPEED_ANSWERS = ("v", "crossing_v", "v_0", "gamma_rate", "omega_h", "omega_crit", "frequency")
+
+
+def _scaled(names: tuple[str, ...], factor: float) -> Callable[[str, float], float]:
+    return lambda quantity, value: value * factor if quantity in names else value
+
+
+def _named_first(name: str) -> Callable[[str, float], float]:
+    return lambda quantity, value: -value if quantity == name else value
+
+
+#: Everything that a diagnosis can name.
+ALTERNATIVES: tuple[Alternative, ...] = (
+    *(
+        Alternative(f"h-{n}-sign", f"the sign of h's term {n}, {text}", _sign_of_h(n))
+        for n, text in enumerate(_H_TERMS, start=1)
+    ),
+    Alternative("h-2-factor", "the factor 2 of h's second term is missing", replace(CORRECT, twice=False)),
+    Alternative("h-4-power", "cos beta instead of cos^3 beta in h's fourth term", replace(CORRECT, h4_power=1)),
+    Alternative("h-4-square", "cos^2 beta instead of cos^3 beta in h's fourth term", replace(CORRECT, h4_power=2)),
+    Alternative("h-5-constant", "3 sin^2 beta - 1 instead of - 2 in h's last term", replace(CORRECT, h5_constant=1)),
+    Alternative("gamma-y-square", "gamma_y with sin beta instead of its square in the second part",
+                replace(CORRECT, slip_sine="plain")),
+    Alternative("gamma-y-argument", "gamma_y with sin(beta^2), as a reader may take the paper's sin beta^2",
+                replace(CORRECT, slip_sine="of-square")),
+    Alternative("gamma-y-sign", "the sign of e Omega sin^2 beta cos gamma in gamma_y", replace(CORRECT, slip=(1, -1))),
+    Alternative("w-y-sine", "w_y without its sin beta", replace(CORRECT, lever_sine=False)),
+    Alternative("rho-sign", "r - e sin gamma instead of r + e sin gamma", replace(CORRECT, eccentricity=-1)),
+    Alternative("mass-3-sign", "the sign of m rho^2 cos^2 beta in M", replace(CORRECT, mass=(1, 1, -1))),
+    Alternative("mass-squares", "cos gamma and sin gamma instead of their squares in M",
+                replace(CORRECT, mass_squared=False)),
+    Alternative("mass-exchanged", "sin^2 gamma and cos^2 gamma exchanged in M", replace(CORRECT, mass_exchanged=True)),
+    Alternative("gravity-sign", "the sign of f_G", replace(CORRECT, gravity=-1)),
+    Alternative("friction-sign", "the sign of the friction force", replace(CORRECT, traction=-1)),
+    Alternative("friction-weight", "the friction force without m g", replace(CORRECT, weighted=False)),
+    Alternative("friction-epsilon", "the friction force without epsilon", replace(CORRECT, per_epsilon=False)),
+    Alternative("gamma-rate-sign", "gamma' = + Omega cos beta", replace(CORRECT, kinematic=1)),
+    Alternative("B-for-Bbar", "B in place of Bbar = B - m e^2", parameters=lambda p: {"Bbar": p.B}),
+    Alternative("Bbar-sign", "Bbar = B + m e^2", parameters=lambda p: {"Bbar": p.B + p.m * p.e**2}),
+    Alternative("A-B-exchanged", "A and B exchanged", parameters=lambda p: {"A": p.B, "B": p.A}),
+    Alternative("A-at-centre-of-gravity", "m e^2 taken from A instead of from B",
+                parameters=lambda p: {"A": p.A - p.m * p.e**2, "Bbar": p.B}),
+    Alternative("parameters-single", "parameters rounded to single precision", parameters=_all_single),
+    *(
+        Alternative(f"parameters-{n}-digits", f"parameters rounded to {n} significant digits", parameters=_rounded(n))
+        for n in (2, 3, 4, 5, 6, 7, 8, 9, 10)
+    ),
+    *(
+        Alternative(f"g-{value}", f"g = {value} instead of 9.81", parameters=_gravity(value))
+        for value in ("9.8", "9.80665", "9.807", "9.82", "10")
+    ),
+    Alternative("e-sign", "the sign of e", parameters=lambda p: {"e": -p.e}),
+    Alternative("degrees", "angles taken as degrees", inputs=_angles(math.radians)),
+    Alternative("degrees-for-radians", "angles converted to degrees before use", inputs=_angles(math.degrees)),
+    Alternative("shifted-angles", "angles taken as the shifted ones, beta_bar and gamma_bar",
+                inputs=_angles(lambda angle: angle + math.pi / 2)),
+    Alternative("unshifted-angles", "pi/2 subtracted from the angles",
+                inputs=_angles(lambda angle: angle - math.pi / 2)),
+    Alternative("beta-gamma-exchanged", "beta and gamma exchanged",
+                inputs=lambda inputs: {**inputs, **({"beta": inputs["gamma"], "gamma": inputs["beta"]}
+                                                    if "beta" in inputs else {})}),
+    Alternative("omega-sign", "the sign of Omega", inputs=lambda inputs: {
+        name: -value if name == "Omega" else value for name, value in inputs.items()}),
+    Alternative("omega-turns", "Omega taken as turns per second", inputs=lambda inputs: {
+        name: value * 2 * math.pi if name == "Omega" else value for name, value in inputs.items()}),
+    Alternative("answers-in-degrees", "angles answered in degrees", output=_scaled(_ANGLE_ANSWERS, 180 / math.pi)),
+    Alternative("answers-shifted", "beta_bar and gamma_bar answered where beta and gamma are asked",
+                output=lambda q, value: value - math.pi / 2 if q in ("beta", "gamma", "crossing_gamma") else value),
+    Alternative("answers-unshifted", "gamma answered where gamma_bar is asked", output=lambda q, value: (
+        value + math.pi / 2 if q == "gamma_bar_0" else value)),
+    Alternative("answers-in-hertz", "speeds answered in turns per second",
+                output=_scaled(_SPEED_ANSWERS, 1 / (2 * math.pi))),
+    Alternative("answers-in-milliseconds", "times answered in milliseconds",
+                output=_scaled(("period", "crossing_time", "flat_time"), 1000.0)),
+    Alternative("half-period", "half the period", output=_scaled(("period", "dperiod_domega"), 0.5)),
+    Alternative("half-map", "the half map's multiplier instead of its square", output=lambda q, value: (
+        math.copysign(math.sqrt(abs(value)), value) if q == "multiplier_slow"
+        else value / 2 if q.startswith("log_multiplier") else value)),
+    Alternative("common-logarithms", "common logarithms instead of natural ones", output=lambda q, value: (
+        value / math.log(10) if q.startswith("log_") else value)),
+    Alternative("other-side", "the state on the other side of the section, v > 0", output=lambda q, value: (
+        -value if q in ("gamma_bar_0", "v_0", "dgamma_bar_0_domega", "dv_0_domega") else value)),
+    Alternative("v-sign", "the sign of v_0", output=_named_first("v_0")),
+    Alternative("printed-form", "the paper's printed one-harmonic law where the consistent one is asked",
+                counterpart={"form": "printed"}),
+    Alternative("consistent-form", "the consistent one-harmonic law where the paper's printed one is asked",
+                counterpart={"form": "consistent"}),
+    Alternative("calibrated-set", "the calibrated parameters instead of Table 1's", counterpart={"set": "calibrated"}),
+    Alternative("printed-set", "Table 1's parameters instead of the calibrated ones", counterpart={"set": "printed"}),
+    Alternative("linear-law", "the linear friction law where the smooth one is asked",
+                counterpart={"friction": "linear"}),
+    Alternative("smooth-law", "the smooth friction law where the linear one is asked",
+                counterpart={"friction": "smooth"}),
+)  # fmt: skip

@@ -1,0 +1,207 @@
+"""Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back again.
+
+In CSV every row stands for itself, parameters included, and no field needs quotes, so that a sheet can be read with
+``strtok``. In JSON the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.evidence.reference.store import Quantity, Store
+
+__all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
+
+_PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+_INPUTS = ("Omega", "beta", "gamma", "v")
+COLUMNS = (
+    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
+    *_PARAMETERS,
+    *_INPUTS,
+    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
+)
+_LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
+_LONGEST = 2_000  # characters of an answer
+_MOST_UNKNOWN = 1_000
+_READINGS = ("decimals", "doubles")
+
+
+@dataclass
+class Answers:
+    """What a sheet says: id -> (reading, text), and what could not be used."""
+
+    given: dict[str, tuple[str, str]] = field(default_factory=dict)
+    unknown: list[str] = field(default_factory=list)  #: ids that are no question
+    repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
+    undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
+
+
+def placed(name: str) -> tuple[str, dict[str, str]]:
+    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
+    if "@" in name:
+        plain, place = name.split("@", 1)
+        return plain, {"t": place}
+    if "#" in name:
+        plain, place = name.split("#", 1)
+        return plain, {"n": place}
+    if found := re.fullmatch(r"(h|residual)_(\d+)", name):
+        return name, {"order": found[2]}
+    return name, {}
+
+
+def questions(
+    store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
+) -> list[Quantity]:
+    """The questions of the sets, laws and levels named (all where none is), in order of difficulty.
+
+    Raises InputError for names that no question has.
+    """
+    for asked, known, what in (
+        (sets, {quantity.set for quantity in store.values()}, "parameter set"),
+        (frictions, {"linear", "smooth"}, "friction law"),
+        (levels, {quantity.level for quantity in store.values()}, "level"),
+    ):
+        for name in asked:
+            if name not in known:
+                raise InputError(
+                    f"no reference data for {what} '{name!s:.40}': use {', '.join(map(str, sorted(known)))}"
+                )
+    return [
+        quantity
+        for quantity in store.values()
+        if (not sets or quantity.set in sets)
+        and (not frictions or quantity.friction in (*frictions, "both"))
+        and (not levels or quantity.level in levels)
+    ]
+
+
+def _row(store: Store, quantity: Quantity) -> dict[str, str]:
+    plain, place = placed(quantity.name)
+    parameters = {name: value["decimal"] for name, value in store.parameters[quantity.set].items()}
+    return {
+        "id": quantity.id,
+        "level": str(quantity.level),
+        "kind": quantity.kind,
+        "set": quantity.set,
+        "friction": quantity.friction,
+        "quantity": plain,
+        "unit": quantity.unit,
+        **parameters,
+        **quantity.inputs,
+        **place,
+        "from": "decimals" if "doubles" not in quantity.values else "",
+        "answer": "",
+    }
+
+
+def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
+    """The sheet as CSV. Where only decimals make sense, ``from`` is filled in."""
+    stream = io.StringIO(newline="")
+    table = csv.DictWriter(stream, COLUMNS, restval="", lineterminator="\n")
+    table.writeheader()
+    table.writerows(_row(store, quantity) for quantity in asked)
+    return stream.getvalue()
+
+
+def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
+    """The sheet as JSON: one question to a line."""
+    lines = [json.dumps(_row(store, quantity), ensure_ascii=False) for quantity in asked]
+    return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
+
+
+def read_answers(path: Path, store: Store, default_reading: str | None = None) -> Answers:
+    """The answers of a sheet in either form; rows without an answer are left out.
+
+    ``default_reading`` is for answers that do not say what they were computed from. Raises InputError for a file that
+    cannot be read as a sheet at all.
+    """
+    text = _text(path)
+    try:
+        rows = _json_rows(text) if text.lstrip()[:1] == "{" else _csv_rows(text)
+        return _collected(rows, store, default_reading)
+    except InputError as fault:
+        raise InputError(f"{path.name}: {fault}") from None
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise InputError(f"{path.name} is larger than {_LARGEST} bytes: an answer sheet never is")
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as fault:
+        raise InputError(f"{path} cannot be read: {fault.strerror or fault}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path.name} is not a text file in UTF-8") from None
+
+
+def _json_rows(text: str) -> Iterable[tuple[str, str, str]]:
+    try:
+        # Numbers stay text: a double would lose digits of a fifty-digit answer.
+        content = json.loads(text, parse_float=str, parse_int=str, parse_constant=str)
+    except (ValueError, RecursionError) as fault:
+        reason = str(fault).splitlines()[0][:120]
+        raise InputError(f"neither a CSV nor a JSON sheet: {reason}") from None
+    everywhere = content.get("from", "")
+    if isinstance(content.get("answers"), dict):
+        for id_, answer in content["answers"].items():
+            yield id_, _said(everywhere), _said(answer)
+        return
+    rows = content.get("questions")
+    if not isinstance(rows, list):
+        raise InputError('a JSON sheet has either "questions" or "answers"')
+    for row in rows:
+        if not isinstance(row, dict) or "id" not in row:
+            raise InputError('each question of a JSON sheet has an "id"')
+        yield _said(row["id"]), _said(row.get("from", "") or everywhere), _said(row.get("answer", ""))
+
+
+def _said(value: Any) -> str:
+    return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
+
+
+def _csv_rows(text: str) -> Iterable[tuple[str, str, str]]:
+    if "\0" in text:
+        raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
+    table = csv.reader(io.StringIO(text, newline=""))
+    try:
+        header = [name.strip() for name in next(table, [])]
+        if "id" not in header or "answer" not in header:
+            raise InputError("neither a CSV nor a JSON sheet: the first line must name the columns id and answer")
+        id_at, answer_at = header.index("id"), header.index("answer")
+        from_at = header.index("from") if "from" in header else None
+        for row in table:
+            if len(row) > max(id_at, answer_at):
+                reading = row[from_at] if from_at is not None and len(row) > from_at else ""
+                yield row[id_at], reading, row[answer_at]
+    except csv.Error as fault:
+        raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
+
+
+def _collected(rows: Iterable[tuple[str, str, str]], store: Store, default_reading: str | None) -> Answers:
+    answers = Answers()
+    for id_, reading, answer in rows:
+        id_, reading, answer = id_.strip(), reading.strip(), answer.strip()
+        if not answer:
+            continue
+        if id_ not in store:
+            if len(answers.unknown) < _MOST_UNKNOWN:
+                answers.unknown.append(id_[:200])
+            continue
+        if id_ in answers.given:
+            answers.repeated.append(id_)
+            continue
+        if not reading:
+            reading = default_reading or ("doubles" if "doubles" in store[id_].values else "decimals")
+            answers.undeclared += default_reading is None
+        if reading not in _READINGS:
+            raise InputError(f"the column from says decimals or doubles, not '{reading[:40]}'")
+        answers.given[id_] = reading, answer[:_LONGEST]
+    return answers

@@ -1,0 +1,227 @@
+"""Making the reference files: in pieces that are kept as soon as they are computed, on as many cores as there are.
+
+A piece is a few items of one kind. Its result goes to ``.work`` in the output folder, under a name made from what was
+asked; a later run takes it from there. Files are put together when all their pieces exist, and renamed into place, the
+manifest last. Nothing in them depends on time or order, so a second run makes the same bytes on the same machine.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify import __version__
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.evidence.reference.entries import Item, Kind, answered, as_doubles
+from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
+from tippedisk_verify.evidence.reference.manifest import FORMAT, STATIC, write_manifest
+from tippedisk_verify.evidence.reference.places import SETS
+from tippedisk_verify.evidence.reference.store import data_folder
+from tippedisk_verify.files import output_folder, write_text
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+
+__all__ = ["Piece", "computed", "file_text", "generate", "pieces_of", "values_csv"]
+
+Advance = Callable[[str, int], None]
+_COLUMNS = (
+    *("id", "quantity", "unit", "value", "uncertainty", "value_from_doubles", "uncertainty_from_doubles", "grade"),
+)
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some items of one kind and set, computed together."""
+
+    kind: str
+    set: str
+    items: tuple[Item, ...]
+
+    @property
+    def key(self) -> str:
+        """A name made from everything that the result depends on."""
+        asked = [[item.id, dict(item.inputs), list(item.readings)] for item in self.items]
+        text = json.dumps([__version__, FORMAT, self.kind, self.set, asked], sort_keys=True)
+        return f"{self.kind}-{self.set}-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+
+
+def pieces_of(kind: Kind, set_name: str) -> list[Piece]:
+    """The kind's items for one set, in pieces."""
+    items = kind.items(set_name)
+    return [Piece(kind.name, set_name, tuple(items[n : n + kind.chunk])) for n in range(0, len(items), kind.chunk)]
+
+
+def computed(piece: Piece, folder: Path) -> list[dict[str, Any]]:
+    """The piece's entries: from the work folder if they are there, otherwise computed and left there."""
+    path = folder / f"{piece.key}.json"
+    if path.exists():
+        try:
+            entries: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
+            return entries
+        except ValueError:  # damaged by something else than us: our own writes are whole
+            pass
+    kind = kind_named(piece.kind)
+    entries = [answered(kind, item) for item in piece.items]
+    write_text(path, json.dumps(entries))
+    return entries
+
+
+def generate(
+    out: Path,
+    *,
+    only: Sequence[str] = (),
+    sets: Sequence[str] = SETS,
+    executor: Executor | None = None,
+    advance: Advance = lambda label, steps: None,
+) -> list[Path]:
+    """Make the files of the kinds named (all if none are) and the manifest; returns what was written.
+
+    Raises InputError for an unknown kind or set or a folder that cannot be written, Shortfall if two roads to a number
+    exclude each other.
+    """
+    kinds = [kind_named(name) for name in dict.fromkeys(only)] or list(KINDS)
+    for name in sets:
+        if name not in SETS:
+            raise InputError(f"reference data are made for {', '.join(SETS)}, not '{name[:40]}'")
+    folder = output_folder(out)
+    work = output_folder(folder / ".work")
+    with _alone(work):
+        _remove_remains(folder)
+        return _generate(folder, work, kinds, sets, executor, advance)
+
+
+@contextmanager
+def _alone(work: Path) -> Iterator[None]:
+    """Refuse a second run into the same folder; the system forgets the lock of a run that was killed."""
+    try:
+        import fcntl
+    except ImportError:  # no such lock on this system: two runs would only repeat each other's work
+        yield
+        return
+    with open(work / "lock", "w") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(
+                f"another run is generating into {work.parent}: wait for it, or give another --out"
+            ) from None
+        yield
+
+
+def _remove_remains(folder: Path) -> None:
+    """What a killed run left unfinished beside its targets; all such names start with a dot."""
+    for path in folder.rglob(".*-*"):
+        if path.is_file():
+            path.unlink(missing_ok=True)
+
+
+def _generate(
+    folder: Path,
+    work: Path,
+    kinds: Sequence[Kind],
+    sets: Sequence[str],
+    executor: Executor | None,
+    advance: Advance,
+) -> list[Path]:
+    results: dict[tuple[str, str], list[list[dict[str, Any]]]] = {}
+    waiting: dict[Future[list[dict[str, Any]]], tuple[Piece, int]] = {}
+    for kind in kinds:
+        for set_name in sets:
+            pieces = pieces_of(kind, set_name)
+            results[kind.name, set_name] = [[] for _ in pieces]
+            for place, piece in enumerate(pieces):
+                if executor is None:
+                    results[kind.name, set_name][place] = computed(piece, work)
+                    advance(piece.items[0].id, len(piece.items))
+                else:
+                    waiting[executor.submit(computed, piece, work)] = piece, place
+    for done in as_completed(waiting):
+        piece, place = waiting[done]
+        results[piece.kind, piece.set][place] = done.result()
+        advance(piece.items[0].id, len(piece.items))
+    written = []
+    for (kind_name, set_name), pieces_done in results.items():
+        entries = [entry for piece_done in pieces_done for entry in piece_done]
+        target = output_folder(folder / set_name) / f"{kind_name}.json"
+        written.append(write_text(target, file_text(kind_named(kind_name), set_name, entries)))
+    for set_name in sets:
+        documents = [
+            json.loads(path.read_text(encoding="utf-8"))
+            for kind in KINDS
+            if (path := folder / set_name / f"{kind.name}.json").exists()
+        ]
+        written.append(write_text(folder / set_name / "values.csv", values_csv(documents)))
+    written += [
+        write_text(folder / name, (data_folder() / name).read_text(encoding="utf-8"))
+        for name in STATIC
+        if not (folder / name).exists()
+    ]
+    written.append(write_manifest(folder))
+    # A worker of a killed run may still be writing into it; what it leaves is taken up or removed next time.
+    shutil.rmtree(work, ignore_errors=True)
+    return written
+
+
+def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
+    """A reference file: one quantity to a line, so that a changed number is a changed line."""
+    parameters = Parameters.named(set_name)
+    doubles = as_doubles(parameters)
+    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+    head = {
+        "format": FORMAT,
+        "kind": kind.name,
+        "level": kind.level,
+        "says": kind.says,
+        "set": set_name,
+        "parameters": {
+            name: {
+                "decimal": Measured.of(getattr(parameters, name), 0).decimals()[0],
+                "double": float(getattr(doubles, name)).hex(),
+            }
+            for name in names
+        },
+        "methods": {road.name: {"says": road.says, "independent": road.independent} for road in kind.roads},
+    }
+    lines = ["{"]
+    lines += [f" {_json(name)}: {_json(value)}," for name, value in head.items()]
+    lines.append(' "entries": [')
+    for n, entry in enumerate(entries):
+        lines.append("  {")
+        lines += [f"   {_json(name)}: {_json(value)}," for name, value in entry.items() if name != "quantities"]
+        lines.append('   "quantities": {')
+        quantities = [f"    {_json(name)}: {_json(value)}" for name, value in entry["quantities"].items()]
+        lines.append(",\n".join(quantities))
+        lines.append("   }")
+        lines.append("  }" + "," * (n < len(entries) - 1))
+    return "\n".join([*lines, " ]", "}", ""])
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def values_csv(documents: Sequence[dict[str, Any]]) -> str:
+    """All numbers of a set as one table, for those who would rather not read JSON."""
+    stream = io.StringIO(newline="")
+    table = csv.writer(stream, lineterminator="\n")
+    table.writerow(_COLUMNS)
+    for document in documents:
+        for entry in document["entries"]:
+            for name, quantity in entry["quantities"].items():
+                doubles = quantity.get("from_doubles", {"value": "", "uncertainty": ""})
+                table.writerow(
+                    (
+                        *(entry["id"], name, quantity["unit"], quantity["value"], quantity["uncertainty"]),
+                        *(doubles["value"], doubles["uncertainty"], quantity["grade"]),
+                    )
+                )
+    return stream.getvalue()

@@ -1,0 +1,93 @@
+"""The manifest: what files there are, what made them, and the hash that each must have, its own included."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify import __version__
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import write_text
+
+__all__ = ["COMMAND", "FORMAT", "STATIC", "faults_in_files", "read_manifest", "write_manifest"]
+
+FORMAT = 1
+COMMAND = "tippedisk-verify reference generate --out reference_data"
+#: Written by hand, and taken along to where data are generated.
+STATIC = ("README.md", "schema.json")
+_NAME = "manifest.json"
+_LARGEST = 64_000_000
+
+
+def write_manifest(folder: Path) -> Path:
+    """Hash all files of the folder and say so; written last, when all others are in place."""
+    files = {
+        path.relative_to(folder).as_posix(): {"sha256": _hash(path.read_bytes()), "bytes": path.stat().st_size}
+        for path in _files(folder)
+    }
+    content = {"format": FORMAT, "generator": f"tippedisk-verify {__version__}", "command": COMMAND, "files": files}
+    return write_text(folder / _NAME, _text(content))
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest as it stands. Raises InputError if it is missing or cannot be read."""
+    path = folder / _NAME
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
+            raise ValueError
+    except OSError as fault:
+        raise InputError(f"{path} cannot be read: {fault.strerror or fault}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} is damaged: it is not the JSON that reference generate writes") from None
+    return content
+
+
+def faults_in_files(folder: Path) -> list[str]:
+    """A line for each file that is missing, changed or unknown; the manifest's own bytes are held against its hash."""
+    try:
+        content = read_manifest(folder)
+    except InputError as fault:
+        return list(fault.faults)
+    faults = []
+    told = {name: value for name, value in content.items() if name != "sha256"}
+    if (folder / _NAME).read_bytes() != _text(told).encode():
+        faults.append(f"{_NAME} has been changed")
+    for name, expected in content["files"].items():
+        path = folder / name
+        if ".." in Path(name).parts or Path(name).is_absolute() or not path.is_file():
+            faults.append(f"{name[:200]} is missing")
+        elif not isinstance(expected, dict) or path.stat().st_size > _LARGEST:
+            faults.append(f"{name[:200]} has been changed")
+        elif _hash(path.read_bytes()) != expected.get("sha256"):
+            faults.append(f"{name[:200]} has been changed: its SHA-256 is not the manifest's")
+    known = set(content["files"])
+    faults += [
+        f"{name[:200]} is not in the manifest"
+        for path in _files(folder)
+        if (name := path.relative_to(folder).as_posix()) not in known
+    ]
+    return faults
+
+
+def _files(folder: Path) -> list[Path]:
+    """Everything but the manifest and what starts with a dot, sorted."""
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.is_file()
+        and path != folder / _NAME
+        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    )
+
+
+def _text(content: dict[str, Any]) -> str:
+    """With the hash of everything before it as its last entry."""
+    own = _hash(json.dumps(content, sort_keys=True).encode())
+    return json.dumps({**content, "sha256": own}, indent=1) + "\n"
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
