@@ -216,9 +216,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except SystemExit as stop:  # how click ends when the reader of our output has had enough
+        return 0 if stop.code == 1 else int(stop.code or 0)
     except OSError as fault:
-        where = f" {fault.filename}" if fault.filename else ""
-        return _refused(f"cannot write{where}: {fault.strerror or fault}")
+        where = f"{fault.filename}: " if fault.filename else ""
+        return _refused(f"{where}{fault.strerror or fault}")
     finally:
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.default_int_handler)

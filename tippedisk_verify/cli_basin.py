@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.cli_common import Common, common_options, print_json, progress, speed, speed_options
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.cli_common import Common, common_options, print_json, processes, progress, speed, speed_options
 
 __all__ = ["COMMANDS"]
 
@@ -29,29 +28,14 @@ def basin(
     out: str | None,
 ) -> int:
     """What each of many initial states ends on: picture, and fractions with their sampling error."""
-    import os
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
     from tippedisk_verify.files import output_folder
     from tippedisk_verify.orbits.basins import basins
 
-    if jobs is not None and not 1 <= jobs <= 4096:
-        raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
     value = speed(common, omega, below_crit)
     folder = None if out is None else output_folder(out)
     options = {"friction": common.friction, "count": count, "duration": seconds, "v": velocity}
-    with progress(common, count) as advance:
-        workers = jobs or os.cpu_count() or 1
-        if workers == 1 or count < 10_000:
-            found = basins(common.parameters, value, advance=advance, **options)
-        else:
-            # Fresh processes: what the parent has compiled and its threads are not for forking.
-            pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-            try:
-                found = basins(common.parameters, value, advance=advance, executor=pool, **options)
-            finally:
-                pool.shutdown(wait=False, cancel_futures=True)
+    with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
+        found = basins(common.parameters, value, advance=advance, executor=pool, **options)
     if folder is not None:
         from tippedisk_verify.plots import draw_basins, save
         from tippedisk_verify.report import write_basins

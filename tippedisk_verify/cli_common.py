@@ -158,6 +158,63 @@ def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]
         yield advance
 
 
+@contextmanager
+def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Any]:
+    """A pool of fresh processes, or None where one process does or none is needed.
+
+    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
+    processes that makes no sense.
+    """
+    import os
+    import signal
+    import threading
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    if jobs is not None and not 1 <= jobs <= 4096:
+        raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
+    workers = jobs or os.cpu_count() or 1
+    if workers == 1 or not needed:
+        yield None
+        return
+    # Fresh processes: what the parent has compiled and its threads are not for forking.
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_end_with_parent)
+    main = threading.current_thread() is threading.main_thread()
+    # What is ignored here is ignored in the processes started now, from their first moment on.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
+    try:
+        for _ in range(workers):
+            pool.submit(_nothing)
+    finally:
+        if main:
+            signal.signal(signal.SIGINT, before)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _nothing() -> None:
+    """Makes the pool start a process."""
+
+
+def _end_with_parent() -> None:
+    """In a worker: leave when the process that started it is gone, even if it was killed."""
+    import os
+    import threading
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 class Interrupts:
     """Ctrl-C, remembered as well as raised: an extension module that is being imported may clear the exception."""
 

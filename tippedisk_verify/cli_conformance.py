@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -12,9 +14,12 @@ from tippedisk_verify.errors import InputError
 __all__ = ["COMMANDS"]
 
 
-@click.group()
-def conformance() -> None:
+@click.group(invoke_without_command=True)
+@click.pass_context
+def conformance(context: click.Context) -> None:
     """Ask another implementation, and grade its answers in digits."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 @conformance.command()
@@ -34,6 +39,7 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
     if target.suffix.lower() not in (".csv", ".json"):
         raise InputError(f"'{file[:60]}' must end in .csv or .json: that decides the form of the sheet")
     store = stored()
+    _refuse_filled_in(target, store)
     chosen = asked(store, sets=sets, frictions=laws, levels=_levels(levels))
     write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
     if common.json:
@@ -43,13 +49,27 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
     return 0
 
 
+def _refuse_filled_in(target: Path, store: Any) -> None:
+    """A sheet that somebody has filled in is not written over."""
+    from tippedisk_verify.evidence.conformance.sheet import read_answers
+
+    if not target.exists():
+        return
+    try:
+        given = len(read_answers(target, store).given)
+    except InputError:
+        return  # no sheet
+    if given:
+        raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
+
+
 def _levels(text: str | None) -> tuple[int, ...]:
     if text is None:
         return ()
-    first, _, last = text.partition("-")
-    if not (first.isdecimal() and (last.isdecimal() or not last)) or len(text) > 5:
+    found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
+    if found is None:
         raise InputError(f"--levels is a number or a range such as 1-3, not '{text[:40]}'")
-    ends = int(first), int(last or first)
+    ends = int(found[1]), int(found[2] or found[1])
     if not 1 <= ends[0] <= ends[1] <= 9:
         raise InputError(f"levels go from 1 to 9, not '{text[:40]}'")
     return tuple(range(ends[0], ends[1] + 1))
@@ -69,7 +89,7 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     from tippedisk_verify.evidence.conformance.pages import Report, html_page, print_report
     from tippedisk_verify.evidence.conformance.sheet import read_answers
     from tippedisk_verify.evidence.reference.store import stored
-    from tippedisk_verify.files import output_file, write_text
+    from tippedisk_verify.files import output_file, printable, write_text
 
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
@@ -79,7 +99,7 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     grades = graded(answers, store)
     sets = {store[one.id].set for one in grades}
     asked = [quantity for quantity in store.values() if not sets or quantity.set in sets]
-    report = Report(Path(file).name, answers, grades, levels_of(grades, asked), diagnosed(grades, store))
+    report = Report(printable(Path(file).name), answers, grades, levels_of(grades, asked), diagnosed(grades, store))
     if target is not None:
         write_text(target, html_page(report))
     if common.json:

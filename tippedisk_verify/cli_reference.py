@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import click
 
-from tippedisk_verify.cli_common import Common, plain_options, print_json, progress
+from tippedisk_verify.cli_common import Common, plain_options, print_json, processes, progress
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]
 
 
-@click.group()
-def reference() -> None:
+@click.group(invoke_without_command=True)
+@click.pass_context
+def reference(context: click.Context) -> None:
     """Reference values: make them, check them, read them."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 @reference.command()
@@ -56,7 +56,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
     from tippedisk_verify.evidence.reference.store import data_folder
 
     folder = data_folder() if data is None else Path(data)
-    with progress(common, 0) as advance, processes(jobs if sample or everything else 1) as pool:
+    with progress(common, 0) as advance, processes(jobs, needed=bool(sample) or everything) as pool:
         report = checked(folder, sample=None if everything else sample, seed=seed, executor=pool, advance=advance)
     if common.json:
         print_json(report.json())
@@ -111,27 +111,6 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
             slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
             click.echo(f"  condition     {slopes or 'depends on nothing'}")
     return 0
-
-
-@contextmanager
-def processes(jobs: int | None) -> Iterator[Any]:
-    """A pool of fresh processes, or None where one process does; ended at once if the caller is interrupted."""
-    import os
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    if jobs is not None and not 1 <= jobs <= 4096:
-        raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
-    workers = jobs or os.cpu_count() or 1
-    if workers == 1:
-        yield None
-        return
-    # Fresh processes: what the parent has compiled and its threads are not for forking.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
 
 
 COMMANDS = (reference,)

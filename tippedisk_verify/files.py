@@ -8,11 +8,12 @@ import os
 import tempfile
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from glob import escape
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["output_file", "output_folder", "write_bytes", "write_csv", "write_text"]
+__all__ = ["output_file", "output_folder", "printable", "remains_of", "write_bytes", "write_csv", "write_text"]
 
 
 def output_folder(path: str | Path) -> Path:
@@ -29,7 +30,21 @@ def output_folder(path: str | Path) -> Path:
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
-    """Replace ``path`` by ``content``; a reader sees the old file or the new one, never a part."""
+    """Replace ``path`` by ``content``; a reader sees the old file or the new one, never a part.
+
+    A link stays; what it points to is replaced. Raises InputError for what is no regular file, or cannot be written.
+    """
+    if path.is_symlink():
+        path = path.resolve()
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} cannot be written: it is not a regular file")
+    try:
+        return _write_beside(path, content)
+    except OSError as fault:
+        raise InputError(f"{path} cannot be written: {fault.strerror or fault}") from None
+
+
+def _write_beside(path: Path, content: bytes) -> Path:
     descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
@@ -45,6 +60,16 @@ def write_bytes(path: Path, content: bytes) -> Path:
             os.unlink(beside)
         raise
     return path
+
+
+def remains_of(path: Path) -> list[Path]:
+    """What an interrupted `write_bytes` of this path left beside it."""
+    return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8)) if path.parent.is_dir() else []
+
+
+def printable(text: str) -> str:
+    """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
+    return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def write_text(path: Path, content: str) -> Path:
@@ -64,6 +89,6 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 def output_file(path: str) -> Path:
     """The file to write to. Raises InputError if it cannot be one."""
     found = Path(path)
-    if not path or not found.parent.is_dir() or found.is_dir():
+    if not path or not found.parent.is_dir() or (found.exists() and not found.is_file()):
         raise InputError(f"'{path}' cannot be written: it needs an existing folder and a file name")
     return found

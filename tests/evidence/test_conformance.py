@@ -152,6 +152,12 @@ def test_numbers_of_any_kind_are_graded(answer: object) -> None:
     assert compare(OMEGA_CRIT, answer).verdict == "wrong"
 
 
+@pytest.mark.parametrize("answer", [None, [1], {}, b"1", 1j, True, object(), "abc", "1_000", "", "9" * 3000])
+def test_what_cannot_be_compared(answer: object) -> None:
+    with pytest.raises(InputError):
+        compare(OMEGA_CRIT, answer)
+
+
 @pytest.mark.parametrize(
     ("answer", "verdict"),
     [
@@ -160,9 +166,32 @@ def test_numbers_of_any_kind_are_graded(answer: object) -> None:
     ],
 )  # fmt: skip
 def test_what_is_no_number(answer: object, verdict: str) -> None:
-    grade = compare(OMEGA_CRIT, answer)
+    (grade,) = graded(_answers({OMEGA_CRIT: str(answer)}), stored())
     assert grade.verdict == verdict
     assert grade.failed
+    if verdict == "not-a-number":
+        assert compare(OMEGA_CRIT, answer).verdict == verdict
+
+
+def test_the_nearest_double_is_exact(store: Store) -> None:
+    """Its last digits are not the truth's, but no program in doubles can have better ones."""
+    for quantity in store.matching("printed/both/rhs/0"):
+        assert compare(quantity.id, float(quantity)).verdict == "exact"
+        assert compare(quantity.id, f"{float(quantity) * (1 + 1e-14):.16e}").verdict == "agrees"
+
+
+def test_rounding_explains_no_nonsense() -> None:
+    """Next to the connection rounded inputs can change everything; that makes nonsense no answer."""
+    for answer in ("123456789", "-1000", "0"):
+        grade = compare("printed/linear/near-heteroclinic/het+1e-30/period", answer, reading="decimals")
+        assert grade.verdict == "wrong"
+
+
+def test_answers_that_no_double_can_have_are_still_graded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("id,from,answer\nprinted/linear/near-heteroclinic/het+1e-20/period,doubles,25.1\n")
+    assert main(["conformance", "grade", str(path), "--html", str(tmp_path / "a.html")]) == 0
+    assert "no answer could be graded" in capsys.readouterr().out
 
 
 def test_near_the_connection_doubles_have_no_truth() -> None:
@@ -189,7 +218,7 @@ def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
     [
         b"", b"\0\0\0", b"\xff\xfe\x00", b"a,b\n1,2\n", b"{", b"{}", b'{"questions": 3}', b'{"questions": [1]}', b"[1]",
         b'{"a":' * 100_000, b"id,answe", b'id,from,answer\nprinted/both/rhs/001/M,guess,1\n',
-        b'id,answer\n"' + b"x" * 200_000,
+        b'id,answer\n"' + b"x" * 200_000, b"id,answer\nprinted/both/rhs/001/M,0,5\n", b'id,answer\n"printed/both,1\n',
     ],
 )  # fmt: skip
 def test_files_that_are_no_sheet(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,6 +227,25 @@ def test_files_that_are_no_sheet(content: bytes, tmp_path: Path, capsys: pytest.
     assert status == 2
     assert told.count("\n") == 1
     assert "Traceback" not in told
+
+
+def test_json_answers_given_twice_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(f'{{"answers": {{"{OMEGA_CRIT}": 30.88659268864357, "{OMEGA_CRIT}": 5, "\\ud800\\u001b": 1}}}}')
+    assert main(["conformance", "grade", str(path), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["repeated"] == [OMEGA_CRIT]
+    assert result["unknown"] == ["??"]
+    assert not any(grade["verdict"] == "wrong" for grade in result["grades"])
+
+
+def test_a_sheet_with_answers_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"id,answer\n{OMEGA_CRIT},30.9\n")
+    assert main(["conformance", "questions", str(path)]) == 2
+    assert "has 1 answers" in capsys.readouterr().err
+    path.write_text("id,answer\n")
+    assert main(["conformance", "questions", str(path), "--levels", "3", "--quiet"]) == 0
 
 
 def test_a_huge_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -215,9 +263,10 @@ def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.Cap
     path.write_text("\ufeffid,answer\n" + rows)
     assert main(["conformance", "grade", str(path), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert [grade["verdict"] for grade in result["grades"]] == ["agrees"]
+    assert [grade["verdict"] for grade in result["grades"]] == ["exact"]
     assert result["unknown"] == ["../../etc/passwd"]
-    assert len(result["remarks"]) == 3
+    assert len(result["remarks"]) == 4
+    assert result["repeated"] == [OMEGA_CRIT]
     assert result["first_failing_level"] is None
 
 
@@ -347,6 +396,17 @@ def test_two_mistakes_and_unlisted_ones_stay_unexplained(store: Store) -> None:
         (diagnosis,) = diagnosed(graded(_answers(answers(change)), store), store)
         assert diagnosis.causes == ()
         assert "unexplained" in diagnosis.says()
+
+
+@pytest.mark.parametrize("places", [4, 5])
+def test_crude_crossing_times_are_no_known_mistake(places: int, store: Store) -> None:
+    """Right answers, but for crossings located badly: nothing in the list does that."""
+    given = {
+        quantity.id: repr(round(float(quantity), places) if "crossing_time" in quantity.id else float(quantity))
+        for quantity in store.matching("printed/linear/trajectory/")
+    }
+    for diagnosis in diagnosed(graded(_answers(given), store), store):
+        assert diagnosis.causes == ()
 
 
 def test_equations_that_pass_are_not_blamed_later(store: Store) -> None:

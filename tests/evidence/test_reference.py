@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -192,6 +193,7 @@ def test_any_flipped_bit_is_reported(tmp_path: Path) -> None:
         assert faults_in_files(folder)
     manifest.write_bytes(content)
     (folder / "printed" / "extra.json").write_text("{}")
+    (folder / "notes.txt").write_text("not data")
     assert faults_in_files(folder) == ["printed/extra.json is not in the manifest"]
 
 
@@ -199,10 +201,10 @@ def test_a_manifest_that_points_elsewhere_reads_nothing(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("x")
     folder = tmp_path / "data"
     folder.mkdir()
-    (folder / "a.txt").write_text("x")
+    (folder / "README.md").write_text("x")
     write_manifest(folder)
     content = json.loads((folder / "manifest.json").read_text())
-    content["files"]["../secret"] = content["files"]["a.txt"]
+    content["files"]["../secret"] = content["files"]["README.md"]
     (folder / "manifest.json").write_text(json.dumps(content))
     assert "../secret is missing" in faults_in_files(folder)
 
@@ -269,6 +271,33 @@ def test_fifty_kills(tmp_path: Path) -> None:
     assert _survives(tmp_path, 50, 12) > 25
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tippedisk_verify", "reference", "generate", "--quiet", "--jobs", "2"]
+    run = subprocess.Popen([*command, "--out", str(tmp_path)], stderr=subprocess.DEVNULL, start_new_session=True)
+
+    def alive() -> list[str]:
+        found = []
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with contextlib.suppress(OSError):
+                fields = path.read_text().rsplit(")", 1)[1].split()
+                if int(fields[3]) == run.pid and fields[0] != "Z":  # the session that the run leads
+                    found.append(path.parent.name)
+        return found
+
+    until = time.monotonic() + 60
+    while len(alive()) < 3 and time.monotonic() < until:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    run.send_signal(how)
+    assert run.wait(timeout=60) == (130 if how == signal.SIGINT else -how)
+    until = time.monotonic() + 60
+    while alive() and time.monotonic() < until:
+        time.sleep(0.2)
+    assert alive() == []
+
+
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
     fcntl = pytest.importorskip("fcntl")
     (tmp_path / ".work").mkdir()
@@ -278,7 +307,42 @@ def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
             generate(tmp_path, only=("hopf",))
 
 
-def test_damaged_pieces_are_computed_again(tmp_path: Path) -> None:
+def test_a_strangers_files_are_left_alone(tmp_path: Path) -> None:
+    strange = [tmp_path / ".pre-commit-config", tmp_path / "sub" / ".env-local", tmp_path / "mydoc.txt"]
+    (tmp_path / "sub").mkdir()
+    for path in strange:
+        path.write_text("mine")
+    generate(tmp_path, only=("hopf",))
+    assert all(path.read_text() == "mine" for path in strange)
+    assert check(tmp_path, sample=0).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("schema.json", "{"), ("schema.json", "5"), ("schema.json", '{"type":"foo"}'),
+        ("schema.json", '{"$ref":"http://example.invalid/x"}'), ("printed/hopf.json", "{"),
+        ("printed/hopf.json", "[" * 100_000), ("printed/hopf.json", '{"entries": 5}'), ("printed/values.csv", "\udcff"),
+    ],
+)  # fmt: skip
+def test_forged_folders_are_told(name: str, content: str, tmp_path: Path) -> None:
+    """Damage with a manifest that fits is somebody's work; it still gives lines, not tracebacks."""
+    folder = tmp_path / "data"
+    shutil.copytree(data_folder(), folder)
+    (folder / name).write_bytes(content.encode(errors="surrogateescape"))
+    write_manifest(folder)
+    assert check(folder, sample=0).faults
+
+
+def test_a_folder_without_values_is_no_data(tmp_path: Path) -> None:
+    for name in ("README.md", "schema.json"):
+        shutil.copy(data_folder() / name, tmp_path)
+    write_manifest(tmp_path)
+    assert check(tmp_path, sample=0).faults == ("there are no reference values",)
+
+
+@pytest.mark.parametrize("left", ['[{"id": "pri', "null", "5", "[5]", "[{}]", "[]", "[" * 100_000])
+def test_damaged_pieces_are_computed_again(left: str, tmp_path: Path) -> None:
     generate(tmp_path / "whole", only=("hopf",))
     from tippedisk_verify.evidence.reference.generation import pieces_of
     from tippedisk_verify.evidence.reference.kinds import kind_named
@@ -287,7 +351,7 @@ def test_damaged_pieces_are_computed_again(tmp_path: Path) -> None:
     work.mkdir(parents=True)
     for name in SETS:
         for piece in pieces_of(kind_named("hopf"), name):
-            (work / f"{piece.key}.json").write_text('[{"id": "pri')
+            (work / f"{piece.key}.json").write_text(left)
     generate(tmp_path / "other", only=("hopf",))
     assert _bytes(tmp_path / "other") == _bytes(tmp_path / "whole")
 

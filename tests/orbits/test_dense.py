@@ -41,7 +41,7 @@ def check_half_widths(branch: DenseBranch, taylor, count: int, seed: int) -> Non
     for k, omega in enumerate(omegas.tolist()):
         speed = Fraction(omega)
         shot = periodic.shoot(branch.parameters, speed, (cycles.gamma_bar_0[k], cycles.v_0[k]), taylor)
-        truth = periodic._numbers(branch.parameters, speed, shot, taylor, EXTENDED)
+        truth = periodic.cycle_numbers(branch.parameters, speed, shot, taylor, EXTENDED)
         for name in ALL:
             exact = fraction(truth[name])
             error = abs(Fraction(float(getattr(cycles, name)[k])) - exact)

@@ -15,7 +15,14 @@ from decimal import Decimal
 from typing import Any
 
 from tippedisk_verify.evidence.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.evidence.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
+from tippedisk_verify.evidence.conformance.grading import (
+    FAILS_BELOW,
+    LEVEL_NAMES,
+    Grade,
+    as_decimal,
+    digits_between,
+    scale_of,
+)
 from tippedisk_verify.evidence.conformance.predictions import predicted
 from tippedisk_verify.evidence.conformance.sheet import placed
 from tippedisk_verify.evidence.reference.store import Quantity, Store
@@ -170,6 +177,10 @@ def _fit(
             digits = _digits(answers[quantity.id], expected[quantity.id], quantity)
             if digits < FAILS_BELOW[level]:
                 return None
+            # A prediction that is the truth explains no wrong answer.
+            differs = _digits(Decimal(truth[quantity.id]), expected[quantity.id], quantity) < FAILS_BELOW[level]
+            if quantity.id in wrong and not differs:
+                return None
             if quantity.id in wrong:
                 tried.add(quantity.id)
                 least = min(least, digits)
@@ -178,17 +189,13 @@ def _fit(
 
 def near_float(answer: Decimal) -> float:
     """The nearest double, or infinity for what has none."""
-    return float(answer) if abs(answer.adjusted()) < 300 else math.inf
+    return float(answer) if not answer or abs(answer.adjusted()) < 300 else math.inf
 
 
 def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
-    """In floats: a prediction has no more."""
-    away = abs(near_float(answer) - expected)
-    if not away:
-        return 16.0
-    size = max(abs(expected), abs(float(quantity)))
-    if quantity.level == 1:
-        size = max([size, *(abs(float(slope)) for slope in quantity.condition.values())])
-    elif quantity.level in (2, 6):
-        size = max(size, 1.0)
-    return -math.log10(away / size) if size and math.isfinite(away) else -99.0
+    """By the same measure as against the truth; a prediction has no more than sixteen."""
+    if not math.isfinite(expected):
+        return -99.0
+    prediction = Decimal(expected)
+    scale = max(scale_of(quantity, prediction), scale_of(quantity, Decimal(float(quantity))))
+    return digits_between(answer, prediction, scale, 16.0)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, localcontext
+from fractions import Fraction
 from statistics import median
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.conformance.sheet import Answers, placed
 from tippedisk_verify.evidence.reference.store import Quantity, Reading, Store, reference
+from tippedisk_verify.files import printable
 
 __all__ = [
     "FAILS_BELOW",
@@ -37,6 +40,7 @@ LEVEL_NAMES = {
 _UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", "log_multiplier_slow")
 _PRECISION = 140  # digits of the arithmetic; Omega_h has 102
 _ROUNDING = 2.0**-52
+_SOME = 1.0  # digits that even rounded inputs must leave
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,7 @@ class LevelGrade:
     least: float  #: digits
     middle: float  #: median of the digits
     failed: int
+    rounded: int = 0  #: answers as far off as rounding the inputs explains
 
     @property
     def name(self) -> str:
@@ -93,6 +98,7 @@ class LevelGrade:
             "least_digits": round(self.least, 1) if self.answered else None,
             "median_digits": round(self.middle, 1) if self.answered else None,
             "failed": self.failed,
+            "rounding": self.rounded,
         }
 
 
@@ -122,8 +128,15 @@ def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float 
     return min(max(0.0 - near, -99.0), most)
 
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,9})?|[+-]?(nan|inf(inity)?)", re.ASCII | re.IGNORECASE)
+
+
 def as_decimal(text: str) -> Decimal:
     """The number that an answer says; Fortran's exponents too. Raises decimal.InvalidOperation."""
+    if not _NUMBER.fullmatch(text):
+        raise InvalidOperation
+    if text.lstrip("+-")[:1] in "nNiI":
+        return Decimal(text)
     return Decimal(text.replace("d", "e").replace("D", "e"))
 
 
@@ -143,7 +156,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         answer = as_decimal(text)
     except InvalidOperation:
         return failed("unreadable", "not a decimal number")
-    if not answer.is_finite() or abs(answer.adjusted()) > 100_000:
+    if not answer.is_finite() or (answer and abs(answer.adjusted()) > 100_000):
         return failed("not-a-number", "not a finite number")
     told = quantity.values.get(reading)  # type: ignore[call-overload]
     if told is None:
@@ -158,17 +171,23 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     away = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
-    if away <= uncertainty + half_unit and digits >= min(most, FAILS_BELOW[quantity.level]):
+    close = digits >= min(most, FAILS_BELOW[quantity.level])
+    if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
         verdict = "exact"
     elif digits >= FAILS_BELOW[quantity.level]:
         verdict = "agrees"
-    elif away <= _rounding(quantity):
+    elif digits >= _SOME and away <= _rounding(quantity):
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
     if reading == "decimals" and verdict != "exact" and "doubles" in quantity.values:
         other, width = (Decimal(part) for part in quantity.values["doubles"])
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     return Grade(quantity.id, quantity.level, reading, text, digits, verdict, told[0], note)
+
+
+def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
+    """Whether a double has no better answer: its seventeenth digit is not always the truth's."""
+    return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
 def _rounding(quantity: Quantity) -> Decimal:
@@ -197,6 +216,7 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelG
                 least=min(digits, default=math.nan),
                 middle=median(digits) if digits else math.nan,
                 failed=sum(grade.failed for grade in here),
+                rounded=sum(grade.verdict == "rounding" for grade in here),
             )
         )
     return found
@@ -210,21 +230,26 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
     quantity = reference(id_)
     if reading not in ("decimals", "doubles"):
         raise InputError(f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'")
-    text = answer.strip() if isinstance(answer, str) else _exact_text(answer)
+    text = answer.strip()[:2_001] if isinstance(answer, str) else _exact_text(answer)
+    if isinstance(answer, str) and (len(text) > 2_000 or not _NUMBER.fullmatch(text)):
+        raise InputError(f"an answer is a number or a decimal string, not '{printable(text)[:40]}'")
     with localcontext() as context:
         context.prec = _PRECISION
         return _grade(quantity, reading, text)
 
 
 def _exact_text(answer: object) -> str:
-    if isinstance(answer, int | float | Decimal):
+    if isinstance(answer, bool):
+        raise InputError(f"an answer is a number, not {answer}")
+    if isinstance(answer, float):
+        return repr(float(answer))
+    if isinstance(answer, int | Decimal):
         return str(Decimal(answer))
-    from tippedisk_verify.model.exact import fraction
+    from tippedisk_verify.model.exact import fraction, mantissa_exponent
 
-    try:
-        value = fraction(answer)
-    except InputError:
-        return "nan"
+    if not isinstance(answer, Fraction) and mantissa_exponent(answer) is None:
+        return "nan"  # an infinity or NaN of another kind of number
+    value = fraction(answer)
     with localcontext() as context:
         context.prec = _PRECISION
         return str(Decimal(value.numerator) / value.denominator)

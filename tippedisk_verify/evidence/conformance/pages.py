@@ -41,8 +41,12 @@ class Report:
         first = self.first_failure
         if first is None:
             reached = [level for level in self.levels if level.answered]
+            if not reached:
+                return "no answer could be graded"
             least = min(level.least for level in reached)
-            return f"{len(self.grades)} answers agree, the least with {least:.1f} digits"
+            said = f"{sum(level.answered for level in reached)} answers agree, the least with {least:.1f} digits"
+            rounded = sum(level.rounded for level in reached)
+            return said + (f"; {rounded} of them are off by what rounding the inputs does" if rounded else "")
         return f"level {first.level}, {first.name}, is the first that fails: {first.failed} of {first.answered} answers"
 
     def remarks(self) -> list[str]:
@@ -59,6 +63,8 @@ class Report:
                 f"{len(self.answers.repeated)} ids answered more than once, such as {self.answers.repeated[0]}; "
                 "the first answer counts"
             )
+        if self.answers.short:
+            said.append(f"{self.answers.short} rows end before the column answer")
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         if rounded:
             said.append(f"{rounded} answers said to be from decimals are the exact answers from doubles")
@@ -77,13 +83,14 @@ class Report:
             "diagnoses": [diagnosis.json() for diagnosis in self.diagnoses],
             "remarks": self.remarks(),
             "unknown": self.answers.unknown,
+            "repeated": self.answers.repeated,
             "grades": [grade.json() for grade in self.grades],
         }
 
     def worst(self) -> list[Grade]:
-        """Failures first, then by digits."""
+        """Failures of the first failing level first, then by digits."""
         graded = [grade for grade in self.grades if grade.verdict != "no-truth"]
-        return sorted(graded, key=lambda grade: (not grade.failed, grade.digits))[:_WORST]
+        return sorted(graded, key=lambda grade: (not grade.failed, grade.failed and grade.level, grade.digits))[:_WORST]
 
 
 def shade(digits: float) -> str:

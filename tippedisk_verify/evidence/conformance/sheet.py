@@ -17,6 +17,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.store import Quantity, Store
+from tippedisk_verify.files import printable
 
 __all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
 
@@ -42,6 +43,7 @@ class Answers:
     unknown: list[str] = field(default_factory=list)  #: ids that are no question
     repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
     undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
+    short: int = 0  #: rows that end before the column answer
 
 
 def placed(name: str) -> tuple[str, dict[str, str]]:
@@ -74,13 +76,16 @@ def questions(
                 raise InputError(
                     f"no reference data for {what} '{name!s:.40}': use {', '.join(map(str, sorted(known)))}"
                 )
-    return [
+    found = [
         quantity
         for quantity in store.values()
         if (not sets or quantity.set in sets)
         and (not frictions or quantity.friction in (*frictions, "both"))
         and (not levels or quantity.level in levels)
     ]
+    if not found:
+        raise InputError("there is no such question: levels 3 to 5 are for the linear friction law")
+    return found
 
 
 def _row(store: Store, quantity: Quantity) -> dict[str, str]:
@@ -124,11 +129,12 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     cannot be read as a sheet at all.
     """
     text = _text(path)
+    answers = Answers()
     try:
-        rows = _json_rows(text) if text.lstrip()[:1] == "{" else _csv_rows(text)
-        return _collected(rows, store, default_reading)
+        rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
+        return _collected(rows, store, default_reading, answers)
     except InputError as fault:
-        raise InputError(f"{path.name}: {fault}") from None
+        raise InputError(f"{printable(path.name)}: {fault}") from None
 
 
 def _text(path: Path) -> str:
@@ -142,13 +148,24 @@ def _text(path: Path) -> str:
         raise InputError(f"{path.name} is not a text file in UTF-8") from None
 
 
-def _json_rows(text: str) -> Iterable[tuple[str, str, str]]:
+def _json_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
+    def first_of_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for name, value in pairs:
+            if name in found:
+                answers.repeated.append(printable(name)[:200])
+            else:
+                found[name] = value
+        return found
+
     try:
         # Numbers stay text: a double would lose digits of a fifty-digit answer.
-        content = json.loads(text, parse_float=str, parse_int=str, parse_constant=str)
+        content = json.loads(text, parse_float=str, parse_int=str, parse_constant=str, object_pairs_hook=first_of_each)
     except (ValueError, RecursionError) as fault:
         reason = str(fault).splitlines()[0][:120]
         raise InputError(f"neither a CSV nor a JSON sheet: {reason}") from None
+    if not isinstance(content, dict):
+        raise InputError('a JSON sheet is an object with "questions" or "answers"')
     everywhere = content.get("from", "")
     if isinstance(content.get("answers"), dict):
         for id_, answer in content["answers"].items():
@@ -167,10 +184,10 @@ def _said(value: Any) -> str:
     return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
 
 
-def _csv_rows(text: str) -> Iterable[tuple[str, str, str]]:
+def _csv_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
-    table = csv.reader(io.StringIO(text, newline=""))
+    table = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         header = [name.strip() for name in next(table, [])]
         if "id" not in header or "answer" not in header:
@@ -178,17 +195,24 @@ def _csv_rows(text: str) -> Iterable[tuple[str, str, str]]:
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
         for row in table:
-            if len(row) > max(id_at, answer_at):
+            if len(row) > len(header):
+                raise InputError(
+                    f"line {table.line_num} has {len(row)} fields, the header {len(header)}: is there a decimal comma?"
+                )
+            if len(row) <= max(id_at, answer_at):
+                answers.short += bool(row)
+            else:
                 reading = row[from_at] if from_at is not None and len(row) > from_at else ""
                 yield row[id_at], reading, row[answer_at]
     except csv.Error as fault:
         raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
 
 
-def _collected(rows: Iterable[tuple[str, str, str]], store: Store, default_reading: str | None) -> Answers:
-    answers = Answers()
+def _collected(
+    rows: Iterable[tuple[str, str, str]], store: Store, default_reading: str | None, answers: Answers
+) -> Answers:
     for id_, reading, answer in rows:
-        id_, reading, answer = id_.strip(), reading.strip(), answer.strip()
+        id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
         if not answer:
             continue
         if id_ not in store:
@@ -202,6 +226,6 @@ def _collected(rows: Iterable[tuple[str, str, str]], store: Store, default_readi
             reading = default_reading or ("doubles" if "doubles" in store[id_].values else "decimals")
             answers.undeclared += default_reading is None
         if reading not in _READINGS:
-            raise InputError(f"the column from says decimals or doubles, not '{reading[:40]}'")
-        answers.given[id_] = reading, answer[:_LONGEST]
+            raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
+        answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
     return answers

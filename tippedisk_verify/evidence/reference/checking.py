@@ -15,6 +15,8 @@ from tippedisk_verify.evidence.reference.entries import Item, Reading, Values, c
 from tippedisk_verify.evidence.reference.generation import values_csv
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import faults_in_files
+from tippedisk_verify.evidence.reference.places import SETS
+from tippedisk_verify.files import printable
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 
@@ -93,10 +95,16 @@ def check(
     files = sum(1 for path in folder.rglob("*") if path.is_file())
     if faults:  # what was changed is known; its numbers need no second look
         return CheckReport(files, 0, 0, tuple(faults))
-    faults = _faults_in_form(folder)
+    try:
+        faults = _faults_in_form(folder)
+        entries = [] if faults else stored_entries(folder)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
+        # With hashes that fit: someone has written a manifest for files that are not of this program's making.
+        faults, entries = [f"the files are not reference data: {printable(str(fault))[:160]}"], []
+    if not faults and not entries:
+        faults = ["there are no reference values"]
     if faults:
         return CheckReport(files, 0, 0, tuple(faults))
-    entries = stored_entries(folder)
     numbers = sum(len(entry.quantities) * len(entry.item.readings) for entry in entries)
     chosen = _chosen(entries, sample, seed)
     redone = 0
@@ -145,12 +153,21 @@ def recomputed(entry: StoredEntry) -> tuple[int, list[str]]:
     return count, faults
 
 
+def _refused(uri: str) -> Any:
+    raise ValueError(f"it refers to {uri[:80]}")
+
+
 def _faults_in_form(folder: Path) -> list[str]:
     import fastjsonschema
 
     faults = []
-    valid = fastjsonschema.compile(json.loads((folder / "schema.json").read_text(encoding="utf-8")))
-    for set_folder in sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith(".")):
+    schema = json.loads((folder / "schema.json").read_text(encoding="utf-8"))
+    try:
+        # A schema refers to nothing outside itself; nothing is fetched.
+        valid = fastjsonschema.compile(schema, handlers={"http": _refused, "https": _refused, "file": _refused})
+    except Exception as fault:  # of the schema's author's making, any kind
+        return [f"schema.json is no schema: {printable(str(fault))[:160]}"]
+    for set_folder in (folder / name for name in SETS if (folder / name).is_dir()):
         documents = []
         for kind in KINDS:
             path = set_folder / f"{kind.name}.json"

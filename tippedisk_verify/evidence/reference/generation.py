@@ -26,7 +26,7 @@ from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import FORMAT, STATIC, write_manifest
 from tippedisk_verify.evidence.reference.places import SETS
 from tippedisk_verify.evidence.reference.store import data_folder
-from tippedisk_verify.files import output_folder, write_text
+from tippedisk_verify.files import output_folder, remains_of, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
@@ -64,15 +64,25 @@ def computed(piece: Piece, folder: Path) -> list[dict[str, Any]]:
     """The piece's entries: from the work folder if they are there, otherwise computed and left there."""
     path = folder / f"{piece.key}.json"
     if path.exists():
-        try:
-            entries: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-            return entries
-        except ValueError:  # damaged by something else than us: our own writes are whole
-            pass
+        found = _kept(path, piece)
+        if found is not None:  # otherwise damaged by something else than us: our own writes are whole
+            return found
     kind = kind_named(piece.kind)
     entries = [answered(kind, item) for item in piece.items]
     write_text(path, json.dumps(entries))
     return entries
+
+
+def _kept(path: Path, piece: Piece) -> list[dict[str, Any]] | None:
+    """What an earlier run has left, if it is what such a run leaves."""
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        whole = [entry["id"] for entry in entries] == [item.id for item in piece.items] and all(
+            isinstance(entry["quantities"], dict) and entry["quantities"] for entry in entries
+        )
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return entries if whole else None
 
 
 def generate(
@@ -118,10 +128,13 @@ def _alone(work: Path) -> Iterator[None]:
 
 
 def _remove_remains(folder: Path) -> None:
-    """What a killed run left unfinished beside its targets; all such names start with a dot."""
-    for path in folder.rglob(".*-*"):
-        if path.is_file():
-            path.unlink(missing_ok=True)
+    """What a killed run left unfinished beside its own targets."""
+    targets = [folder / name for name in (*STATIC, "manifest.json")]
+    targets += [folder / name / f"{kind.name}.json" for name in SETS for kind in KINDS]
+    targets += [folder / name / "values.csv" for name in SETS]
+    remains = [path for target in targets for path in remains_of(target)]
+    for path in (*remains, *(folder / ".work").glob(".*.json-*")):  # nobody else writes into .work
+        path.unlink(missing_ok=True)
 
 
 def _generate(
@@ -154,16 +167,16 @@ def _generate(
         target = output_folder(folder / set_name) / f"{kind_name}.json"
         written.append(write_text(target, file_text(kind_named(kind_name), set_name, entries)))
     for set_name in sets:
-        documents = [
-            json.loads(path.read_text(encoding="utf-8"))
-            for kind in KINDS
-            if (path := folder / set_name / f"{kind.name}.json").exists()
-        ]
-        written.append(write_text(folder / set_name / "values.csv", values_csv(documents)))
+        present = [path for kind in KINDS if (path := folder / set_name / f"{kind.name}.json").exists()]
+        try:
+            table = values_csv([json.loads(path.read_text(encoding="utf-8")) for path in present])
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None
+        written.append(write_text(folder / set_name / "values.csv", table))
     written += [
         write_text(folder / name, (data_folder() / name).read_text(encoding="utf-8"))
         for name in STATIC
-        if not (folder / name).exists()
+        if folder.resolve() != data_folder().resolve()
     ]
     written.append(write_manifest(folder))
     # A worker of a killed run may still be writing into it; what it leaves is taken up or removed next time.

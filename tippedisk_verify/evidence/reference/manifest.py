@@ -9,7 +9,8 @@ from typing import Any
 
 from tippedisk_verify import __version__
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_text
+from tippedisk_verify.evidence.reference.places import SETS
+from tippedisk_verify.files import printable, write_text
 
 __all__ = ["COMMAND", "FORMAT", "STATIC", "faults_in_files", "read_manifest", "write_manifest"]
 
@@ -56,7 +57,7 @@ def faults_in_files(folder: Path) -> list[str]:
     if (folder / _NAME).read_bytes() != _text(told).encode():
         faults.append(f"{_NAME} has been changed")
     for name, expected in content["files"].items():
-        path = folder / name
+        path, name = folder / name, printable(name)
         if ".." in Path(name).parts or Path(name).is_absolute() or not path.is_file():
             faults.append(f"{name[:200]} is missing")
         elif not isinstance(expected, dict) or path.stat().st_size > _LARGEST:
@@ -65,7 +66,7 @@ def faults_in_files(folder: Path) -> list[str]:
             faults.append(f"{name[:200]} has been changed: its SHA-256 is not the manifest's")
     known = set(content["files"])
     faults += [
-        f"{name[:200]} is not in the manifest"
+        f"{printable(name)[:200]} is not in the manifest"
         for path in _files(folder)
         if (name := path.relative_to(folder).as_posix()) not in known
     ]
@@ -73,14 +74,11 @@ def faults_in_files(folder: Path) -> list[str]:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Everything but the manifest and what starts with a dot, sorted."""
-    return sorted(
-        path
-        for path in folder.rglob("*")
-        if path.is_file()
-        and path != folder / _NAME
-        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    )
+    """The data: the files written by hand, and all in the sets' folders but what starts with a dot; sorted."""
+    found = [path for name in STATIC if (path := folder / name).is_file()]
+    for name in SETS:
+        found += [path for path in (folder / name).glob("*") if path.is_file() and not path.name.startswith(".")]
+    return sorted(found)
 
 
 def _text(content: dict[str, Any]) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
@@ -41,6 +42,8 @@ class Quantity:
         """
         from tippedisk_verify.model.exact import exact
 
+        if reading not in ("decimals", "doubles"):
+            raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
         if reading not in self.values:
             raise InputError(f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart")
         value, uncertainty = self.values[reading]
@@ -101,11 +104,11 @@ class Store(Mapping[str, Quantity]):
                     friction=entry["id"].split("/")[1],
                     name=name,
                     unit=found["unit"],
-                    inputs=entry["inputs"],
+                    inputs=MappingProxyType(entry["inputs"]),
                     values=values,
                     grade=found["grade"],
-                    methods=found["methods"],
-                    condition=found["condition"],
+                    methods=MappingProxyType(found["methods"]),
+                    condition=MappingProxyType(found["condition"]),
                 )
 
     def __getitem__(self, id_: str) -> Quantity:
@@ -145,6 +148,8 @@ def reference(id_: str) -> Quantity:
 
     Raises InputError if there is none, with the nearest ids.
     """
+    if not isinstance(id_, str):
+        raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
     found = stored().get(id_)
     if found is None:
         from difflib import get_close_matches

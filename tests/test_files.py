@@ -1,0 +1,56 @@
+"""Files are whole or absent, links stay links, and what is no regular file is left alone."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import output_file, printable, remains_of, write_bytes, write_text
+
+
+def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
+    target, link = tmp_path / "target", tmp_path / "link"
+    target.write_text("old")
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_special_files_are_refused(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="not a regular file"):
+        write_bytes(pipe, b"x")
+    with pytest.raises(InputError, match="cannot be written"):
+        output_file(str(pipe))
+    assert pipe.is_fifo()
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "data"
+    path.write_text("old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="data cannot be written: No space left"):
+        write_text(path, "new")
+    assert [item.name for item in tmp_path.iterdir()] == ["data"]
+    assert path.read_text() == "old"
+
+
+def test_only_own_remains_are_recognised(tmp_path: Path) -> None:
+    (tmp_path / ".data-abc_1234").write_text("x")
+    (tmp_path / ".data-base").write_text("x")
+    (tmp_path / ".data-ABCDEFGH").write_text("x")
+    assert [path.name for path in remains_of(tmp_path / "data")] == [".data-abc_1234"]
+
+
+def test_terminals_are_told_nothing() -> None:
+    assert printable("a\x1b[31m\nb\ud800é") == "a?[31m?b?é"
