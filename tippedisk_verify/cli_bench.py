@@ -2,32 +2,60 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
-from tippedisk_verify.cli_common import Common, common_options, print_json, progress
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.cli_common import Common, plain_options, print_json, progress
 
 __all__ = ["COMMANDS"]
 
 
 @click.command()
-@common_options
-def bench(common: Common) -> int:
-    """Run time against error: the paper's limit cycles, all together, one by one, and by SciPy."""
-    from tippedisk_verify.evidence.workprecision import race
+@click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
+@click.option(
+    "--only", multiple=True, metavar="PROBLEM", help="These problems only; `branch` is the paper's 801 cycles."
+)
+@click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
+@plain_options
+def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
+    """Run time against error, for six initial-value problems and the paper's branch of limit cycles."""
+    from tippedisk_verify.evidence.bench.branch_race import race
+    from tippedisk_verify.evidence.bench.methods import METHODS
+    from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named
+    from tippedisk_verify.evidence.bench.race import machine, raced
+    from tippedisk_verify.files import output_folder
+    from tippedisk_verify.model.parameters import PRINTED
 
-    if common.friction == "smooth":
-        raise InputError("limit cycles are offered for the linear friction law")
-    with progress(common, 21) as advance:
-        runs = race(common.parameters, advance)
+    names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
+    problems = [problem_named(name) for name in names if name != "branch"]
+    methods = METHODS
+    if peers:
+        from tippedisk_verify.evidence.bench.peers import peer_methods
+
+        methods = (*METHODS, *peer_methods())
+    folder = None if out is None else output_folder(out)
+    with progress(common, sum(method.fits(problem) for method in methods for problem in problems)) as advance:
+        scores = raced(problems, methods, advance)
+        branch = race(PRINTED, lambda label, steps: advance(f"branch: {label}", 0)) if "branch" in names else []
+    runs: list[dict[str, Any]] = [score.json() for score in scores]
+    runs += [{"problem": "branch", **run.json()} for run in branch]
+    result = {"machine": machine(), "runs": runs}
+    if folder is not None:
+        from tippedisk_verify.report import write_bench
+
+        write_bench(folder, scores, result)
     if common.json:
-        print_json({"runs": [run.json() for run in runs]})
+        print_json(result)
     elif not common.quiet:
-        bare = runs[0].seconds
-        for run in runs:
+        for score in scores:
+            error = "" if score.error is None else f"error {score.error:8.1e}"
+            cost = "" if score.seconds is None else f"{score.seconds * 1e3:10.4f} ms"
+            said = "" if score.status == "reached" else score.status
+            click.echo(f"{score.problem:13s} {score.method:24s} {score.setting:10s} {cost:13s}  {error:14s}  {said}")
+        for run in branch:
             error = "" if run.error is None else f"error of T {run.error:.1e} s"
-            cost = f"{run.seconds * 1e3:9.4f} ms  {run.seconds / bare:9.2f} times"
-            click.echo(f"{run.method:52s} {run.setting:28s} {cost}  {error}")
+            click.echo(f"branch        {run.method:48s} {run.setting:28s} {run.seconds * 1e3:9.4f} ms  {error}")
     return 0
 
 

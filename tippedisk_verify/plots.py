@@ -20,7 +20,15 @@ from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import SCENES, Panel
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
-__all__ = ["draw_branch", "draw_eigenvalues", "draw_harmonic_balance", "draw_scenes_2d", "draw_scenes_3d", "save"]
+__all__ = [
+    "draw_branch",
+    "draw_eigenvalues",
+    "draw_harmonic_balance",
+    "draw_scenes_2d",
+    "draw_scenes_3d",
+    "pyplot",
+    "save",
+]
 
 # Okabe and Ito's palette: told apart by readers with any colour vision, and of different lightness in grey.
 _ORBITS = ("#0072B2", "#E69F00")
@@ -39,7 +47,8 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
+    """Matplotlib's pyplot without a screen and in the house's style."""
     import matplotlib
 
     matplotlib.use("Agg", force=False)
@@ -57,12 +66,12 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
         stream = io.BytesIO()
         figure.savefig(stream, format=kind, metadata={"Date": None} if kind == "svg" else {})
         written.append(write_bytes(folder / f"{name}.{kind}", stream.getvalue()))
-    _pyplot().close(figure)
+    pyplot().close(figure)
     return written
 
 
 def _grid(panels: Sequence[Panel], size: tuple[float, float], **subplot: Any) -> tuple[Any, list[Any]]:
-    plt = _pyplot()
+    plt = pyplot()
     columns = 1 if len(panels) == 1 else 2
     rows = math.ceil(len(panels) / columns)
     figure = plt.figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
@@ -229,7 +238,7 @@ def draw_eigenvalues(parameters: Parameters, omegas: Sequence[float]) -> tuple[A
     for omega in omegas:
         found = equilibrium(parameters, omega, "inverted", 12).eigenvalues
         rows.append((omega, *(float(part) for value in found for part in (value.re, value.im))))
-    figure, (left, right) = _pyplot().subplots(1, 2, figsize=(9.2, 3.2), layout="constrained")
+    figure, (left, right) = pyplot().subplots(1, 2, figsize=(9.2, 3.2), layout="constrained")
     crit = float(omega_crit(parameters))
     for column, (axis, name) in enumerate(((left, "Re λ [1/s]"), (right, "Im λ [1/s]"))):
         for pair, style in ((0, "-"), (1, "--")):
@@ -274,7 +283,7 @@ def draw_harmonic_balance(parameters: Parameters, distances: Sequence[str]) -> t
         except NoSuchCycleError:
             continue
         curves["numerical"].append((float(speed), float(cycle.beta_max), float(cycle.period)))
-    figure, axes = _pyplot().subplots(1, 2, figsize=(9.2, 3.4), layout="constrained")
+    figure, axes = pyplot().subplots(1, 2, figsize=(9.2, 3.4), layout="constrained")
     styles = {"printed": ("--", _ORBITS[1]), "consistent": ("-.", _ORBITS[0]), "numerical": ("-", _ATTRACTOR)}
     labels = {"printed": "law as printed", "consistent": "consistent law", "numerical": "numerical balance"}
     for column, (axis, name) in enumerate(zip(axes, ("β amplitude [rad]", "period T [s]"), strict=True), start=1):
@@ -318,7 +327,7 @@ def draw_branch(
         except Shortfall:
             continue
         law.append((omega, float(found.amplitude), float(found.period)))
-    figure, axes = _pyplot().subplots(1, 3, figsize=(11.5, 3.3), layout="constrained")
+    figure, axes = pyplot().subplots(1, 3, figsize=(11.5, 3.3), layout="constrained")
     names = ("largest |β − π/2| [rad]", "period T [s]", "slow Floquet multiplier")
     for column, (axis, name) in enumerate(zip(axes, names, strict=True), start=1):
         axis.plot([r[0] for r in rows], [r[column] for r in rows], color=_ATTRACTOR, lw=1.6, label="shooting")
@@ -350,7 +359,7 @@ def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic) -> tupl
     ]
     distance = [row[0] for row in rows]
     unstable, slow, _ = (float(value) for value in connection.saddle_eigenvalues)
-    figure, axes = _pyplot().subplots(1, 3, figsize=(11.5, 3.5), layout="constrained")
+    figure, axes = pyplot().subplots(1, 3, figsize=(11.5, 3.5), layout="constrained")
     last = rows[-1]
     law = [last[1] - 2 / unstable * math.log(value / last[0]) for value in distance]
     axes[0].semilogx(distance, [row[1] for row in rows], "o", ms=4, color=_ATTRACTOR, label="limit cycles")
@@ -383,7 +392,7 @@ def draw_basins(found: Basins) -> Any:
     from matplotlib.patches import Patch
 
     colours = ("#d9d9d9", _ATTRACTOR, "#cc79a7", "black")
-    figure, axis = _pyplot().subplots(figsize=(7.5, 4.4), layout="constrained")
+    figure, axis = pyplot().subplots(figsize=(7.5, 4.4), layout="constrained")
     axis.imshow(
         found.outcome,
         origin="lower",
@@ -412,7 +421,7 @@ def draw_basins(found: Basins) -> Any:
 
 def draw_switching_order(points: Sequence[OrderPoint]) -> Any:
     """Error against tolerance, with and without switching the smooth law's branch."""
-    figure, axes = _pyplot().subplots(1, 2, figsize=(8.5, 3.4), layout="constrained", sharex=True, sharey=True)
+    figure, axes = pyplot().subplots(1, 2, figsize=(8.5, 3.4), layout="constrained", sharex=True, sharey=True)
     names = {"taylor": "taylor, switching its branch", "scipy-DOP853": "DOP853, not switching"}
     for axis, (method, title) in zip(axes, names.items(), strict=True):
         for law, style in (("linear", "o--"), ("smooth", "s-")):

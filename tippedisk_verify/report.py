@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.evidence.bench.race import Score
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, Verdict
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
@@ -27,6 +28,7 @@ __all__ = [
     "results_json",
     "shown",
     "summary",
+    "write_bench",
     "write_branch",
     "write_report",
     "write_scene_data",
@@ -325,3 +327,15 @@ def write_branch(cycles: Sequence[LimitCycle], path: Path) -> None:
     header = [part for name in names for part in (name, f"{name} uncertainty")]
     rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
     write_csv(path, [*header, "stable"], rows)
+
+
+def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any]) -> None:
+    """`bench.json` with everything, `bench.csv` and the figure with the initial-value problems."""
+    from tippedisk_verify.bench_figure import draw_bench
+    from tippedisk_verify.plots import save
+
+    write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
+    if scores:
+        rows = [score.json() for score in scores]
+        write_csv(folder / "bench.csv", list(rows[0]), [list(row.values()) for row in rows])
+        save(draw_bench(scores), folder, "bench")

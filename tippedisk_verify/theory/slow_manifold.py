@@ -43,6 +43,7 @@ __all__ = [
     "reduced_omega_crit",
     "slow_manifold",
     "study",
+    "symbolic_orders",
 ]
 
 _HIGHEST_ORDER = 40
@@ -93,20 +94,12 @@ def attraction_rate(ops: Any, constants: Constants, beta: Any, gamma: Any) -> An
 def compiled(order: int) -> Callable[[Any, Any, Constants, Any], Any]:
     """The truncated series as machine code for arrays in double: ``f(beta, gamma, constants, omega) -> v`` [rad/s].
 
-    The recursion is carried out on heyoka's expressions and their symbolic derivatives, and compiled once per order;
-    symbolic growth limits it to order 5. Raises InputError beyond.
+    Compiled once per order. Raises InputError beyond order 5, where the expressions grow too large.
     """
-    if not 0 <= order <= 5:
-        raise InputError(f"compiled evaluation goes from order 0 to 5, not {order}: use orders() beyond")
+    series, (beta, gamma), par = symbolic_orders(order)
+    names = (*par, "epsilon")
     hy = heyoka_module()
-    beta, gamma = hy.make_vars("beta", "gamma")
-    names = ("omega", "r", "e", "a", "b", "g", "traction", "epsilon")
-    par = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
-    constants = Constants(**{name: par.get(name) for name in Constants._fields})
-    sines = (hy.sin(beta), hy.cos(beta), hy.sin(gamma), hy.cos(gamma))
-    series = _expanded(
-        _fast(constants, par["omega"], *sines), order, lambda h: hy.diff(h, beta), lambda h: hy.diff(h, gamma)
-    )
+    par = {**par, "epsilon": hy.par[len(par)]}
     total, power = series[0], par["epsilon"]
     for term in series[1:]:
         total, power = total + power * term, power * par["epsilon"]
@@ -123,6 +116,25 @@ def compiled(order: int) -> Callable[[Any, Any, Constants, Any], Any]:
         return function(flat, pars=pars)[0].reshape(points.shape[1:])
 
     return surface
+
+
+def symbolic_orders(order: int) -> tuple[list[Any], tuple[Any, Any], dict[str, Any]]:
+    """h_0 ... h_order as heyoka expressions, their variables (beta, gamma), and their runtime parameters by name.
+
+    The recursion carried out on expressions and their symbolic derivatives. Raises InputError beyond order 5.
+    """
+    if not 0 <= order <= 5:
+        raise InputError(f"compiled evaluation goes from order 0 to 5, not {order}: use orders() beyond")
+    hy = heyoka_module()
+    beta, gamma = hy.make_vars("beta", "gamma")
+    names = ("omega", "r", "e", "a", "b", "g", "traction")
+    par = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
+    constants = Constants(**{name: par.get(name) for name in Constants._fields})
+    sines = (hy.sin(beta), hy.cos(beta), hy.sin(gamma), hy.cos(gamma))
+    series = _expanded(
+        _fast(constants, par["omega"], *sines), order, lambda h: hy.diff(h, beta), lambda h: hy.diff(h, gamma)
+    )
+    return series, (beta, gamma), par
 
 
 class _Fast(NamedTuple):

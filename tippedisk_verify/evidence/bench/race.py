@@ -1,0 +1,183 @@
+"""Running the methods against each other: interleaved, so that a machine's moods meet them all, errors beside times."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+from tippedisk_verify.evidence.bench.methods import METHODS, Method, Outcome, Prepared
+from tippedisk_verify.evidence.bench.problems import PROBLEMS, Problem, Truth, truth_of
+
+__all__ = ["Score", "machine", "raced"]
+
+_REPEATS = 5
+_BRIEF = 0.1  # s; what takes longer is repeated less
+_LONG = 0.8  # s; tighter settings of a method that took this long are not run
+
+
+@dataclass(frozen=True)
+class Score:
+    """One method at one setting on one problem. Errors are absolute, in rad and rad/s; None where there is no end."""
+
+    problem: str
+    method: str
+    family: str
+    setting: str
+    status: str  #: reached, or why not
+    error: float | None  #: largest over the components at the end
+    error_over_samples: float | None
+    phase: float | None  #: [s] how far ahead or behind at the end, along the flow
+    shape: float | None  #: what is left of the error at the end
+    seconds: float | None  #: median of the repeats, warm
+    spread: float | None  #: (largest - smallest) / median of the repeats
+    preparation: float | None  #: [s] compiling and the first run, beside which the others are warm
+    steps: int | None
+    evaluations: int | None
+    truth_uncertainty: float
+
+    def json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass
+class _Entry:
+    problem: Problem
+    method: Method
+    setting: Any
+    status: str = ""
+    prepared: Prepared | None = None
+    outcome: Outcome | None = None
+    preparation: float | None = None
+    seconds: list[float] | None = None
+
+
+def raced(
+    problems: Sequence[Problem] = PROBLEMS,
+    methods: Sequence[Method] = METHODS,
+    advance: Callable[[str, int], None] = lambda label, steps: None,
+) -> list[Score]:
+    """Every method on every problem that it fits, at every setting. Failures are scores, too."""
+    scores = []
+    for problem in problems:
+        truth = truth_of(problem)
+        entries = []
+        for method in methods:
+            if method.fits(problem):
+                advance(f"{problem.name}: {method.name}", 1)
+                entries += _first_runs(problem, method)
+        for repeat in range(_REPEATS - 1):
+            for entry in entries:
+                if entry.prepared is None or entry.seconds is None or (repeat and entry.seconds[0] > _BRIEF):
+                    continue
+                if entry.seconds[0] <= _LONG and entry.method.family != "mpmath":
+                    entry.seconds.append(_timed(entry.prepared.run)[0])
+        scores += [_score(entry, truth) for entry in entries]
+    return scores
+
+
+def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
+    begin = time.perf_counter()
+    result = action()
+    return time.perf_counter() - begin, result
+
+
+def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
+    """Prepared, run once cold and once warm; a method that takes long is spared its tighter settings."""
+    entries = []
+    longest = 0.0
+    for setting in method.settings:
+        entry = _Entry(problem, method, setting)
+        entries.append(entry)
+        if longest > _LONG:
+            entry.status = f"not run: the setting before took {longest:.1f} s"
+            continue
+        try:
+            spent, entry.prepared = _timed(partial(method.prepare, problem, setting))
+            cold, entry.outcome = _timed(entry.prepared.sampled)
+            entry.preparation = spent + cold
+            entry.status = entry.outcome.status
+            longest = max(longest, cold if method.family == "mpmath" else 0.0)
+            if entry.status == "reached":
+                warm = cold if method.family == "mpmath" else _timed(entry.prepared.run)[0]
+                entry.seconds = [warm]
+                longest = max(longest, warm)
+        except (ArithmeticError, ValueError, RuntimeError) as fault:
+            entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"
+            entry.prepared = None
+    return entries
+
+
+def _score(entry: _Entry, truth: Truth) -> Score:
+    errors = _errors(entry.outcome, truth) if entry.status == "reached" and entry.outcome is not None else None
+    seconds = statistics.median(entry.seconds) if entry.seconds else None
+    return Score(
+        problem=entry.problem.name,
+        method=entry.method.name,
+        family=entry.method.family,
+        setting=entry.method.label(entry.setting),
+        status=entry.status,
+        error=None if errors is None else errors[0],
+        error_over_samples=None if errors is None else errors[1],
+        phase=None if errors is None else errors[2],
+        shape=None if errors is None else errors[3],
+        seconds=seconds,
+        spread=(max(entry.seconds) - min(entry.seconds)) / seconds if entry.seconds and seconds else None,
+        preparation=entry.preparation,
+        steps=None if entry.outcome is None else entry.outcome.steps,
+        evaluations=None if entry.outcome is None else entry.outcome.evaluations,
+        truth_uncertainty=truth.uncertainty,
+    )
+
+
+def _errors(outcome: Outcome, truth: Truth) -> tuple[float, float, float, float] | None:
+    """(end, samples, phase, shape) against the truth, which is exact: differences above double are taken exactly."""
+    if len(outcome.samples) != len(truth.samples):
+        return None
+    away = [[_distance(a, b) for a, b in zip(row, right, strict=True)]
+            for row, right in zip(outcome.samples, truth.samples, strict=True)]  # fmt: skip
+    end = away[-1]
+    square = sum(rate * rate for rate in truth.rates)
+    phase = sum(part * rate for part, rate in zip(end, truth.rates, strict=True)) / square if square else 0.0
+    shape = math.sqrt(sum((part - phase * rate) ** 2 for part, rate in zip(end, truth.rates, strict=True)))
+    return max(map(abs, end)), max(abs(part) for row in away for part in row), phase, shape
+
+
+def _distance(value: Any, truth: Any) -> float:
+    from tippedisk_verify.model.exact import fraction
+
+    return float(fraction(value) - truth.value)
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were measured on."""
+    import numpy
+    import scipy
+
+    from tippedisk_verify import __version__
+    from tippedisk_verify.model.precision import heyoka_module
+
+    hy = heyoka_module()
+    name = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        pass
+    return {
+        "processor": name,
+        "cores": os.cpu_count(),
+        "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "simd_lanes": int(hy.recommended_simd_size()),
+        "python": platform.python_version(),
+        "heyoka": hy.__version__,
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+        "tippedisk_verify": __version__,
+    }

@@ -1,0 +1,60 @@
+"""Flow on the slow manifold, beta' = h_0 + ... + epsilon^N h_N and gamma' = -Omega cos(beta), by Taylor series.
+
+Two equations instead of three and none of them stiff: the step no longer shrinks with epsilon, but the manifold's
+truncation is an error that no tolerance removes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import Status
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+from tippedisk_verify.theory.slow_manifold import symbolic_orders
+
+__all__ = ["ReducedFlow"]
+
+
+class ReducedFlow:
+    """The reduced flow of one order, compiled once, in double; linear friction law.
+
+    Raises InputError for an order outside 0 to 3: beyond, the expressions grow too large to integrate.
+    """
+
+    def __init__(self, order: int, tolerance: float | None = None) -> None:
+        if not 0 <= order <= 3:
+            raise InputError(f"reduced flows are offered for orders 0 to 3, not {order}")
+        hy = heyoka_module()
+        series, (beta, gamma), pars = symbolic_orders(order)
+        epsilon = hy.par[len(pars)]
+        total = series[-1]
+        for term in reversed(series[:-1]):
+            total = term + epsilon * total
+        self._names = tuple(pars)
+        system = [(beta, total), (gamma, -(pars["omega"] * hy.cos(beta)))]
+        options = {} if tolerance is None else {"tol": tolerance}
+        self._stepper: Any = hy.taylor_adaptive(system, [1.0, 1.0], compact_mode=True, **options)
+        self._reached = hy.taylor_outcome.time_limit
+
+    def __call__(
+        self, parameters: Parameters, omega: float, start: tuple[float, float], duration: float, times: Any = None
+    ) -> tuple[Status, Any, Any]:
+        """(status, final (beta, gamma), samples (n, 2) at ``times`` or None), from (beta, gamma) at time 0."""
+        import numpy
+
+        constants = parameters.at(DOUBLE)
+        stepper = self._stepper
+        values = (omega, *(getattr(constants, name) for name in self._names[1:]), constants.epsilon)
+        stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
+        stepper.time = 0.0
+        stepper.state[:] = start
+        samples = None
+        if times is None:
+            outcome = stepper.propagate_until(float(duration))[0]
+        else:
+            outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
+            samples = samples[1:]
+        status = Status.REACHED if outcome == self._reached else Status.FAILED
+        return status, stepper.state.copy(), samples
