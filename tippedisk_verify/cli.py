@@ -22,6 +22,7 @@ from tippedisk_verify.cli_common import Common, Interrupts, common_options, prin
 from tippedisk_verify.cli_conformance import COMMANDS as CONFORMANCE_COMMANDS
 from tippedisk_verify.cli_numbers import COMMANDS
 from tippedisk_verify.cli_reference import COMMANDS as REFERENCE_COMMANDS
+from tippedisk_verify.cli_sweep import COMMANDS as SWEEP_COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]
@@ -189,7 +190,14 @@ def _print_claims(audit: Any, findings: Sequence[tuple[Any, Any]]) -> None:
     console.print(table)
 
 
-for command in (*COMMANDS, *BASIN_COMMANDS, *BENCH_COMMANDS, *REFERENCE_COMMANDS, *CONFORMANCE_COMMANDS):
+for command in (
+    *COMMANDS,
+    *BASIN_COMMANDS,
+    *BENCH_COMMANDS,
+    *REFERENCE_COMMANDS,
+    *CONFORMANCE_COMMANDS,
+    *SWEEP_COMMANDS,
+):
     cli.add_command(command)
 
 

@@ -1,0 +1,62 @@
+"""The command `sweep`: an analysis over many points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import click
+
+from tippedisk_verify.cli_common import Common, common_options, print_json, processes, progress
+from tippedisk_verify.errors import InputError
+
+__all__ = ["COMMANDS"]
+
+
+@click.command()
+@click.argument("analysis", metavar="orbit|equilibria|hopf|heteroclinic|trajectory")
+@click.option(
+    "--over",
+    multiple=True,
+    required=True,
+    metavar="NAME=FIRST:LAST:COUNT|NAME=X,X,...",
+    help="An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a trajectory.",
+)
+@click.option("--out", required=True, metavar="FILE.csv|FILE.parquet", help="Where the table goes.")
+@click.option(
+    "--executor",
+    default="local",
+    show_default=True,
+    metavar="serial|local|dask://HOST:PORT",
+    help="One process, all cores of this machine, or a cluster.",
+)
+@click.option("--jobs", type=int, metavar="N", help="Processes of `local`; as many as there are cores if not given.")
+@common_options
+def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, executor: str, jobs: int | None) -> int:
+    """An analysis at every combination of the axes' values; interrupted, it goes on where it stopped."""
+    import os
+
+    from tippedisk_verify.files import output_file
+    from tippedisk_verify.sweep import Plan, axis, executor_at, swept
+
+    plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits, common.friction)
+    target = output_file(out)
+    pools: dict[str, Callable[[], AbstractContextManager[Any]]] = {
+        "serial": lambda: nullcontext(None),
+        "local": lambda: processes(jobs),
+    }
+    if executor not in pools and not executor.startswith("dask://"):
+        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+    pool = pools.get(executor, lambda: executor_at(executor))
+    with progress(common, len(plan)) as advance:
+        workers = jobs or (64 if executor.startswith("dask://") else os.cpu_count() or 1)
+        points, without = swept(plan, target, pool=pool, workers=workers, advance=advance)
+    if common.json:
+        print_json({"points": points, "without_numbers": without, "file": str(target)})
+    elif not common.quiet:
+        click.echo(f"{points} points, {without} of them without numbers (their status says why): {target}")
+    return 0
+
+
+COMMANDS = (sweep,)
