@@ -45,7 +45,8 @@ def test_axes_that_make_no_sense(text: str) -> None:
 @pytest.mark.parametrize(
     ("analysis", "axes"),
     [
-        ("orbit", ()), ("nothing", (("mu", ("0.3",)),)), ("orbit", (("mu", ("0.3",)),)), ("hopf", (("omega", ("30",)),)),
+        ("orbit", ()), ("nothing", (("mu", ("0.3",)),)), ("orbit", (("mu", ("0.3",)),)),
+        ("hopf", (("omega", ("30",)),)),
         ("orbit", (("omega", ("30",)), ("below-crit", ("0.5",)))), ("hopf", (("mu", ("1",)), ("mu", ("2",)))),
         ("hopf", (("mu", ("0.3",) * 2000), ("g", ("9.8",) * 2000))),
     ],

@@ -14,7 +14,10 @@ __all__ = ["COMMANDS"]
 @click.command()
 @click.option("--peers", is_flag=True, help="Race the integrators of the extra `peers`, too.")
 @click.option(
-    "--only", multiple=True, metavar="PROBLEM", help="These problems only; `branch` is the paper's 801 cycles."
+    "--only",
+    multiple=True,
+    metavar="PROBLEM",
+    help="These only: a problem, branch (the paper's 801 cycles), growth or start-up.",
 )
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
 @plain_options
@@ -28,7 +31,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
     from tippedisk_verify.model.parameters import PRINTED
 
     names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
-    problems = [problem_named(name) for name in names if name != "branch"]
+    problems = [problem_named(name) for name in names if name not in ("branch", "growth", "start-up")]
     methods = METHODS
     if peers:
         from tippedisk_verify.evidence.bench.peers import peer_methods
@@ -40,7 +43,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         branch = race(PRINTED, lambda label, steps: advance(f"branch: {label}", 0)) if "branch" in names else []
     runs: list[dict[str, Any]] = [score.json() for score in scores]
     runs += [{"problem": "branch", **run.json()} for run in branch]
-    result = {"machine": machine(), "runs": runs}
+    result: dict[str, Any] = {"machine": machine(), "runs": runs} | _costs(names)
     if folder is not None:
         from tippedisk_verify.report import write_bench
 
@@ -56,7 +59,39 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         for run in branch:
             error = "" if run.error is None else f"error of T {run.error:.1e} s"
             click.echo(f"branch        {run.method:48s} {run.setting:28s} {run.seconds * 1e3:9.4f} ms  {error}")
+        for line in _cost_lines(result):
+            click.echo(line)
     return 0
+
+
+def _costs(names: list[str]) -> dict[str, Any]:
+    """How cost grows, and what starting costs, where they were asked for by name: each takes a minute."""
+    found: dict[str, Any] = {}
+    if "growth" in names:
+        from tippedisk_verify.evidence.bench.growth import break_even, digits_growth, epsilon_growth
+
+        by_epsilon = epsilon_growth()
+        full, *reduced = by_epsilon
+        found["growth"] = [growth.json() for growth in (*digits_growth(), *by_epsilon)]
+        found["break_even_epsilon"] = {one.what: break_even(full, one) for one in reduced}
+    if "start-up" in names:
+        from tippedisk_verify.evidence.bench.startup import start_up
+
+        found["start_up"] = start_up().json()
+    return found
+
+
+def _cost_lines(result: dict[str, Any]) -> list[str]:
+    lines = []
+    for growth in result.get("growth", ()):
+        cells = ", ".join(f"{x:g}: {seconds * 1e3:.3g} ms" for x, seconds in growth["points"])
+        lines.append(f"{growth['what']}: exponent {growth['exponent']:.2f} in {growth['against']} ({cells})")
+    for what, epsilon in result.get("break_even_epsilon", {}).items():
+        where = "nowhere" if epsilon is None else f"from epsilon = {epsilon:.2g} m/s down"
+        lines.append(f"{what}: faster than the full equations {where}")
+    for name, seconds in result.get("start_up", {}).items():
+        lines.append(f"{name}: {seconds:.3g}{'' if name.endswith('bare') else ' s'}")
+    return lines
 
 
 COMMANDS = (bench,)

@@ -12,6 +12,7 @@ import pytest
 from tests.problems import paper_rates
 from tippedisk_verify.bench_figure import draw_bench
 from tippedisk_verify.cli import main
+from tippedisk_verify.evidence.bench.growth import Growth, break_even, exponent
 from tippedisk_verify.evidence.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named, truth_of
 from tippedisk_verify.evidence.bench.race import Score, machine, raced
@@ -126,3 +127,22 @@ def test_problems_are_named_once_and_bad_names_are_refused(capsys: pytest.Captur
     assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
     assert main(["bench", "--only", "nothing"]) == 2
     assert "problem 'nothing' is not known" in capsys.readouterr().err
+
+
+def test_fitted_exponents_and_break_even() -> None:
+    assert exponent([(x, 3 * x**1.7) for x in (10.0, 20.0, 40.0, 80.0)]) == pytest.approx(1.7)
+    full = Growth("full", "epsilon", tuple((x, 1e-4 / x) for x in (1e-1, 1e-2, 1e-3)), -1.0)
+    reduced = Growth("reduced", "epsilon", tuple((x, 1e-2 / 3) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    never = Growth("slow", "epsilon", tuple((x, 1.0) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    always = Growth("fast", "epsilon", tuple((x, 1e-9) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    assert break_even(full, reduced) == pytest.approx(0.03)
+    assert break_even(full, never) is None
+    assert break_even(full, always) == 0.1
+
+
+@pytest.mark.slow
+def test_growth_and_start_up_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "growth", "--only", "start-up", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {growth["what"] for growth in result["growth"]} >= {"trajectory", "limit cycle", "Omega_h", "full"}
+    assert set(result["start_up"]) >= {"python", "imports", "orbit_cold", "orbit_cached"}

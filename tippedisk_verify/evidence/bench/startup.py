@@ -1,0 +1,69 @@
+"""What a command costs from the shell: Python, imports, compiling with an empty and with a filled code cache."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from typing import Any
+
+__all__ = ["StartUp", "start_up"]
+
+_IMPORTS = "import heyoka, numpy, mpmath, gmpy2, click, tippedisk_verify.orbits.continuation"
+# The integrators that `orbit` needs in double, and nothing else.
+_BUILDS = """
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow.system import system_of, direction_of
+from tippedisk_verify.orbits.periodic import _EXTREME, _RETURNS, _VARIATIONS
+import heyoka as hy, numpy
+for fp in (float, numpy.longdouble):
+    for variations, divergence, events in ((_VARIATIONS, False, (_RETURNS,)), ((), True, (_RETURNS, _EXTREME)),
+                                           ((), False, (_RETURNS,))):
+        if fp is float and not variations and not divergence:
+            continue
+        system, crossings = system_of(variations, divergence, events, True)
+        options = {"t_events": [hy.t_event(crossings["returns"], direction=direction_of(hy, -1), fp_type=fp)]}
+        if len(events) > 1:
+            options["nt_events"] = [hy.nt_event(crossings["extreme"], lambda *given: None, fp_type=fp)]
+        start = [fp(1), fp(1), fp(0)] + [fp(0)] * divergence
+        hy.taylor_adaptive(system, start, pars=[fp(1)] * 7, fp_type=fp, compact_mode=fp is not float, **options)
+"""
+_ORBIT = ["-m", "tippedisk_verify", "orbit", "--below-crit", "0.5", "--quiet"]
+
+
+@dataclass(frozen=True)
+class StartUp:
+    """Seconds from the shell, medians."""
+
+    python: float  #: ``python -c pass``
+    imports: float  #: with the imports that `orbit` needs
+    bare_builds_cold: float  #: imports and heyoka's own builds, empty code cache
+    orbit_cold: float  #: ``orbit --below-crit 0.5``, empty code cache
+    orbit_cached: float  #: the same, filled code cache
+
+    def json(self) -> dict[str, Any]:
+        return asdict(self) | {"orbit_cold_over_bare": self.orbit_cold / self.bare_builds_cold}
+
+
+def start_up(repeats: int = 3) -> StartUp:
+    """Measured in fresh processes, each cold one with a code cache of its own."""
+
+    def seconds(arguments: list[str], cache: str) -> float:
+        environment = {**os.environ, "XDG_CACHE_HOME": cache}
+        begin = time.perf_counter()
+        subprocess.run([sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+        return time.perf_counter() - begin
+
+    found: dict[str, list[float]] = {name: [] for name in StartUp.__dataclass_fields__}
+    for _ in range(repeats):
+        with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+            found["python"].append(seconds(["-c", "pass"], first))
+            found["imports"].append(seconds(["-c", _IMPORTS], first))
+            found["bare_builds_cold"].append(seconds(["-c", _IMPORTS + "\n" + _BUILDS], first))
+            found["orbit_cold"].append(seconds(_ORBIT, second))
+            found["orbit_cached"].append(seconds(_ORBIT, second))
+    return StartUp(**{name: statistics.median(values) for name, values in found.items()})
