@@ -16,13 +16,13 @@ from typing import Any, NoReturn
 import click
 
 from tippedisk_verify import __version__
-from tippedisk_verify.cli_basin import COMMANDS as BASIN_COMMANDS
-from tippedisk_verify.cli_bench import COMMANDS as BENCH_COMMANDS
-from tippedisk_verify.cli_common import Common, Interrupts, common_options, print_json, progress
-from tippedisk_verify.cli_conformance import COMMANDS as CONFORMANCE_COMMANDS
-from tippedisk_verify.cli_numbers import COMMANDS
-from tippedisk_verify.cli_reference import COMMANDS as REFERENCE_COMMANDS
-from tippedisk_verify.cli_sweep import COMMANDS as SWEEP_COMMANDS
+from tippedisk_verify.commands.basin import COMMANDS as BASIN_COMMANDS
+from tippedisk_verify.commands.bench import COMMANDS as BENCH_COMMANDS
+from tippedisk_verify.commands.common import Common, Interrupts, common_options, print_json, progress
+from tippedisk_verify.commands.conformance import COMMANDS as CONFORMANCE_COMMANDS
+from tippedisk_verify.commands.numbers import COMMANDS
+from tippedisk_verify.commands.reference import COMMANDS as REFERENCE_COMMANDS
+from tippedisk_verify.commands.sweep import COMMANDS as SWEEP_COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]

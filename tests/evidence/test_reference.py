@@ -153,7 +153,7 @@ def test_a_false_digit_is_found_by_the_other_road() -> None:
 
 @pytest.mark.slow
 def test_a_thousand_entries_hold_by_their_other_roads() -> None:
-    from tippedisk_verify.cli_reference import processes
+    from tippedisk_verify.commands.reference import processes
 
     with processes(None) as pool:
         report = check(data_folder(), sample=1000, seed=20, executor=pool)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tippedisk_verify.cli_common import Common, plain_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_json, processes, progress
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]

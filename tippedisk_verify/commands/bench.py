@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.cli_common import Common, plain_options, print_json, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_json, progress
 
 __all__ = ["COMMANDS"]
 

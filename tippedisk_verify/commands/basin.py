@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.cli_common import Common, common_options, print_json, processes, progress, speed, speed_options
+from tippedisk_verify.commands.common import (
+    Common,
+    common_options,
+    print_json,
+    processes,
+    progress,
+    speed,
+    speed_options,
+)
 
 __all__ = ["COMMANDS"]
 

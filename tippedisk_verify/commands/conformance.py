@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.cli_common import Common, plain_options, print_json
+from tippedisk_verify.commands.common import Common, plain_options, print_json
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.cli_common import Common, common_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, common_options, print_json, processes, progress
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]
