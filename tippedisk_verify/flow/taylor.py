@@ -340,13 +340,13 @@ class _Integrator:
         )
 
     def _status(self, outcome: Any, smallest_step: Any) -> Status:
-        name = outcome.name
-        if name == "err_nf_state":
-            return Status.NON_FINITE
-        if name == "step_limit":
+        index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...
+        if not 0 <= index < len(self._terminal):
+            if outcome.name == "err_nf_state":
+                return Status.NON_FINITE
             resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
             return Status.STEP_TOO_SMALL if abs(float(smallest_step)) <= resolved else Status.STEP_LIMIT
-        event = self._terminal[-int(outcome.value) - 1]  # heyoka numbers terminal events -1, -2, ...
+        event = self._terminal[index]
         self._records.append(EventRecord(event.name, self._stepper.time, self._stepper.state[:3].copy()))
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
-from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.equations import Friction, field, shifted
 from tippedisk_verify.model.exact import PI, exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -45,7 +45,7 @@ _EXTREME = Event("extreme", TURN.function, terminal=False)
 _VARIATIONS = ("beta", "gamma", "v", "Omega")  # beta too: with four, heyoka differentiates in reverse, with less work
 _QUARTER = PI * Fraction(1, 2)
 _MOST_STEPS = 25
-_LONGEST_FLIGHT = 200  # s; half a period at Omega_h + 1e-280
+_LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
 @dataclass(frozen=True)
@@ -109,22 +109,25 @@ def half_map(
 ) -> HalfMap:
     """The map and its derivatives at (gamma_bar, v) on the section. Raises NoSuchCycleError without a return."""
     result = _flight(parameters, omega, state, engine, precision, friction=friction, variations=_VARIATIONS)
-    _, gamma_row, v_row = result.derivatives
-    beta_row = result.derivatives[0]
-    v_end = result.state[2]
-    v_rate = _rate(parameters, omega, result.state, precision, friction)
+    acceleration = _acceleration(parameters, omega, precision, friction)
+    gamma_bar, v = (precision.number(part) for part in state)
+    rows, end = result.derivatives, result.state
+    if precision == DOUBLE:
+        rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
+    beta_row, gamma_row, v_row = rows
+    v_end = end[2]
+    v_rate = acceleration(*end)[2]
     # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
     flight = [-beta_row[k] / v_end for k in range(4)]
     v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
-    gamma_bar, v = (precision.number(part) for part in state)
     return HalfMap(
         time=result.time,
-        residual=(-result.state[1] - gamma_bar, -v_end - v),
+        residual=(-end[1] - gamma_bar, -v_end - v),
         matrix=((-gamma_row[1], -gamma_row[2]), (-v_section[1], -v_section[2])),
         by_omega=(-gamma_row[3], -v_section[3]),
         time_by_state=(flight[1], flight[2]),
         time_by_omega=flight[3],
-        trivial=_trivial(v, _rate(parameters, omega, (0 * v, gamma_bar, v), precision, friction), result.derivatives),
+        trivial=_trivial(v, acceleration(0 * v, gamma_bar, v)[2], rows),
     )
 
 
@@ -145,7 +148,7 @@ def _flight(
     request = Request(
         parameters,
         omega,
-        (0, gamma_bar, v),
+        (0.0, gamma_bar, v),
         _LONGEST_FLIGHT,
         shifted=True,
         precision=precision,
@@ -159,12 +162,9 @@ def _flight(
     return result
 
 
-def _rate(parameters: Parameters, omega: Any, state: Sequence[Any], precision: Precision, friction: Friction) -> Any:
-    from tippedisk_verify.model.equations import acceleration, shifted
-
-    constants = parameters.at(precision)
-    beta, gamma, v = state
-    return acceleration(shifted(precision.ops), constants, precision.number(omega), beta, gamma, v, friction)
+def _acceleration(parameters: Parameters, omega: Any, precision: Precision, friction: Friction) -> Any:
+    """The field in shifted angles, whose last component is dv/dt."""
+    return field(shifted(precision.ops), parameters.at(precision), precision.number(omega), friction)
 
 
 def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
@@ -183,6 +183,7 @@ def shoot(
     solution: an amplitude below a fifth of the guess's is not followed.
     """
     state = (float(guess[0]), float(guess[1]))
+    omega = DOUBLE.number(omega)  # once, not at every step
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
     here = half_map(parameters, omega, state, engine, friction=friction)
@@ -269,8 +270,6 @@ def shoot_full_period(
 
 
 def _double_field(parameters: Parameters, omega: Any, friction: Friction) -> Any:
-    from tippedisk_verify.model.equations import field, shifted
-
     return field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), friction)
 
 

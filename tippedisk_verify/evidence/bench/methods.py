@@ -17,7 +17,7 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precis
 __all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates"]
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_ODEFUN_SECONDS = 3.0
+_ODEFUN_SECONDS = 2.0
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from tippedisk_verify.evidence.bench.problems import PROBLEMS, Problem, Truth, t
 __all__ = ["Score", "machine", "raced"]
 
 _REPEATS = 5
-_BRIEF = 0.1  # s; what takes longer is repeated less
-_LONG = 0.8  # s; tighter settings of a method that took this long are not run
+_BRIEF = 0.03  # s; what takes longer is repeated less
+_LONG = 0.6  # s; tighter settings of a method that took this long are not run
 
 
 @dataclass(frozen=True)
