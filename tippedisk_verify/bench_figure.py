@@ -14,6 +14,7 @@ __all__ = ["draw_bench"]
 # Each method its own mark and line: the colours (Okabe and Ito's) are only a help.
 _STYLES = {
     "taylor": ("#0072B2", "o", "-"),
+    "taylor, fast math": ("#0072B2", "", "--"),
     "taylor, high accuracy": ("#0072B2", "s", ":"),
     "taylor beyond double": ("#0072B2", "*", ""),
     "scipy RK45": ("#E69F00", "v", "--"),
@@ -38,9 +39,9 @@ def draw_bench(scores: Sequence[Score]) -> Any:
     """The figure. Runs that failed or were not finished stand as crosses in a band of their own at the top."""
     plt = pyplot()
     names = list(dict.fromkeys(score.problem for score in scores))
-    columns = min(3, len(names))
-    rows = math.ceil(len(names) / columns)
-    figure, grid = plt.subplots(rows, columns, figsize=(3.7 * columns, 3.3 * rows + 1.1), squeeze=False)
+    columns = min(4, len(names) + 1)
+    rows = math.ceil((len(names) + 1) / columns)  # one more cell, for the legend
+    figure, grid = plt.subplots(rows, columns, figsize=(3.3 * columns, 3.3 * rows), squeeze=False)
     shown: dict[str, Any] = {}
     for axis, name in zip(grid.flat, names, strict=False):
         here = [score for score in scores if score.problem == name]
@@ -65,11 +66,13 @@ def draw_bench(scores: Sequence[Score]) -> Any:
         axis.set(xscale="log", yscale="log", ylim=(_LEAST / 10, _MOST), title=name)
         axis.grid(True, color="0.9", linewidth=0.5)
     for axis in list(grid.flat)[len(names) :]:
-        axis.set_visible(False)
-    for axis in grid[-1]:
-        axis.set_xlabel("run time, warm [s]")
+        axis.set_axis_off()
+    for place, axis in enumerate(list(grid.flat)[: len(names)]):
+        if place + columns >= len(names):  # nothing below it
+            axis.set_xlabel("run time, warm [s]")
     for row in grid:
-        row[0].set_ylabel("error at the end [rad, rad/s]")
-    figure.legend(shown.values(), shown.keys(), loc="lower center", ncol=4, frameon=False, fontsize=7.5)
-    figure.tight_layout(rect=(0, 0.13 if rows > 1 else 0.24, 1, 1))
+        row[0].set_ylabel("error [rad, rad/s; of T in s]")
+    legend = list(grid.flat)[-1]
+    legend.legend(shown.values(), shown.keys(), loc="center", frameon=False, fontsize=8)
+    figure.tight_layout()
     return figure

@@ -19,7 +19,42 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 def test_the_factored_form_is_small() -> None:
     engine = Taylor()
     engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none"))
-    assert engine.builds[0].u_variables <= 55
+    assert engine.builds[0].u_variables <= 45
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("variations", [(), ("beta", "gamma", "v"), ("gamma", "Omega"), ("e", "v"), ("Omega", "b")])
+def test_products_given_as_numbers_change_no_derivative(variations, friction) -> None:
+    """Which products are runtime numbers depends on the derivatives asked for; values and derivatives must not."""
+    engine = Taylor()
+    every = ("beta", "gamma", "v", "Omega", "e", "b")  # with these, none is
+    whole = engine(Request(PRINTED, 30.4, STARTS[1], 0.3, friction=friction, domain="none", variations=every))
+    part = engine(Request(PRINTED, 30.4, STARTS[1], 0.3, friction=friction, domain="none", variations=variations))
+    # Two orders of summation over some twenty steps.
+    assert part.state == pytest.approx(whole.state, rel=0, abs=1e-14)
+    if variations:
+        columns = [every.index(name) for name in variations]
+        scale = abs(whole.derivatives[:, columns]).max(axis=0)
+        assert abs((part.derivatives - whole.derivatives[:, columns]) / scale).max() < 1e-13
+    else:
+        assert part.derivatives is None
+
+
+def test_a_new_speed_changes_the_products_too(taylor: Taylor) -> None:
+    ends = [taylor(Request(PRINTED, omega, STARTS[1], 1.0)).state for omega in (30.4, 31.0, 30.4)]
+    assert (ends[0] == ends[2]).all()
+    fresh = Taylor()(Request(PRINTED, 31.0, STARTS[1], 1.0)).state
+    assert (ends[1] == fresh).all()
+
+
+def test_fast_math_changes_round_off_only() -> None:
+    """The measured error of 5 s bounds the distance of both from the truth, and is of the same size for both."""
+    request = Request(PRINTED, 30.4, STARTS[1], 5.0, error_estimate=True)
+    plain, fast = Taylor()(request), Taylor(fast_math=True)(request)
+    assert (abs(plain.state - fast.state) <= plain.error.state + fast.error.state).all()
+    assert max(fast.error.state) < 100 * max(plain.error.state)
+    with pytest.raises(InputError, match="choose one"):
+        Taylor(fast_math=True, high_accuracy=True)
 
 
 def test_one_build_serves_all_parameters_and_speeds() -> None:

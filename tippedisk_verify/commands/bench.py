@@ -6,9 +6,11 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_json, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_json, processes, progress
 
 __all__ = ["COMMANDS"]
+
+_COSTS = ("growth", "overhead", "start-up")
 
 
 @click.command()
@@ -17,33 +19,37 @@ __all__ = ["COMMANDS"]
     "--only",
     multiple=True,
     metavar="PROBLEM",
-    help="These only: a problem, branch (the paper's 801 cycles), growth or start-up.",
+    help="These only: a problem, branch (the paper's 801 cycles), growth, overhead or start-up.",
 )
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
 @plain_options
 def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
-    """Run time against error, for six initial-value problems and the paper's branch of limit cycles."""
+    """Run time against error: six initial-value problems, a period solve, the paper's branch of limit cycles."""
     from tippedisk_verify.evidence.bench.branch_race import race
     from tippedisk_verify.evidence.bench.methods import METHODS
     from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named
     from tippedisk_verify.evidence.bench.race import machine, raced
+    from tippedisk_verify.evidence.bench.ratios import ratios
     from tippedisk_verify.files import output_folder
     from tippedisk_verify.model.parameters import PRINTED
 
     names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
-    problems = [problem_named(name) for name in names if name not in ("branch", "growth", "start-up")]
+    problems = [problem_named(name) for name in names if name not in ("branch", *_COSTS)]
     methods = METHODS
     if peers:
         from tippedisk_verify.evidence.bench.peers import peer_methods
 
         methods = (*METHODS, *peer_methods())
     folder = None if out is None else output_folder(out)
-    with progress(common, sum(method.fits(problem) for method in methods for problem in problems)) as advance:
-        scores = raced(problems, methods, advance)
+    total = sum(method.fits(problem) for method in methods for problem in problems)
+    # One process beside the one that is timed, for the truths.
+    with progress(common, total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:
+        scores = raced(problems, methods, advance, map if pool is None else pool.map)
         branch = race(PRINTED, lambda label, steps: advance(f"branch: {label}", 0)) if "branch" in names else []
     runs: list[dict[str, Any]] = [score.json() for score in scores]
     runs += [{"problem": "branch", **run.json()} for run in branch]
-    result: dict[str, Any] = {"machine": machine(), "runs": runs} | _costs(names)
+    result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": [one.json() for one in ratios(scores)]}
+    result |= _costs(names)
     if folder is not None:
         from tippedisk_verify.report import write_bench
 
@@ -59,7 +65,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         for run in branch:
             error = "" if run.error is None else f"error of T {run.error:.1e} s"
             click.echo(f"branch        {run.method:48s} {run.setting:28s} {run.seconds * 1e3:9.4f} ms  {error}")
-        for line in _cost_lines(result):
+        for line in (*_ratio_lines(result), *_cost_lines(result)):
             click.echo(line)
     return 0
 
@@ -74,11 +80,28 @@ def _costs(names: list[str]) -> dict[str, Any]:
         full, *reduced = by_epsilon
         found["growth"] = [growth.json() for growth in (*digits_growth(), *by_epsilon)]
         found["break_even_epsilon"] = {one.what: break_even(full, one) for one in reduced}
+    if "overhead" in names:
+        from tippedisk_verify.evidence.bench.overhead import overheads
+
+        found["overhead"] = [overhead.json() for overhead in overheads()]
     if "start-up" in names:
         from tippedisk_verify.evidence.bench.startup import start_up
 
         found["start_up"] = start_up().json()
     return found
+
+
+def _ratio_lines(result: dict[str, Any]) -> list[str]:
+    lines = []
+    for one in result["ratios"]:
+        others = [
+            f"{label} {one[name + '_over_heyoka']:.3g} times longer ({one[name]})"
+            for name, label in (("scipy", "SciPy"), ("peer", "the best peer"))
+            if one[f"{name}_over_heyoka"] is not None
+        ]
+        ours = "heyoka does not get there" if one["heyoka"] is None else one["heyoka"]
+        lines.append(f"{one['problem']}, error at most {one['error_at_most']:.0e}: {'; '.join([ours, *others])}")
+    return lines
 
 
 def _cost_lines(result: dict[str, Any]) -> list[str]:
@@ -89,6 +112,10 @@ def _cost_lines(result: dict[str, Any]) -> list[str]:
     for what, epsilon in result.get("break_even_epsilon", {}).items():
         where = "nowhere" if epsilon is None else f"from epsilon = {epsilon:.2g} m/s down"
         lines.append(f"{what}: faster than the full equations {where}")
+    lines += [
+        f"{one['what']}: {one['over_bare']:.1%} more than a bare integrator's {one['bare_seconds'] * 1e3:.3g} ms"
+        for one in result.get("overhead", ())
+    ]
     for name, seconds in result.get("start_up", {}).items():
         lines.append(f"{name}: {seconds:.3g}{'' if name.endswith('bare') else ' s'}")
     return lines

@@ -159,8 +159,8 @@ def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]
 
 
 @contextmanager
-def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Any]:
-    """A pool of fresh processes, or None where one process does or none is needed.
+def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
+    """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
     Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
     processes that makes no sense.
@@ -174,7 +174,7 @@ def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Any]:
     if jobs is not None and not 1 <= jobs <= 4096:
         raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
     workers = jobs or os.cpu_count() or 1
-    if workers == 1 or not needed:
+    if (workers == 1 and not beside) or not needed:
         yield None
         return
     # Fresh processes: what the parent has compiled and its threads are not for forking.

@@ -13,7 +13,7 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
-from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.equations import Friction, field, products, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
@@ -45,6 +45,12 @@ def field_constants(parameters: Parameters, friction: Friction = "linear") -> An
 
 def _names(friction: Friction) -> tuple[str, ...]:
     return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
+
+
+def _constants(pars: Any, friction: Friction) -> Constants:
+    """The rows of the runtime parameters by name."""
+    known = dict(zip(_names(friction), pars, strict=False))
+    return Constants(**{name: known.get(name) for name in Constants._fields})
 
 
 class Lanes:
@@ -91,9 +97,12 @@ class Lanes:
         if batch is None:
             batch = self._batches[key] = _Batch(self.width, *key)
         names = _names(friction)
-        pars = numpy.empty((len(names), count))
+        pars = numpy.empty((len(names) + batch.products, count))
         pars[0] = omegas
-        pars[1:] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
+        pars[1 : len(names)] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
+        if batch.products:
+            given = products(_constants(pars, friction), omegas)[: batch.products]
+            pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*given))
         return batch.run(pars, states.T, durations, max_steps)
 
 
@@ -114,10 +123,10 @@ class _Batch:
         # The smooth law changes its branch where the disk lies flat, too: one event then serves for both.
         flat = [event.name for event in events if smooth and event.function is FLAT.function]
         events = [event for event in events if event.name not in flat]
-        system, crossings = system_of(
+        system, crossings, self.products = system_of(
             variations, divergence, (*events, SWITCH, TURN_OVER) if smooth else events, shift, smooth
         )
-        count = len(_names(friction)) + smooth
+        count = len(_names(friction)) + self.products + smooth
         self._width, self._shift = width, 3 + divergence
         self._variations, self._divergence = len(variations), divergence
         self._names: list[tuple[str, int, float, tuple[float, float, float]]] = []
@@ -259,9 +268,8 @@ class _Branches:
     def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
         import numpy
 
-        known = dict(zip(_names(self._friction), stepper.pars, strict=False))
-        constants = Constants(**{name: known.get(name) for name in Constants._fields})
-        return shifted(numpy) if self._shift else numpy, constants, known["Omega"]
+        constants = _constants(stepper.pars, self._friction)
+        return shifted(numpy) if self._shift else numpy, constants, stepper.pars[0]
 
     def begin(self, stepper: Any, durations: Any) -> None:
         """On the surface the sign a moment later decides."""

@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
+from tippedisk_verify.model.equations import Products, field, jacobian, products, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import heyoka_module
 
-__all__ = ["PARAMETERS", "SMOOTH_PARAMETERS", "SWITCH", "TURN_OVER", "direction_of", "system_of"]
+__all__ = ["PARAMETERS", "SMOOTH_PARAMETERS", "SWITCH", "TURN_OVER", "System", "direction_of", "system_of"]
 
-#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and the
-#: branch that it is on.
+#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k. After them
+#: come products of them, and last the branch that the smooth law is on.
 PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
 SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
 #: The smooth law's own events, where its branch changes, under names that requests cannot have.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
+_WITHOUT_OMEGA = Products._fields.index("omega_squared")
+
+
+class System(NamedTuple):
+    """What to compile."""
+
+    equations: Any
+    crossings: dict[str, Any]  #: the event functions by name
+    products: int  #: how many of `model.equations.products` it takes as runtime parameters
 
 
 def system_of(
     variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, smooth: bool = False
-) -> tuple[Any, dict[str, Any]]:
-    """The heyoka system with what is asked for, and the event functions by name.
+) -> System:
+    """The heyoka system with what is asked for.
 
     With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
     derivatives, row by row. Raises InputError for a derivative that the field does not have.
@@ -35,9 +44,13 @@ def system_of(
     state = hy.make_vars("beta", "gamma", "v")
     names = SMOOTH_PARAMETERS if smooth else PARAMETERS
     pars = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
-    law: tuple[Any, ...] = ("smooth", hy.par[len(names)]) if smooth else ("linear",)
     omega = pars["Omega"]
     constants = Constants(**{name: pars.get(name) for name in Constants._fields})
+    count = _products_given(variations, smooth)
+    given = Products(
+        *(hy.par[len(names) + n] if n < count else part for n, part in enumerate(products(constants, omega)))
+    )
+    law: tuple[Any, ...] = ("smooth", hy.par[len(names) + count], given) if smooth else ("linear", None, given)
     rates = field(ops, constants, omega, *law)(*state)
     system: Any = list(zip(state, rates, strict=True))
     if divergence:
@@ -49,7 +62,21 @@ def system_of(
         if unknown:
             raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(known)}")
         system = hy.var_ode_sys(system, [known[name] for name in variations])
-    return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
+    crossings = {event.name: event.function(ops, constants, omega, *state) for event in events}
+    return System(system, crossings, count)
+
+
+def _products_given(variations: Sequence[Variation], smooth: bool) -> int:
+    """How many products can be numbers: in heyoka's recurrences each that is not is a series like any other.
+
+    A derivative with respect to a parameter must see the products that it is in.
+    """
+    if any(name not in (*STATE_VARIATIONS, "Omega") for name in variations):
+        return 0
+    if "Omega" in variations:
+        return _WITHOUT_OMEGA
+    # The smooth law's event has e Omega in it, too, and is computed together with the field.
+    return len(Products._fields) - smooth
 
 
 def direction_of(hy: Any, sign: int) -> Any:

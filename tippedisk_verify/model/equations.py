@@ -6,7 +6,7 @@ mpmath context, ``heyoka``, ``sympy``), and work on whatever it works on: floats
 expressions.
 
 `terms` holds the paper's own quantities. `field` is what gets integrated: the same acceleration with its common factors
-taken out (50 instead of 67 operations in a Taylor recurrence) and with products instead of powers, because a general
+taken out (45 instead of 67 operations in a Taylor recurrence) and with products instead of powers, because a general
 power divides by its base and cos(beta) vanishes at every equilibrium and section. A test proves the two equal.
 """
 
@@ -20,6 +20,7 @@ from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
     "Friction",
+    "Products",
     "Terms",
     "acceleration",
     "centre_of_gravity_height",
@@ -28,6 +29,7 @@ __all__ = [
     "friction_force",
     "jacobian",
     "normal_force_over_weight",
+    "products",
     "right_hand_side",
     "shifted",
     "terms",
@@ -100,17 +102,36 @@ def friction_force(constants: Constants, sliding_velocity: Any, friction: Fricti
     return -weight * sliding_velocity / (abs(sliding_velocity) + constants.epsilon)
 
 
-def field(ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None) -> Field:
+class Products(NamedTuple):
+    """What the field makes of the constants and the speed alone. Who compiles the field hands them in as numbers."""
+
+    asymmetry: Any  #: (A - Bbar) / m [m^2]
+    twice_asymmetry: Any
+    three_e: Any  #: 3 e [m]
+    omega_squared: Any  #: [rad^2/s^2]
+    e_omega: Any  #: e Omega [m/s]
+
+
+def products(constants: Constants, omega: Any) -> Products:
+    """Those products, in whatever arithmetic the constants and the speed are in."""
+    asymmetry, e = constants.a - constants.b, constants.e
+    # Sums, because an integer factor would widen numbers of fewer bits than it has.
+    return Products(asymmetry, asymmetry + asymmetry, e + e + e, omega * omega, e * omega)
+
+
+def field(
+    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
+) -> Field:
     """The vector field ``(beta, gamma, v) -> (beta', gamma', v')`` [rad/s, rad/s, rad/s^2] (Eq. 3DOF).
 
     What does not depend on the state is computed here, once; the function returned has only the rest to do.
     Only ``r, e, a, b, g`` and ``k`` (linear) or ``traction, epsilon`` (smooth) of ``constants`` are used. ``side`` (1
-    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is.
+    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is. ``given`` takes the
+    place of `products`.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
-    asymmetry = constants.a - b
-    twice_asymmetry, three_e, omega_squared, e_omega = 2 * asymmetry, 3 * e, omega * omega, e * omega
+    asymmetry, twice_asymmetry, three_e, omega_squared, e_omega = given or products(constants, omega)
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
 
@@ -153,17 +174,16 @@ def acceleration(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: A
 
 
 def jacobian(
-    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None
+    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
     """The function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``, differentiated by hand.
 
-    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side`` as in
-    `field`.
+    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side`` and
+    ``given`` as in `field`.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
-    asymmetry = constants.a - b
-    omega_squared, e_omega = omega * omega, e * omega
+    asymmetry, twice_asymmetry, three_e, omega_squared, e_omega = given or products(constants, omega)
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
 
@@ -174,11 +194,11 @@ def jacobian(
         rho_cos2 = cos_b * lever
         mass = b + asymmetry * (cos_g * cos_g) + lever * lever
         mass_b = -2 * lever * rho * sin_b
-        mass_g = -2 * asymmetry * cos_g * sin_g + 2 * lever * rho_g * cos_b
+        mass_g = 2 * lever * rho_g * cos_b - twice_asymmetry * (cos_g * sin_g)
         sweep = rho * v
-        mixed = 2 * asymmetry * sin_g + e * rho - 3 * e * rho_cos2
-        mixed_b = 6 * e * lever * sin_b
-        mixed_g = 2 * asymmetry * cos_g + e * rho_g - 3 * e * rho_g * cos_b * cos_b
+        mixed = twice_asymmetry * sin_g + e * rho - three_e * rho_cos2
+        mixed_b = 2 * three_e * (lever * sin_b)
+        mixed_g = twice_asymmetry * cos_g + e * rho_g - three_e * (rho_g * cos_b * cos_b)
         bracket = sweep * sweep + omega_squared * (mass - r * rho_cos2)
         bracket_b = omega_squared * (mass_b + 2 * r * lever * sin_b)
         bracket_g = 2 * sweep * rho_g * v + omega_squared * (mass_g - r * rho_g * cos_b * cos_b)

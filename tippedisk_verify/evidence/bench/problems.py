@@ -1,4 +1,4 @@
-"""Initial-value problems to race on, with truths whose own uncertainty is known.
+"""What to race on: six initial-value problems and a period solve, with truths whose own uncertainty is known.
 
 The truth is integrated in 60 digits and seen against 80, at the inputs that doubles are: a method in doubles is not
 blamed for what rounding them does.
@@ -19,9 +19,11 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["PROBLEMS", "Problem", "Truth", "problem_named", "truth_of"]
+__all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
 
 _SAMPLES = 20
+#: Samples at which a run of its own ends: one end alone may lie where an orbit happens to meet its error's zero.
+STOPS = (5, 12, 19)
 _BITS, _WIDER = 200, 266
 
 
@@ -36,6 +38,7 @@ class Problem:
     start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
     duration: float  #: [s]
     friction: Friction = "linear"
+    periodic: bool = False  #: solve for the limit cycle from this guess; start is shifted, duration half a period
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -52,7 +55,7 @@ class Problem:
 class Truth:
     """Samples to some 55 digits, and the largest of their half-widths."""
 
-    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
+    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3); of the period solve one, (gamma_bar, v, T)
     uncertainty: float
     rates: tuple[float, ...]  #: (3,) the flow at the end, to tell an error in phase from one in shape
 
@@ -75,6 +78,8 @@ PROBLEMS: tuple[Problem, ...] = (
             (_HALF_PI, 2.0, 0.0), 2.0),
     Problem("epsilon-1e-4", "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second", _with_epsilon("0.0001"), _BELOW,
             (_HALF_PI, 2.0, 0.0), 0.2),
+    Problem("period", "period and state of the limit cycle from a guess that is 1e-3 off", PRINTED, _BELOW,
+            (0.0, 1.691, -1.6455), 0.547, periodic=True),
 )  # fmt: skip
 
 
@@ -91,6 +96,8 @@ def problem_named(name: str) -> Problem:
 @lru_cache(maxsize=16)
 def truth_of(problem: Problem) -> Truth:
     """The samples, from two precisions. Raises ArithmeticError if an integration fails."""
+    if problem.periodic:
+        return _cycle(problem)
     rough, sharp = (_samples(problem, working) for working in (_BITS, _WIDER))
     held = [
         [Measured.compared(a, b, bits(_BITS).epsilon) for a, b in zip(row, other, strict=True)]
@@ -107,6 +114,15 @@ def truth_of(problem: Problem) -> Truth:
         uncertainty=float(max(cell.uncertainty for row in held for cell in row)),
         rates=tuple(float(rate) for rate in rates),
     )
+
+
+def _cycle(problem: Problem) -> Truth:
+    """(gamma_bar, v, T): one sample."""
+    from tippedisk_verify.orbits.periodic import limit_cycle
+
+    found = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
+    sample = (found.gamma_bar_0, found.v_0, found.period)
+    return Truth((sample,), float(max(part.uncertainty for part in sample)), ())
 
 
 def _samples(problem: Problem, working: int) -> Result:

@@ -7,19 +7,19 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
 from tippedisk_verify.evidence.bench.methods import METHODS, Method, Outcome, Prepared
-from tippedisk_verify.evidence.bench.problems import PROBLEMS, Problem, Truth, truth_of
+from tippedisk_verify.evidence.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
 
 __all__ = ["Score", "machine", "raced"]
 
 _REPEATS = 5
 _BRIEF = 0.03  # s; what takes longer is repeated less
-_LONG = 0.6  # s; tighter settings of a method that took this long are not run
+_LONG = 0.3  # s; tighter settings of a method that took this long are not run
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Score:
     family: str
     setting: str
     status: str  #: reached, or why not
-    error: float | None  #: largest over the components at the end
-    error_over_samples: float | None
-    phase: float | None  #: [s] how far ahead or behind at the end, along the flow
-    shape: float | None  #: what is left of the error at the end
+    error: float | None  #: largest over the components at the ends of runs of three lengths; of a period solve, of T
+    error_over_samples: float | None  #: largest at the samples, interpolated as the method does; or in state and T
+    phase: float | None  #: [s] how far ahead or behind at the end, along the flow; of a period solve, of T
+    shape: float | None  #: what is left of the error at the end; of a period solve, of the state
     seconds: float | None  #: median of the repeats, warm
     spread: float | None  #: (largest - smallest) / median of the repeats
     preparation: float | None  #: [s] compiling and the first run, beside which the others are warm
@@ -54,6 +54,7 @@ class _Entry:
     status: str = ""
     prepared: Prepared | None = None
     outcome: Outcome | None = None
+    ends: dict[int, Any] = field(default_factory=dict)  # by sample: the state where a run of its own stops
     preparation: float | None = None
     seconds: list[float] | None = None
 
@@ -62,11 +63,15 @@ def raced(
     problems: Sequence[Problem] = PROBLEMS,
     methods: Sequence[Method] = METHODS,
     advance: Callable[[str, int], None] = lambda label, steps: None,
+    mapping: Callable[[Callable[[Problem], Truth], Sequence[Problem]], Iterable[Truth]] = map,
 ) -> list[Score]:
-    """Every method on every problem that it fits, at every setting. Failures are scores, too."""
+    """Every method on every problem that it fits, at every setting. Failures are scores, too.
+
+    ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed.
+    """
     scores = []
+    truths = iter(mapping(truth_of, problems))
     for problem in problems:
-        truth = truth_of(problem)
         entries = []
         for method in methods:
             if method.fits(problem):
@@ -77,7 +82,11 @@ def raced(
                 if entry.prepared is None or entry.seconds is None or (repeat and entry.seconds[0] > _BRIEF):
                     continue
                 if entry.seconds[0] <= _LONG and entry.method.family != "mpmath":
-                    entry.seconds.append(_timed(entry.prepared.run)[0])
+                    job = partial(entry.prepared.run, problem.duration)
+                    if entry.seconds[0] <= _BRIEF:
+                        job()  # what ran before has emptied the processor's caches
+                    entry.seconds.append(_timed(job)[0])
+        truth = next(truths)
         scores += [_score(entry, truth) for entry in entries]
     return scores
 
@@ -99,14 +108,15 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
             entry.status = f"not run: the setting before took {longest:.1f} s"
             continue
         try:
-            spent, entry.prepared = _timed(partial(method.prepare, problem, setting))
+            spent, entry.prepared = _timed(partial(method.prepared, problem, setting))
             cold, entry.outcome = _timed(entry.prepared.sampled)
             entry.preparation = spent + cold
             entry.status = entry.outcome.status
             longest = max(longest, cold if method.family == "mpmath" else 0.0)
             if entry.status == "reached":
-                warm = cold if method.family == "mpmath" else _timed(entry.prepared.run)[0]
-                entry.seconds = [warm]
+                for stop in STOPS:
+                    warm, entry.ends[stop] = _timed(partial(entry.prepared.run, problem.times[stop]))
+                entry.seconds = [cold if method.family == "mpmath" else warm]
                 longest = max(longest, warm)
         except (ArithmeticError, ValueError, RuntimeError) as fault:
             entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"
@@ -115,7 +125,8 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
 
 
 def _score(entry: _Entry, truth: Truth) -> Score:
-    errors = _errors(entry.outcome, truth) if entry.status == "reached" and entry.outcome is not None else None
+    reached = entry.status == "reached" and entry.outcome is not None
+    errors = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome is not None else None
     seconds = statistics.median(entry.seconds) if entry.seconds else None
     return Score(
         problem=entry.problem.name,
@@ -136,17 +147,31 @@ def _score(entry: _Entry, truth: Truth) -> Score:
     )
 
 
-def _errors(outcome: Outcome, truth: Truth) -> tuple[float, float, float, float] | None:
-    """(end, samples, phase, shape) against the truth, which is exact: differences above double are taken exactly."""
+def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[float, float, float, float] | None:
+    """(ends, samples, phase, shape) against the truth, which is exact: differences above double are taken exactly."""
     if len(outcome.samples) != len(truth.samples):
         return None
+    if not truth.rates:  # a period solve
+        ((gamma_bar, v, period),) = outcome.samples
+        state_away = [_distance(a, b) for a, b in zip((gamma_bar, v), truth.samples[0], strict=False)]
+        late = _distance(period, truth.samples[0][2])
+        return abs(late), max(abs(late), *map(abs, state_away)), late, math.hypot(*state_away)
     away = [[_distance(a, b) for a, b in zip(row, right, strict=True)]
             for row, right in zip(outcome.samples, truth.samples, strict=True)]  # fmt: skip
-    end = away[-1]
+    ends = {
+        stop: [_distance(a, b) for a, b in zip(state, truth.samples[stop], strict=True)]
+        for stop, state in stopped.items()
+    }
+    end = ends[len(away) - 1]
     square = sum(rate * rate for rate in truth.rates)
     phase = sum(part * rate for part, rate in zip(end, truth.rates, strict=True)) / square if square else 0.0
     shape = math.sqrt(sum((part - phase * rate) ** 2 for part, rate in zip(end, truth.rates, strict=True)))
-    return max(map(abs, end)), max(abs(part) for row in away for part in row), phase, shape
+    return (
+        max(abs(part) for row in ends.values() for part in row),
+        max(abs(part) for row in away for part in row),
+        phase,
+        shape,
+    )
 
 
 def _distance(value: Any, truth: Any) -> float:

@@ -25,12 +25,13 @@ for fp in (float, numpy.longdouble):
                                            ((), False, (_RETURNS,))):
         if fp is float and not variations and not divergence:
             continue
-        system, crossings = system_of(variations, divergence, events, True)
+        system, crossings, products = system_of(variations, divergence, events, True)
         options = {"t_events": [hy.t_event(crossings["returns"], direction=direction_of(hy, -1), fp_type=fp)]}
         if len(events) > 1:
             options["nt_events"] = [hy.nt_event(crossings["extreme"], lambda *given: None, fp_type=fp)]
         start = [fp(1), fp(1), fp(0)] + [fp(0)] * divergence
-        hy.taylor_adaptive(system, start, pars=[fp(1)] * 7, fp_type=fp, compact_mode=fp is not float, **options)
+        pars = [fp(1)] * (7 + products)
+        hy.taylor_adaptive(system, start, pars=pars, fp_type=fp, compact_mode=fp is not float, **options)
 """
 _ORBIT = ["-m", "tippedisk_verify", "orbit", "--below-crit", "0.5", "--quiet"]
 

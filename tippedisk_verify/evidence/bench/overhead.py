@@ -1,0 +1,121 @@
+"""What the suite costs beside heyoka's own stepping: the same work through the engine and through a bare integrator."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from tippedisk_verify.evidence.bench.problems import problem_named
+from tippedisk_verify.flow.contract import Engine, Request, Result
+from tippedisk_verify.flow.system import direction_of, system_of
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.equations import products
+from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+from tippedisk_verify.orbits.periodic import shoot
+
+__all__ = ["Overhead", "overheads"]
+
+_PAIRS = 300
+
+
+@dataclass(frozen=True)
+class Overhead:
+    """Medians of interleaved pairs."""
+
+    what: str
+    suite_seconds: float
+    bare_seconds: float
+    over_bare: float  #: median of the pairs' ratios, less 1
+
+    def json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+class _Bare:
+    """A heyoka integrator for what a request needs, set off with nothing else done."""
+
+    def __init__(self, request: Request) -> None:
+        hy = heyoka_module()
+        system = system_of(request.variations, False, request.events, request.shifted)
+        constants = request.parameters.at(DOUBLE)
+        omega = DOUBLE.number(request.omega)
+        pars = [omega, constants.r, constants.e, constants.a, constants.b, constants.g, constants.k]
+        pars += products(constants, omega)[: system.products]
+        options = {}
+        if request.events:
+            (event,) = request.events
+            turned = direction_of(hy, event.direction)
+            options["t_events"] = [hy.t_event(system.crossings[event.name], direction=turned)]
+        self.stepper: Any = hy.taylor_adaptive(system.equations, [1.0, 1.0, 0.0], pars=pars, **options)
+        self._rest = self.stepper.state[3:].copy() if request.variations else None
+
+    def __call__(self, start: Any, duration: float) -> None:
+        stepper = self.stepper
+        stepper.time = 0.0
+        if self._rest is None:
+            stepper.state[:] = start
+        else:
+            stepper.state[:3] = start
+            stepper.state[3:] = self._rest
+            stepper.reset_cooldowns()
+        stepper.propagate_until(duration)
+
+
+class _Listening:
+    """An engine that keeps what it is asked."""
+
+    name = "taylor"
+
+    def __init__(self, engine: Engine, asked: list[Request]) -> None:
+        self._engine, self._asked = engine, asked
+
+    def __call__(self, request: Request) -> Result:
+        self._asked.append(request)
+        return self._engine(request)
+
+
+def overheads() -> list[Overhead]:
+    """A trajectory of 10 s, and the Newton iteration for a limit cycle against its flights alone."""
+    engine = Taylor()
+    problem = problem_named("cycle")
+    request = problem.request()
+    bare = _Bare(request)
+    found = [_compared("trajectory", lambda: engine(request), lambda: bare(problem.start, problem.duration))]
+
+    period = problem_named("period")
+    guess = period.start[1:]
+    flights: list[Request] = []
+    shoot(period.parameters, period.omega, guess, _Listening(engine, flights))
+    flight = _Bare(flights[0])
+    starts = [[DOUBLE.number(part) for part in asked.state] for asked in flights]
+
+    def bare_flights() -> None:
+        for start in starts:
+            flight(start, 200.0)
+
+    def solve() -> None:
+        shoot(period.parameters, period.omega, guess, engine)
+
+    found.append(_compared("Newton iteration for a limit cycle", solve, bare_flights))
+    return found
+
+
+def _compared(what: str, suite: Callable[[], Any], bare: Callable[[], Any]) -> Overhead:
+    suite(), bare()  # compiled, and warm
+    pairs = []
+    for number in range(_PAIRS):
+        times = {}
+        for job in (suite, bare) if number % 2 else (bare, suite):
+            begin = time.perf_counter()
+            job()
+            times[job] = time.perf_counter() - begin
+        pairs.append((times[suite], times[bare]))
+    return Overhead(
+        what,
+        statistics.median(pair[0] for pair in pairs),
+        statistics.median(pair[1] for pair in pairs),
+        statistics.median(a / b for a, b in pairs) - 1,
+    )
