@@ -22,6 +22,7 @@ from tippedisk_verify.commands.common import Common, Interrupts, common_options,
 from tippedisk_verify.commands.conformance import COMMANDS as CONFORMANCE_COMMANDS
 from tippedisk_verify.commands.numbers import COMMANDS
 from tippedisk_verify.commands.reference import COMMANDS as REFERENCE_COMMANDS
+from tippedisk_verify.commands.stress import COMMANDS as STRESS_COMMANDS
 from tippedisk_verify.commands.sweep import COMMANDS as SWEEP_COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
@@ -197,6 +198,7 @@ for command in (
     *REFERENCE_COMMANDS,
     *CONFORMANCE_COMMANDS,
     *SWEEP_COMMANDS,
+    *STRESS_COMMANDS,
 ):
     cli.add_command(command)
 
