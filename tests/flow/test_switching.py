@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy
@@ -10,12 +11,12 @@ from hypothesis import given, settings
 
 from tests.problems import STARTS, decimals, states
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import FLAT, Event, Request, Status
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
 _ENGINE = Taylor()
 
@@ -119,6 +120,86 @@ def test_careful_runs_give_the_same(taylor) -> None:
         assert numpy.abs(slow.state - fast.state).max() < 1e-11
         if needs:
             assert numpy.abs(slow.samples - fast.samples).max() < 1e-11
+
+
+_REVERSES = Event("reverses", SLIDING_REVERSAL.function, terminal=False)
+
+
+def reversals_by_samples(engine, request: Request) -> int:
+    """How often gamma_y / sin(beta) changes its sign on a fine grid of the run, without any event."""
+    times = numpy.linspace(0, float(request.duration), 20_001)
+    beta, gamma, v = engine(replace(request, events=(), times=times)).samples.T
+    c = request.parameters.at(DOUBLE)
+    slip = SLIDING_REVERSAL.function(numpy, c, float(exact(request.omega)), beta, gamma, v)
+    return int((slip[1:] * slip[:-1] < 0).sum())
+
+
+@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE], ids=lambda p: p.name)
+def test_reversals_that_are_asked_for_are_all_found(taylor, precision) -> None:
+    """They happen at the very time at which the branch is switched, and of two events at one time one may be lost."""
+    for start in random_states(12, 3).tolist():
+        request = smooth("30.4", start, "0.5", events=(_REVERSES,), precision=precision)
+        found = [record for record in taylor(request).events if record.name == _REVERSES.name]
+        assert len(found) == reversals_by_samples(taylor, replace(request, precision=DOUBLE))
+        c, omega = PRINTED.at(precision), precision.number("30.4")
+        for record in found:
+            slip = SLIDING_REVERSAL.function(precision.ops, c, omega, *record.state)
+            # A few roundings of the state, of terms of about 0.5 m/s.
+            assert abs(float(slip)) < 64 * float(precision.epsilon)
+
+
+def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
+    """Terminal, in each direction; the start on the surface is no reversal."""
+    whole = smooth("30.4", STARTS[1], 2, events=(_REVERSES,))
+    times = [float(record.time) for record in taylor(whole).events if float(record.time) > 1e-6]
+    assert len(times) > 4
+    ends = {}
+    for direction in (0, 1, -1):
+        event = Event("ends", SLIDING_REVERSAL.function, direction=direction)
+        result = taylor(replace(whole, events=(event,)))
+        assert result.status is Status.EVENT
+        assert result.events[-1].name == "ends"
+        ends[direction] = float(result.time)
+    assert ends[0] == min(ends[1], ends[-1])
+    # Two compiled programs that take other steps: their events agree to rounding.
+    assert {round(ends[1], 12), round(ends[-1], 12)} == {round(time, 12) for time in times[:2]}
+    after = replace(whole, state=[float(part) for part in taylor(replace(whole, events=(SLIDING_REVERSAL,))).state])
+    assert float(taylor(replace(after, events=(SLIDING_REVERSAL,))).time) == pytest.approx(
+        times[1] - times[0], abs=1e-9
+    )
+
+
+def test_lanes_find_the_same_reversals(taylor) -> None:
+    starts = random_states(16, 4)
+    found = Lanes()(
+        field_constants(PRINTED, "smooth"),
+        numpy.full(16, 30.4),
+        starts,
+        numpy.full(16, 0.5),
+        friction="smooth",
+        events=(_REVERSES,),
+    )
+    for k, start in enumerate(starts.tolist()):
+        alone = taylor(smooth("30.4", start, "0.5", events=(_REVERSES,), domain="none"))
+        mine = [time for name, run, time, _ in found.crossings if run == k and name == _REVERSES.name]
+        if found.finished[k]:
+            assert numpy.allclose(mine, [float(record.time) for record in alone.events], rtol=0, atol=1e-10)
+    assert found.finished.sum() > 12
+
+
+def test_small_states_have_small_errors_and_true_estimates(taylor) -> None:
+    """heyoka's tolerance is absolute below 1: the wider run must not truncate small states where it could round them.
+
+    A start a millionth beside noninverted spinning; errors are some 1e-20 and differ from sample to sample.
+    """
+    for k in range(1, 9):
+        start = (Fraction(-k, 7 * 10**6), exact("-pi") + Fraction(k, 10**6), Fraction(3 * k, 10**6))
+        times = [Fraction(n, 40) for n in range(1, 13)]
+        request = smooth("30.4", start, "0.3", shifted=True, times=times, domain="none", error_estimate=True)
+        mine, truth = taylor(request), taylor(replace(request, precision=QUADRUPLE, error_estimate=False))
+        for row, widths, true in zip(mine.samples, mine.error.samples, truth.samples, strict=True):
+            for value, width, exactly in zip(row, widths, true, strict=True):
+                assert abs(Fraction(float(value)) - fraction(exactly)) <= Fraction(float(width))
 
 
 @settings(max_examples=100)

@@ -12,10 +12,13 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.evidence.near_omega_h import near_omega_h
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.near_connection import cycle_above, passage_times
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near, passage_times, with_speed
 from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.theory.hopf import omega_crit
 
 
 def check_closed(taylor, parameters, distance: str) -> None:
@@ -41,6 +44,27 @@ def test_cycles_close(taylor, distance) -> None:
     check_closed(taylor, PRINTED, distance)
 
 
+@pytest.mark.parametrize("above", ["1e-4", "0.01", "0.3", "0.8"])
+def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
+    """Against the cycle at a speed that is off by so much, near Omega_h, between, and near Omega_crit."""
+    omega_h = heteroclinic(PRINTED, taylor).omega_h
+    distance = Fraction(above)
+    room = omega_crit(PRINTED, 20).value - omega_h.value
+    off = min(distance, room - distance) / 1000
+    here, there = (
+        cycle_near(PRINTED, omega_h.value + distance + change, omega_h.value, taylor, digits=9) for change in (0, off)
+    )
+    widened = with_speed(PRINTED, here, Measured(omega_h.value, off), distance, room)
+    over = []
+    for name in widened.__dataclass_fields__:
+        number = getattr(widened, name)
+        if isinstance(number, Measured) and name != "trivial_multiplier_defect":
+            change = abs(getattr(there, name).value - number.value)
+            assert change <= number.uncertainty, name
+            over.append(float(number.uncertainty / change))
+    assert sorted(over)[len(over) // 2] < 20
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", ["1e-30", "1e-60", "1e-100"])
 def test_cycles_close_very_near(taylor, distance) -> None:
@@ -50,8 +74,6 @@ def test_cycles_close_very_near(taylor, distance) -> None:
 @pytest.mark.slow
 def test_laws_near_omega_h(taylor) -> None:
     """Slopes of T and log mu_slow against log D, and the power that the remainder falls with."""
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-
     unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
     cycles = {power: cycle_above(PRINTED, f"1e-{power}", taylor, digits=15) for power in (10, 15, 30, 50)}
     log_distance = math.log(10) * 20

@@ -92,6 +92,14 @@ def test_residual_slopes_for_random_disks(parameters, omega) -> None:
         assert abs(float(coarse - fine) - (order + 1)) < 0.1
 
 
+def test_exponents_hold_where_the_series_is_not_yet_asymptotic() -> None:
+    """Weak friction: at epsilon = 1e-4 ... 1e-5 the next term counts as much as this one, with the other sign."""
+    found = study(PRINTED.changed(mu="0.0253451", epsilon="0.00269722"), "16.9618", 1)
+    for order, slope in enumerate(found.residual_slope):
+        assert slope.holds(order + 1)
+        assert slope.uncertainty < Fraction(1, 10)
+
+
 def test_residual_by_jets_against_numerical_differences() -> None:
     """The same residual from the surface alone, differentiated numerically, and the field."""
     ctx, constants = in_mpmath(PRINTED.changed(epsilon="1e-3"), 100)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
@@ -106,7 +107,7 @@ class Request:
     friction: Friction = "linear"
     shifted: bool = False  #: angles are beta_bar and gamma_bar, measured from pi/2, in the start and in every result
     precision: Precision = DOUBLE
-    tolerance: float | None = None
+    tolerance: float | Fraction | None = None
     times: Any = None  #: sample times, strictly rising from 0 or later (falling for a backward run)
     dense: bool = False  #: a function of time that interpolates to the integrator's accuracy
     variations: tuple[Variation, ...] = ()  #: derivatives of the final state with respect to these

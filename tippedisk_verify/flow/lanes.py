@@ -120,9 +120,11 @@ class _Batch:
 
         hy = heyoka_module()
         smooth = friction == "smooth"
-        # The smooth law changes its branch where the disk lies flat, too: one event then serves for both.
+        # The smooth law changes its branch at sliding reversals and where the disk lies flat: of two events at the same
+        # time one is lost, so one serves for both.
         flat = [event.name for event in events if smooth and event.function is FLAT.function]
-        events = [event for event in events if event.name not in flat]
+        reversals = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
+        events = [event for event in events if event.name not in flat and event not in reversals]
         system, crossings, self.products = system_of(
             variations, divergence, (*events, SWITCH, TURN_OVER) if smooth else events, shift, smooth
         )
@@ -142,7 +144,9 @@ class _Batch:
         self._branches = _Branches(friction, shift) if smooth else None
         if self._branches is not None:
             options["t_events"] = [
-                hy.t_event_batch(crossings[SWITCH.name], callback=self._branches.callback(), cooldown=START_WINDOW),
+                hy.t_event_batch(
+                    crossings[SWITCH.name], callback=self._reversed(self._branches, reversals), cooldown=START_WINDOW
+                ),
                 hy.t_event_batch(
                     crossings[TURN_OVER.name], callback=self._turned(self._branches, flat), cooldown=START_WINDOW
                 ),
@@ -228,16 +232,30 @@ class _Batch:
 
     def _turned(self, branches: _Branches, flat: Sequence[str]) -> Any:
         """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
-        names = self._names
 
         def turned(stepper: Any, sign: int, lane: int) -> bool:
             branches.turn(stepper, lane)
-            for name in flat:
-                beta, gamma, v = stepper.state[:3, lane].tolist()
-                names.append((name, self._first + lane, float(stepper.time[lane]), (beta, gamma, v)))
+            self._note(stepper, lane, flat)
             return True
 
         return turned
+
+    def _reversed(self, branches: _Branches, reversals: Sequence[Event]) -> Any:
+        """The same for gamma_y = 0; a crossing at the start is the start itself."""
+        switched = branches.callback()
+
+        def crossed(stepper: Any, sign: int, lane: int) -> bool:
+            switched(stepper, sign, lane)
+            if not (branches.from_surface[lane] and abs(stepper.time[lane]) <= START_WINDOW):
+                self._note(stepper, lane, [event.name for event in reversals if event.direction in (0, sign)])
+            return True
+
+        return crossed
+
+    def _note(self, stepper: Any, lane: int, names: Sequence[str]) -> None:
+        for name in names:
+            beta, gamma, v = stepper.state[:3, lane].tolist()
+            self._names.append((name, self._first + lane, float(stepper.time[lane]), (beta, gamma, v)))
 
     def _recorder(self, name: str) -> Any:
         names = self._names
@@ -259,6 +277,7 @@ class _Branches:
         self._upright: list[float] = []  # signs of sin(beta)
         self._forward: list[bool] = []
         self._doubtful: set[int] = set()
+        self.from_surface: list[bool] = []
 
     def _slip(self, stepper: Any, states: Any) -> Any:
         import numpy
@@ -279,6 +298,7 @@ class _Branches:
         ops, constants, omega = self._setting(stepper)
         slip = self._slip(stepper, states)
         on_surface = numpy.abs(slip) <= 64 * 2.0**-52
+        self.from_surface = on_surface.tolist()
         if on_surface.any():
             rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))
             later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * rates)

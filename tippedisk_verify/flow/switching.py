@@ -2,8 +2,10 @@
 
 The field is continuous where gamma_y = 0, and so are its first derivatives, so state and derivatives are carried across
 unchanged (the saltation matrix is the identity). gamma_y is sin(beta) times the slip, and each factor has its own
-event, so that lying flat and switching never coincide. A switch sets the branch from the direction of the crossing,
-not by flipping it: one that was missed, because two crossings lay closer than events can tell apart, shows at the next.
+event, so that lying flat and switching never coincide. A request's own events of sliding reversal do coincide with the
+switch: of two events at the same time an integrator reports one and may lose the other, so the switch reports them. A
+switch sets the branch from the direction of the crossing, not by flipping it: one that was missed, because two
+crossings lay closer than events can tell apart, shows at the next.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, START_WINDOW, Request
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, START_WINDOW, Event, EventRecord, Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import Precision
 
@@ -23,8 +25,12 @@ _MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 class Branch:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
-    def __init__(self, precision: Precision, ops: Any, place: int) -> None:
+    def __init__(
+        self, precision: Precision, ops: Any, place: int, watched: Sequence[Event], records: list[EventRecord]
+    ) -> None:
         self._ops, self._place = ops, place
+        self._watched, self._records = watched, records
+        self.ended = False  #: by a terminal event of sliding reversal
         self._one = precision.number(1)
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
@@ -35,18 +41,19 @@ class Branch:
         self._upright = 1  # the sign of sin(beta)
         self.stops = self.stopped = self.asleep = False
         self._forward = True
-        self._contradicted = False
+        self._contradicted = self._from_surface = False
         self._switches = 0
 
     def begin(self, request: Request, omega: Any, state: Sequence[Any], duration: Any) -> None:
         """Set the branch for a run. On the surface the sign a moment later decides."""
         self._constants, self._omega = request.parameters.at(request.precision), omega
         self._forward = bool(duration >= 0)
-        self._contradicted = self.stopped = False
+        self._contradicted = self.stopped = self.ended = False
         self._switches = 0
         self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
         slip = self._slip(state)
-        if abs(float(slip)) <= 64 * self._epsilon:
+        self._from_surface = abs(float(slip)) <= 64 * self._epsilon
+        if self._from_surface:
             rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
             step = self._window if self._forward else -self._window
             slip = self._slip([part + step * rate for part, rate in zip(state, rates, strict=True)])
@@ -77,7 +84,17 @@ class Branch:
             self._contradicted = True
         self._set(side)
         self.stopped = self.stops
-        return not self.stops and self._switches < _MOST_SWITCHES
+        self.ended = self._reported(sign, time)
+        return not self.stops and not self.ended and self._switches < _MOST_SWITCHES
+
+    def _reported(self, sign: int, time: Any) -> bool:
+        """Record the crossing for the events that ask for it; whether one of them ends the run."""
+        if self._from_surface and abs(time) <= self._window:
+            return False  # the start itself
+        asking = [event for event in self._watched if event.direction in (0, sign)]
+        for event in asking:
+            self._records.append(EventRecord(event.name, time, self.stepper.state[:3].copy()))
+        return any(event.terminal for event in asking)
 
     def look(self) -> None:
         """Take the branch of the present state."""

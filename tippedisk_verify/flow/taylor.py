@@ -11,11 +11,13 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
+    SLIDING_REVERSAL,
     START_WINDOW,
     Build,
     EventRecord,
@@ -33,6 +35,10 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion, heyoka_module
 
 __all__ = ["Taylor"]
+
+# Of the wider arithmetic's round-off, the tolerance of the run that shows another one's error: heyoka's tolerance is
+# absolute for states below 1, and truncation of small states would otherwise stand far above their rounding.
+_TIGHTER = Fraction(1, 2**12)
 
 
 class Taylor:
@@ -100,7 +106,9 @@ class Taylor:
     def _with_error(self, request: Request, result: Result) -> Result:
         wider = companion(request.precision)
         begin = time.perf_counter()
-        check = self(replace(request, precision=wider, tolerance=None, error_estimate=False, dense=False))
+        check = self(
+            replace(request, precision=wider, tolerance=wider.epsilon * _TIGHTER, error_estimate=False, dense=False)
+        )
         error = compared(request.precision, wider, result, check, request.shifted)
         error = replace(error, seconds=time.perf_counter() - begin)
         return replace(result, error=error, built=result.built + check.built)
@@ -117,17 +125,19 @@ class _Integrator:
         number, fp_type = precision.number, precision.type
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
         smooth = self._smooth
+        self._events = events
+        watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
+        built = [event for event in events if event not in watched]
         system, self._crossings, self._products = system_of(
             request.variations,
             request.divergence,
-            (*events, SWITCH, TURN_OVER) if smooth else events,
+            (*built, SWITCH, TURN_OVER) if smooth else built,
             request.shifted,
             smooth,
         )
         self._names = SMOOTH_PARAMETERS if smooth else PARAMETERS
-        self._events = events
         self._records: list[EventRecord] = []
-        self._terminal = [event for event in events if event.terminal]
+        self._terminal = [event for event in built if event.terminal]
         options: dict[str, Any] = {"fp_type": fp_type, "compact_mode": compact, **chosen}
         if precision.kind == "real":
             options["prec"] = precision.bits
@@ -140,7 +150,8 @@ class _Integrator:
             ]
         if smooth:
             # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
-            self._branch = Branch(self.precision, self._ops, len(self._names) + self._products)
+            place = len(self._names) + self._products
+            self._branch = Branch(self.precision, self._ops, place, watched, self._records)
             own = [(SWITCH, self._branch.callback())]
             if FLAT not in self._terminal:
                 own.append((TURN_OVER, self._branch.flat_callback()))
@@ -154,7 +165,7 @@ class _Integrator:
                     for event, back in own
                 ),
             ]
-        if passing := [event for event in events if not event.terminal]:
+        if passing := [event for event in built if not event.terminal]:
             options["nt_events"] = [
                 hy.nt_event(
                     self._crossings[event.name],
@@ -266,6 +277,8 @@ class _Integrator:
         stepper.reset_cooldowns()
         self._records.clear()
         branch.begin(request, omega, state, duration)
+        if request.events:
+            self._leave_surfaces(request, omega, state, duration)
         wanted = request.times is not None or request.dense
         pieces: list[tuple[Any, Any]] = []
         steps, low = 0, None
@@ -277,7 +290,7 @@ class _Integrator:
             branch.stops = False
             steps += more
             pieces.append((stepper.time, piece))
-            if not branch.stopped or steps >= request.max_steps:
+            if branch.ended or not branch.stopped or steps >= request.max_steps:
                 break
             # A moment later the sign tells which branch it is; until then both are the same to rounding.
             ahead = stepper.time + branch.moment if duration > 0 else stepper.time - branch.moment
@@ -291,7 +304,7 @@ class _Integrator:
             if outcome != self._finished or stepper.time == duration:
                 break
             branch.look()
-        if branch.stopped and steps >= request.max_steps:
+        if branch.stopped and not branch.ended and steps >= request.max_steps:
             outcome = heyoka_module().taylor_outcome.step_limit
         if not wanted:
             return outcome, low, steps, None, None
@@ -323,7 +336,7 @@ class _Integrator:
         constants = request.parameters.at(self.precision)
         epsilon, ops = float(self.precision.epsilon), self._ops
         names = tuple(event.name for event in request.events if starts_on(event, ops, constants, omega, state, epsilon))
-        if any(event.terminal and event.name in names for event in self._events):
+        if any(event.name in names for event in self._terminal):
             stepper = self._stepper
             limit = self.precision.number(START_WINDOW)
             if abs(duration) > limit:
@@ -361,6 +374,8 @@ class _Integrator:
         )
 
     def _status(self, outcome: Any, smallest_step: Any) -> Status:
+        if self._smooth and self._branch.ended:
+            return Status.EVENT
         index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...
         if not 0 <= index < len(self._terminal):
             if outcome.name == "err_nf_state":

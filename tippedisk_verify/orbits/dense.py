@@ -39,7 +39,7 @@ _TWINS = 2
 _SHIFT = 1e-3  # of the constants, as a part of the distance to the nearer end of the branch
 # What rounding the start gives, in units of 2^-53, for (beta, gamma, v): gamma is up to 3 pi / 2, v up to 10 rad/s.
 _START_ROUNDING = (1.0, 4.0, 8.0)
-_RATE = 40.0  # 1/s: how fast derivatives change where the flight ends; the fast eigenvalue, -100 1/s, bounds it amply
+_START_SHIFT = 1e-5  # the same for the starts: so little that Newton's iteration ends after one step
 _UNIT = 2.0**-53
 
 _NUMBERS = (
@@ -54,6 +54,10 @@ _NUMBERS = (
     "dgamma_bar_0_domega",
     "dv_0_domega",
 )
+
+
+#: Amplitudes: their squares are analytic at the Hopf point; with the sign of the amplitude itself.
+_SQUARED = {"gamma_bar_0": 1, "v_0": -1, "beta_max": 1}
 
 
 @dataclass(frozen=True)
@@ -198,19 +202,23 @@ class DenseBranch:
 
     # -------------------------------------------------------------------------------------------- the errors
     @cached_property
-    def _error_sources(self) -> tuple[Any, dict[str, tuple[Any, Any]]]:
-        """On every eighth node, in rising s: for each number what rounding of the parameters does, and of the flow.
+    def _error_sources(self) -> tuple[Any, dict[str, tuple[Any, ...]]]:
+        """On every eighth node and at both ends, in rising s: what moves each number.
 
-        Each constant in turn is moved a little and the cycle solved again: a difference quotient. The flow's round-off
-        is seen on twins, the same cycle solved from starts some roundings away.
+        The rounding of the parameters, the flow's round-off, and a wrong start. Each constant in turn is moved a little
+        and the cycle solved again: a difference quotient. The flow's round-off is seen on twins, the same cycle solved
+        from starts some roundings away. What follows from the derivatives is taken before the last Newton step, so each
+        of (gamma_bar_0, v_0, T / 2) is moved in turn too, by much more than rounding, and how the numbers change at
+        such a start is measured.
         """
         import numpy
 
-        every = numpy.arange(len(self._s) - 1, -1, -_EVERY)
+        # Both ends among them: towards the Hopf point sensitivities grow without bound.
+        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
         omegas, count = self.nodes.omega, len(self._constants)
         room = numpy.minimum(omegas - self.omega_h, self.omega_crit - omegas)[every]
         shift = _SHIFT * room / omegas[every]
-        which = numpy.concatenate((numpy.tile(every, _TWINS), numpy.tile(every, count)))
+        which = numpy.tile(every, _TWINS + count + 3)
         constants = numpy.tile(self._constants, (len(which), 1))
         jitter = numpy.ones(len(which))
         for twin in range(_TWINS):
@@ -219,7 +227,14 @@ class DenseBranch:
             begin = _TWINS * len(every) + index * len(every)
             constants[begin : begin + len(every), index] *= 1 + shift
         at = self.nodes
-        guess = Guess(at.gamma_bar_0[which] * jitter, at.v_0[which] * jitter, at.period[which] / 2)
+        starts = numpy.stack((at.gamma_bar_0, at.v_0, at.period / 2))
+        away = _START_SHIFT * room / omegas[every] * numpy.abs(starts[:, every])
+        guessed = starts[:, which]
+        guessed[:2] *= jitter
+        for index in range(3):
+            begin = (_TWINS + count + index) * len(every)
+            guessed[index, begin : begin + len(every)] += away[index]
+        guess = Guess(*guessed)
         found = corrected(constants, omegas[which], guess, self._lanes, tolerance=1e-5)
         exact = self.parameters.rational()
         roundings = numpy.array(
@@ -234,10 +249,12 @@ class DenseBranch:
             # Not against the node itself: its own last step is accounted for, and would hide how little this is.
             twins = values[: _TWINS * len(every)].reshape(_TWINS, -1)
             spread = twins.max(axis=0) - twins.min(axis=0)
-            moved = values[_TWINS * len(every) :].reshape(count, -1)
-            slopes = numpy.abs(moved - base[every]) / shift
+            moved = values[_TWINS * len(every) :].reshape(count + 3, -1)
+            slopes = numpy.abs(moved[:count] - base[every]) / shift
+            by_start = numpy.abs(moved[count:] - base[every]) / away
             # A small sample's spread: the largest of five neighbours, four times.
-            sources[name] = roundings @ slopes, 4 * _largest_nearby(spread / self._scale(name, at)[every])
+            flow = 4 * _largest_nearby(spread / self._scale(name, at)[every])
+            sources[name] = roundings @ slopes, flow, *by_start
         return self._s[every], sources
 
     def _scale(self, name: str, cycles: Cycles) -> Any:
@@ -250,47 +267,42 @@ class DenseBranch:
         return numpy.abs(cycles.sensitivity[:, rows[name]]) @ numpy.array(_START_ROUNDING) * _UNIT
 
     @cached_property
-    def _along(self) -> dict[str, Any]:
-        """|d(number) / d(gamma_bar_0)| along the branch at the nodes: what a wrong start does, roughly."""
+    def _along(self) -> Any:
+        """|d(log_multiplier_fast) / d(gamma_bar_0)| along the branch at the nodes: what a wrong start does, roughly."""
         import numpy
 
         by_s = numpy.gradient(self.nodes.gamma_bar_0, self._s)
-        return {
-            name: _largest_nearby(numpy.abs(numpy.gradient(getattr(self.nodes, name), self._s) / by_s))
-            for name in _NUMBERS
-        }
+        return _largest_nearby(numpy.abs(numpy.gradient(self.nodes.log_multiplier_fast, self._s) / by_s))
 
     def half_widths(self, cycles: Cycles) -> dict[str, Any]:
         """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays."""
+        return {name: common + own for name, (common, own) in self._widths(cycles).items()}
+
+    def _widths(self, cycles: Cycles) -> dict[str, tuple[Any, Any]]:
+        """The same in two parts: what the rounding of the parameters does, and each cycle's own round-off."""
         import numpy
 
         s = numpy.log(cycles.omega - self.omega_h)
         s_known, sources = self._error_sources
-        last_gamma, last_v, last_time = numpy.abs(cycles.last_step).T
         # At fixed Omega a wrong start counts against Omega - Omega_h itself, along the branch against its square root.
         whole = self.omega_crit - self.omega_h
         near_h = numpy.exp((math.log(whole) - s) / 2)
-        start = self._scale("gamma_bar_0", cycles)
-        wrong = start + last_gamma + last_v
+        wrong = [self._scale(name, cycles) for name in ("gamma_bar_0", "v_0", "period")]
         widths = {}
         for name in _NUMBERS:
-            parameters, flow = (numpy.exp(numpy.interp(s, s_known, _log(source))) for source in sources[name])
-            width = (
-                2 * parameters
-                + (2 * flow + 1) * self._scale(name, cycles)
-                + 2 * _UNIT * numpy.abs(getattr(cycles, name))
+            parameters, flow, *by_start = (
+                numpy.exp(numpy.interp(s, s_known, _log(source))) for source in sources[name]
             )
+            # The twins' spread is already four times the largest of five neighbours.
+            own = (flow + 1) * self._scale(name, cycles) + 2 * _UNIT * numpy.abs(getattr(cycles, name))
             if name not in ("period", "gamma_bar_0", "v_0", "beta_max"):  # those are taken after the last step
-                along = numpy.interp(s, self._s[::-1], self._along[name][::-1])
-                late = _RATE * last_time * numpy.abs(getattr(cycles, name))
-                if "domega" in name:
-                    # At the Hopf point sensitivities count against the squared amplitude, and divide by 1 - multiplier.
-                    at_hopf = whole / (self.omega_crit - cycles.omega)
-                    width += along * (1 + 16 * near_h + 4 * at_hopf) * wrong
-                    width += late / (1 - numpy.sqrt(cycles.multiplier_slow))
-                else:
-                    width += along * (1 + 8 * near_h) * wrong + 2 * late
-            widths[name] = width
+                for slope, error, last in zip(by_start, wrong, numpy.abs(cycles.last_step).T, strict=True):
+                    own += 2 * slope * (error + last)
+            if name == "log_multiplier_fast":
+                # The integral of the divergence is taken after the last step: there the start's own error counts.
+                along = numpy.interp(s, self._s[::-1], self._along[::-1])
+                own += along * (1 + 8 * near_h) * wrong[0]
+            widths[name] = 2 * parameters, own
         return widths
 
     # -------------------------------------------------------------------------------------------- what it gives
@@ -300,39 +312,45 @@ class DenseBranch:
 
         speeds = self._checked(omegas)
         ratios = self._ratios(speeds)
-        size = numpy.abs(ratios)
         found: dict[str, Any] = {}
         widths: dict[str, Any] = {}
         below = self.omega_crit - speeds
-        for name, (scaled, width) in self._scaled.items():
+        s = numpy.log(speeds - self.omega_h)
+        for name, (scaled, common, own) in self._scaled.items():
             values = ratios @ scaled
-            error = size @ width + numpy.abs(self._cosines @ scaled).sum()
-            if name == "gamma_bar_0":
-                found[name] = numpy.sqrt(values * below)
-                widths[name] = error * below / (2 * found[name])
-            elif name in ("v_0", "beta_max"):
-                found[name] = values * found["gamma_bar_0"]
-                widths[name] = error * found["gamma_bar_0"] + numpy.abs(values) * widths["gamma_bar_0"]
+            # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
+            # independent of the others'. The coefficients fall geometrically: what is left out is less than the
+            # largest of the last ones twice.
+            moved = numpy.exp(numpy.interp(s, self._s[::-1], _log(common[::-1])))
+            error = moved + numpy.sqrt(ratios**2 @ own**2) + 2 * numpy.abs(self._cosines @ scaled).max()
+            if name in _SQUARED:
+                found[name] = _SQUARED[name] * numpy.sqrt(values * below)
+                widths[name] = error * below / (2 * numpy.abs(found[name]))
             elif name == "log_multiplier_slow":
                 found[name], widths[name] = values * below, error * below
             else:
                 found[name], widths[name] = values, error
+            widths[name] += 4 * _UNIT * numpy.abs(found[name])
         return Values(omega=speeds, uncertainty=widths, **found)
 
     @cached_property
-    def _scaled(self) -> dict[str, tuple[Any, Any]]:
-        """Node values of what is analytic up to the Hopf point, with their half-widths."""
+    def _scaled(self) -> dict[str, tuple[Any, Any, Any]]:
+        """Node values of what is analytic up to the Hopf point, with the two parts of their half-widths."""
+        import numpy
+
         nodes, below = self.nodes, self.omega_crit - self.nodes.omega
-        gamma_bar = nodes.gamma_bar_0
-        width = self.half_widths(nodes)
-        return {
-            "gamma_bar_0": (gamma_bar**2 / below, 2 * gamma_bar * width["gamma_bar_0"] / below),
-            "v_0": (nodes.v_0 / gamma_bar, width["v_0"] / gamma_bar),
-            "beta_max": (nodes.beta_max / gamma_bar, width["beta_max"] / gamma_bar),
-            "period": (nodes.period, width["period"]),
-            "log_multiplier_slow": (nodes.log_multiplier_slow / below, width["log_multiplier_slow"] / below),
-            "log_multiplier_fast": (nodes.log_multiplier_fast, width["log_multiplier_fast"]),
-        }
+        parts = self._widths(nodes)
+        scaled = {}
+        for name in ("gamma_bar_0", "v_0", "beta_max", "period", "log_multiplier_slow", "log_multiplier_fast"):
+            values = getattr(nodes, name)
+            if name in _SQUARED:
+                scale, value = 2 * numpy.abs(values) / below, values**2 / below
+            elif name == "log_multiplier_slow":
+                scale, value = 1 / below, values / below
+            else:
+                scale, value = 1.0, values
+            scaled[name] = value, scale * parts[name][0], scale * parts[name][1]
+        return scaled
 
     def _checked(self, omegas: Sequence[float]) -> Any:
         import numpy

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
@@ -99,13 +100,13 @@ def heteroclinic(
 
 
 def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
-    """With what the uncertainty of Omega_h does to them."""
+    """With what the uncertainty of Omega_h does to them: they are smooth in it, so their change is linear."""
     here, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
     first, second, third = (
-        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + 2 * abs(a.re.value - b.re.value))
+        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * Fraction(9, 8))
         for a, b in zip(here, moved, strict=True)
     )
     return first, second, third

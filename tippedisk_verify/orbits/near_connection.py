@@ -24,9 +24,10 @@ from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, half_map, limit_cycle, measured_cycle, newton_step
 from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["cycle_above", "cycle_near", "passage_times"]
+__all__ = ["cycle_above", "cycle_near", "passage_times", "with_speed"]
 
 _DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
 _MOST_STEPS = 12
@@ -60,7 +61,7 @@ def cycle_above(
         cycle = limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
     else:
         cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits, friction=friction)
-    widened = _with_speed(cycle, omega_h.uncertainty)
+    widened = with_speed(parameters, cycle, omega_h, value, room)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
@@ -123,17 +124,40 @@ def _shot(
     raise NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
 
 
-def _with_speed(cycle: LimitCycle, uncertainty: Fraction) -> LimitCycle:
-    """With what the speed's own uncertainty does to period and state added to their half-widths."""
+def with_speed(
+    parameters: Parameters, cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Fraction
+) -> LimitCycle:
+    """The cycle ``above`` Omega_h, with what the uncertainty of the speed does to it added to every half-width.
+
+    ``room`` is Omega_crit - Omega_h [rad/s]. With d the distance to the nearer end of the branch, close to which the
+    numbers follow powers and logarithms of d, the logarithms of the multipliers change by at most about 2 / d of
+    themselves per unit of speed, and so do the sensitivities, but for the middle of the branch, where those may vanish
+    and change by what the number itself is to the square of the room. beta_max is the connection's own, plus what
+    changes in proportion to Omega - Omega_h, or to its power -lambda_s / lambda_u if that is less than 1; towards
+    Omega_crit it falls like a square root.
+    """
+    uncertainty = omega_h.uncertainty
     changes: dict[str, Measured] = {"omega": Measured(cycle.omega.value, uncertainty)}
-    for name in ("period", "gamma_bar_0", "v_0"):
-        number, slope = getattr(cycle, name), getattr(cycle, f"d{name}_domega")
-        changes[name] = Measured(number.value, number.uncertainty + 2 * abs(slope.value) * uncertainty)
-    # The others follow the same logarithm: their relative change is that of Omega - Omega_h.
-    for name in ("beta_max", "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast"):
+
+    def widened(name: str, change: Fraction) -> None:
         number = getattr(cycle, name)
-        share = 2 * abs(changes["period"].uncertainty / cycle.period.value)
-        changes[name] = Measured(number.value, number.uncertainty + abs(number.value) * share)
+        changes[name] = Measured(number.value, number.uncertainty + change)
+
+    share = 2 * uncertainty / min(above, room - above)
+    for name in ("period", "gamma_bar_0", "v_0"):
+        slope = f"d{name}_domega"
+        size, steep = abs(getattr(cycle, name).value), abs(getattr(cycle, slope).value)
+        widened(name, 2 * steep * uncertainty)
+        widened(slope, (steep + 2 * size / room) * share)
+    for name in ("log_multiplier_slow", "log_multiplier_fast"):
+        widened(name, abs(getattr(cycle, name).value) * share)
+    widened("multiplier_slow", abs(cycle.multiplier_slow.value * cycle.log_multiplier_slow.value) * share)
+    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h.value, "noninverted").eigenvalues)
+    distances = (
+        math.log10(room.numerator / room.denominator) - math.log10(above.numerator) + math.log10(above.denominator)
+    )
+    steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
+    widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
     return replace(cycle, **changes)  # type: ignore[arg-type]
 
 

@@ -140,10 +140,10 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
 def _eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
     guard = 15
     while True:
-        ctx = bits(bits_for_digits(digits + guard)).context
-        coefficients = [
-            ctx.mpf(part.numerator) / part.denominator for part in map(Fraction, characteristic_polynomial(matrix))
-        ]
+        working = bits_for_digits(digits + guard)
+        ctx, finer = (bits(count).context for count in (working, 2 * working))
+        exact = [Fraction(part) for part in characteristic_polynomial(matrix)]
+        coefficients, fine = ([c.mpf(part.numerator) / part.denominator for part in exact] for c in (ctx, finer))
         try:
             roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=2 * ctx.prec)
         except ctx.NoConvergence:
@@ -155,10 +155,11 @@ def _eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenv
                 value, slope = ctx.polyval(coefficients, better, derivative=True)
                 if slope:
                     better -= value / slope
-            value, slope = ctx.polyval(coefficients, better, derivative=True)
-            # Rounding: the coefficients are off by an ulp each and Horner's rule adds a few more.
-            size = sum(abs(c) * abs(better) ** (3 - n) for n, c in enumerate(coefficients))
-            radius = 3 * (abs(value) + 16 * ctx.eps * size) / abs(slope) if slope else ctx.inf
+            # With twice the bits the residual is known to many digits. What is left: the coefficients are off by an
+            # ulp each and Horner's rule adds a few more.
+            value, slope = finer.polyval(fine, finer.mpc(better), derivative=True)
+            size = sum(abs(c) * abs(better) ** (3 - n) for n, c in enumerate(fine))
+            radius = 3 * (abs(value) + 16 * finer.eps * size) / abs(slope) if slope else ctx.inf
             polished.append((better, radius))
         if _disjoint(polished) and all(radius * ctx.mpf(10) ** digits < abs(root) for root, radius in polished):
             break

@@ -34,10 +34,7 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
     beyond 200 digits, Shortfall if no speed makes the integral vanish.
     """
     _checked(digits)
-    rough, sharp = (
-        _speed(parameters, gamma_bar_0, working)
-        for working in (bits_for_digits(digits) + 40, bits_for_digits(digits) + 90)
-    )
+    rough, sharp = (_speed(parameters, gamma_bar_0, working) for working in _working(digits))
     return _measured(rough, sharp, digits)
 
 
@@ -45,7 +42,7 @@ def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) 
     """T [s] of that limit cycle, from gamma' = -Omega cos(beta) on its level. Raises as `limit_speed` does."""
     _checked(digits)
     found = []
-    for working in (bits_for_digits(digits) + 40, bits_for_digits(digits) + 90):
+    for working in _working(digits):
         ctx, constants, largest = _prepared(parameters, gamma_bar_0, working)
         omega = _speed(parameters, gamma_bar_0, working)
 
@@ -58,10 +55,15 @@ def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) 
 
 
 def _measured(rough: Any, sharp: Any, digits: int) -> Measured:
-    found = Measured.compared(fraction(rough), fraction(sharp), Fraction(2) ** -(bits_for_digits(digits) + 8))
+    found = Measured.compared(fraction(rough), fraction(sharp), Fraction(2) ** (1 - _working(digits)[0]))
     if found.uncertainty > abs(found.value) / 10**digits:
         raise Shortfall("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
     return found
+
+
+def _working(digits: int) -> tuple[int, int]:
+    """Bits to compute in, and to see the error."""
+    return bits_for_digits(digits) + 40, bits_for_digits(digits) + 90
 
 
 def _checked(digits: int) -> None:

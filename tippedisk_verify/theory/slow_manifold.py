@@ -342,13 +342,15 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
     h = tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True))
     residual = _largest_residuals(parameters, speed.rational, order)
     sizes = [
-        _largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (4, 5, 6)
+        _largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (5, 6, 7)
     ]
     slopes = []
     for coarse, middle, fine in zip(*sizes, strict=True):
-        # The two-point exponent is off by a multiple of epsilon: its change over the last decade overstates the rest.
-        before, after = (math.log10(large / small) for large, small in ((coarse, middle), (middle, fine)))
-        slopes.append(Measured.of(after, abs(after - before) + 1e-9))
+        # The two-point exponent is off by a multiple of epsilon: a decade on a tenth of that is left, so the change
+        # towards smaller epsilon shows nine tenths. (The change from larger epsilon, where the series need not be in
+        # its asymptotic range yet, may vanish by chance.)
+        here, next_one = (math.log10(large / small) for large, small in ((coarse, middle), (middle, fine)))
+        slopes.append(Measured.of(here, 2 * abs(here - next_one) + here * 2.0**-50))
     best, smallest = _best_order(parameters, speed.rational)
     warning = None
     if order > best:
@@ -398,8 +400,9 @@ def _at(
 
 
 def _largest_residuals(parameters: Parameters, omega: Fraction, order: int) -> tuple[float, ...]:
-    """For each order up to the given one; 60 digits, because at small epsilon the residual is tiny beside its terms."""
-    ctx, constants, speed = _numbers(parameters, omega, bits_for_digits(60))
+    """For each order up to the given one, with sixty digits more than the residual lies below its terms."""
+    below = (order + 1) * max(0, math.ceil(-math.log10(parameters.epsilon)))
+    ctx, constants, speed = _numbers(parameters, omega, bits_for_digits(60 + below))
     places = [[ctx.mpf(part.numerator) / part.denominator for part in point] for point in POINTS]
     rows = [
         [abs(value) for value in invariance_residuals(ctx, constants, speed, place[0], place[1], order)]

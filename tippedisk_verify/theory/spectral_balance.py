@@ -301,25 +301,30 @@ def _sharpened(parameters: Parameters, omega: Fraction, guess: Samples, digits: 
     Residuals are evaluated in mpmath, corrections solved for in double after scaling: the Jacobian at the double
     solution is within 1e-10 of the right one, so each pass gains about ten digits.
     """
-    ctx = bits(bits_for_digits(digits + 15)).context
-    constants = Constants(*(ctx.mpf(value.numerator) / value.denominator for value in parameters.rational()))
-    speed = ctx.mpf(omega.numerator) / omega.denominator
-    sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
-    ops = _Shifted(sin, cos)
+    ctx, constants, speed, ops, sin = _tools(parameters, omega, digits + 15)
     system = _factored(parameters, float(omega), guess)
     matrices = operators(guess.harmonics, ctx)
     sharp = Samples(numpy.array([ctx.mpf(value) for value in guess.beta], dtype=object), ctx.mpf(guess.frequency))
+    amplitude = max(abs(value) for value in sharp.beta)
     previous = ctx.inf
     for _ in range(12 + digits):
         step = _corrected(system, _residual(constants, speed, sharp, matrices, ops, sin), ctx)
         sharp = Samples(sharp.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), sharp.frequency - step[0])
-        size = max(abs(part) for part in step)
+        size = max(*(abs(part) / amplitude for part in step[1:]), abs(step[0]) / sharp.frequency)
         if size < ctx.mpf(10) ** (-digits - 10) or size >= previous / 2:
             break
         previous = size
     if size > ctx.mpf(10) ** (-digits - 4):
         raise NoSuchCycleError(_unconverged(guess.harmonics))
-    return _measured(parameters, omega, sharp, matrices, (ctx, constants, speed, ops, sin), digits)
+    return _measured(parameters, omega, sharp, digits)
+
+
+def _tools(parameters: Parameters, omega: Fraction, digits: int) -> tuple[Any, Constants, Any, Any, Any]:
+    """An arithmetic of that many digits: its context, the constants and the speed in it, and its sines."""
+    ctx = bits(bits_for_digits(digits)).context
+    constants = Constants(*(ctx.mpf(value.numerator) / value.denominator for value in parameters.rational()))
+    sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
+    return ctx, constants, ctx.mpf(omega.numerator) / omega.denominator, _Shifted(sin, cos), sin
 
 
 def _factored(parameters: Parameters, omega: float, guess: Samples) -> Any:
@@ -340,10 +345,14 @@ def _corrected(system: Any, residual: Any, ctx: Any) -> Any:
     return numpy.array([scale * ctx.mpf(part) for part in step], dtype=object)
 
 
-def _measured(
-    parameters: Parameters, omega: Fraction, sharp: Samples, matrices: Any, tools: tuple[Any, ...], digits: int
-) -> tuple[BalancedCycle, float]:
-    ctx, constants, speed, ops, sin = tools
+def _measured(parameters: Parameters, omega: Fraction, found: Samples, digits: int) -> tuple[BalancedCycle, float]:
+    """The cycle's numbers with their errors: a Newton step with twice the harmonics in an arithmetic with more digits.
+
+    The rounded equations have a root of their own, on which the iteration settles: only more digits show how far off.
+    """
+    ctx, constants, speed, ops, sin = _tools(parameters, omega, digits + 30)
+    sharp = Samples(numpy.array([ctx.mpf(value) for value in found.beta], dtype=object), ctx.mpf(found.frequency))
+    matrices = operators(sharp.harmonics, ctx)
     count = sharp.harmonics
     n = 2 * count
     # Amplitudes in the working precision: the tail matters, and double would bury it.
@@ -380,13 +389,11 @@ def _measured(
     relative = frequency_error / sharp.frequency
     if relative > _WORTHLESS:  # the estimate is the leading term of something small, or nothing
         raise NoSuchCycleError(_unconverged(count))
-    # The chord iteration ends below 10^-(digits + 10), in an arithmetic of five digits more.
-    floor = ctx.mpf(10) ** (-digits - 10)
 
     def held(value: Any, error: Any) -> Measured:
         # Twice the leading term of the error. One number's share in it may be small by chance: the frequency's relative
-        # error, which all of them follow, is the least that each has.
-        return Measured.of(value, 2 * error + abs(value) * (relative + floor))
+        # error, which all of them follow, is the least that each has. The formulas here add a few roundings.
+        return Measured.of(value, 2 * error + abs(value) * (relative + 8 * ctx.eps))
 
     period = 2 * ctx.pi / sharp.frequency
     sizes = [

@@ -1,1 +1,1 @@
-"""Where it is hard: extreme parameters, states, tolerances and speeds, each with the outcome that it must have."""
+"""Where it is hard (`battery`), and random cases without end (`honesty`): each must give digits that hold, or say why not."""
