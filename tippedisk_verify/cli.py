@@ -11,6 +11,8 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 import click
@@ -27,6 +29,8 @@ from tippedisk_verify.commands.sweep import COMMANDS as SWEEP_COMMANDS
 from tippedisk_verify.errors import InputError, Shortfall
 
 __all__ = ["entry", "main"]
+
+_LONGEST = 1_000  # characters of a line that says what is wrong
 
 
 @click.group(
@@ -54,6 +58,8 @@ def verify(common: Common, out: str | None, only: Sequence[str], more: Sequence[
     from tippedisk_verify.flow import default_engine
 
     names = [name for group in (*only, *more) for name in group.split(",") if name]
+    if only and not names:
+        raise InputError("--only names no claim")
     claims = selected(names)
     folder = _folder(out)
     audit = Audit(common.parameters, default_engine(), common.friction, common.digits)
@@ -101,8 +107,10 @@ def _computed(audit: Any, scenes: Sequence[str]) -> list[Any]:
 @common_options
 def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     """The panels a to f of the paper's figures 3D and proj_3D."""
+    from fractions import Fraction
+
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.orbits.scenes import SCENES, compute, scene_named
 
@@ -111,10 +119,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
         raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
     given = None
     if omega_h is not None:
-        number = exact(omega_h)
-        if number.pi_multiple or not 0 < number.rational < 10**6:
-            raise InputError(f"--omega-h must lie between 0 and 1e6 rad/s, not {omega_h[:40]}")
-        given = Measured(number.rational, number.rational * 0)
+        given = Measured(checked_speed(omega_h), Fraction(0))
     folder = _folder(out)
     engine = default_engine()
     with progress(common, len(chosen)) as advance:
@@ -160,8 +165,6 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
 def _folder(out: str | None) -> Any:
     if out is None:
         return None
-    if not out:
-        raise InputError("--out needs the name of a folder")
     from tippedisk_verify.files import output_folder
 
     return output_folder(out)
@@ -210,26 +213,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, Interrupts.handle)
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
-        sys.stdout.flush()  # here, where a full disk can still be told
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where a full disk can still be told
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        return _told("interrupted", 130)
     except click.ClickException as fault:
         return _refused(fault.format_message())
     except InputError as fault:
         return _refused(str(fault))
     except (Shortfall, ArithmeticError) as shortfall:
-        click.echo(f"tippedisk-verify: {_one_line(str(shortfall))}", err=True)
-        return 1
-    except (KeyboardInterrupt, click.Abort):
-        click.echo("tippedisk-verify: interrupted", err=True)
-        return 130
+        return _told(str(shortfall), 1)
+    except MemoryError:
+        return _told("the memory is used up: ask for less at a time, or fewer --jobs", 1)
+    except (ImportError, SystemError) as fault:  # what is left of a MemoryError while libraries are loaded
+        return _told(f"a library cannot be loaded, perhaps for lack of memory: {fault}", 1)
+    except RuntimeError as fault:
+        from concurrent.futures import BrokenExecutor
+
+        if not isinstance(fault, BrokenExecutor):
+            raise
+        return _told("a process of the pool died, perhaps for lack of memory: try again with fewer --jobs", 1)
     except BrokenPipeError:  # the reader of our output has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 0
     except SystemExit as stop:  # how click ends when the reader of our output has had enough
         return 0 if stop.code == 1 else int(stop.code or 0)
     except OSError as fault:
-        where = f"{fault.filename}: " if fault.filename else ""
+        where = f"{str(fault.filename)[-200:]}: " if fault.filename else ""
         return _refused(f"{where}{fault.strerror or fault}")
     finally:
         if threading.current_thread() is threading.main_thread():
@@ -239,19 +251,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def entry() -> NoReturn:
     """The console script: `main`, with its status as the process's, also after Ctrl-C."""
+    # The matrices here are small. Threads that wait for each other cost tenfold where other work keeps the cores busy.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal or a locale that cannot show a character
     status = main()
     if status == 130:
         # An interrupt inside exec() leaves a mark that makes Python end by the signal instead of with our status.
-        sys.stdout.flush()
-        sys.stderr.flush()
+        with suppress(OSError, AttributeError):
+            sys.stdout.flush()
+            sys.stderr.flush()
         os._exit(status)
     sys.exit(status)
 
 
 def _refused(message: str) -> int:
-    click.echo(f"tippedisk-verify: {_one_line(message)}", err=True)
-    return 2
+    return _told(message, 2)
 
 
-def _one_line(message: str) -> str:
-    return " ".join(message.split())
+def _told(message: str, status: int) -> int:
+    """One line on standard error; what could not be written to standard output is given up."""
+    # Nothing is imported here: there may be no memory left to do so.
+    line = "".join(character if character.isprintable() else "?" for character in " ".join(message.split()))
+    with suppress(OSError, ValueError):  # a full disk, too, may be where the line should go
+        click.echo(f"tippedisk-verify: {line if len(line) <= _LONGEST else line[: _LONGEST - 3] + '...'}", err=True)
+    try:
+        sys.stdout.flush()
+    except (OSError, AttributeError, ValueError):
+        _discard_output()
+    return status
+
+
+def _discard_output() -> None:
+    """Send what is still to be written to standard output nowhere: Python would try again, and complain, at its end."""
+    with suppress(OSError, AttributeError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,31 +1,47 @@
-"""Writing files so that nothing is ever half written: beside the target first, then renamed over it."""
+"""Files: read only up to a size, and written so that nothing is ever half written, beside the target first."""
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
+import json
 import os
 import tempfile
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["output_file", "output_folder", "printable", "remains_of", "write_bytes", "write_csv", "write_text"]
+__all__ = [
+    "alone",
+    "checksum",
+    "output_file",
+    "output_folder",
+    "printable",
+    "read_bytes",
+    "read_text",
+    "remains_of",
+    "write_bytes",
+    "write_csv",
+    "write_text",
+]
 
 
 def output_folder(path: str | Path) -> Path:
     """The folder, made if it is missing and proved writable. Raises InputError if it cannot be used."""
     folder = Path(path)
     try:
+        if not str(path) or "\0" in str(path):
+            raise OSError("that is no name of a folder")
         folder.mkdir(parents=True, exist_ok=True)
         descriptor, probe = tempfile.mkstemp(prefix=".writable-", dir=folder)
         os.close(descriptor)
         os.unlink(probe)
     except OSError as fault:
-        raise InputError(f"output folder {folder} cannot be written: {fault.strerror or fault}") from None
+        raise InputError(f"output folder {_named(folder)} cannot be written: {fault.strerror or fault}") from None
     return folder
 
 
@@ -37,11 +53,11 @@ def write_bytes(path: Path, content: bytes) -> Path:
     if path.is_symlink():
         path = path.resolve()
     if path.exists() and not path.is_file():
-        raise InputError(f"{path} cannot be written: it is not a regular file")
+        raise InputError(f"{_named(path)} cannot be written: it is not a regular file")
     try:
         return _write_beside(path, content)
     except OSError as fault:
-        raise InputError(f"{path} cannot be written: {fault.strerror or fault}") from None
+        raise InputError(f"{_named(path)} cannot be written: {fault.strerror or fault}") from None
 
 
 def _write_beside(path: Path, content: bytes) -> Path:
@@ -67,6 +83,11 @@ def remains_of(path: Path) -> list[Path]:
     return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8)) if path.parent.is_dir() else []
 
 
+def checksum(content: object) -> str:
+    """A short hash of what JSON can hold, by which a file's own damage is told from its content."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
 def printable(text: str) -> str:
     """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
     return "".join(character if character.isprintable() else "?" for character in text)
@@ -89,6 +110,72 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 def output_file(path: str) -> Path:
     """The file to write to. Raises InputError if it cannot be one."""
     found = Path(path)
-    if not path or not found.parent.is_dir() or (found.exists() and not found.is_file()):
-        raise InputError(f"'{path}' cannot be written: it needs an existing folder and a file name")
+    try:
+        usable = path and "\0" not in path and found.parent.is_dir() and (not found.exists() or found.is_file())
+    except OSError as fault:
+        raise InputError(f"'{_named(found)}' cannot be written: {fault.strerror or fault}") from None
+    if not usable:
+        raise InputError(f"'{_named(found)}' cannot be written: it needs an existing folder and a file name")
     return found
+
+
+@contextmanager
+def alone(lock: Path, refusal: str) -> Iterator[None]:
+    """Hold a lock file, made if it is missing; the system forgets the lock of a run that was killed.
+
+    Raises InputError with ``refusal`` if another run holds it, and for a link or anything else that is no file.
+    """
+    try:
+        import fcntl
+    except ImportError:  # no such lock on this system: two runs would only repeat each other's work
+        yield
+        return
+    try:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+    except OSError as fault:
+        raise InputError(f"{_named(lock)} cannot be written: {fault.strerror or fault}") from None
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Whoever held it may have ended and removed it since it was opened.
+            held = os.path.samestat(os.fstat(handle), os.lstat(lock))
+        except OSError:
+            held = False
+        if not held:
+            raise InputError(refusal)
+        yield
+    finally:
+        os.close(handle)
+
+
+def read_text(path: Path, largest: int) -> str:
+    """The text of a regular file in UTF-8, of at most ``largest`` bytes; a byte-order mark is left out.
+
+    Pipes and devices have no end that is known beforehand. Raises InputError if the file cannot be read so.
+    """
+    try:
+        return read_bytes(path, largest).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{_named(path)} is not a text file in UTF-8") from None
+
+
+def read_bytes(path: Path, largest: int) -> bytes:
+    """The bytes of a regular file of at most ``largest`` of them. Raises InputError if it cannot be read so."""
+    try:
+        if "\0" in str(path) or not path.exists():
+            raise InputError(f"{_named(path)} cannot be read: there is no such file")
+        if not path.is_file():
+            raise InputError(f"{_named(path)} is not a regular file")
+        with open(path, "rb") as stream:
+            content = stream.read(largest + 1)
+    except OSError as fault:
+        raise InputError(f"{_named(path)} cannot be read: {fault.strerror or fault}") from None
+    if len(content) > largest:
+        raise InputError(f"{_named(path)} is larger than {largest} bytes")
+    return content
+
+
+def _named(path: Path) -> str:
+    """A path in a message: its end, if it is long."""
+    text = printable(str(path))
+    return text if len(text) <= 200 else f"...{text[-197:]}"

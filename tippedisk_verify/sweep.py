@@ -17,20 +17,25 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import write_bytes, write_csv
+from tippedisk_verify.files import alone, checksum, write_bytes, write_csv
+from tippedisk_verify.model.equations import checked_friction, checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import checked_digits
 
 __all__ = ["ANALYSES", "Plan", "axis", "executor_at", "swept"]
 
 _PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 _MOST_POINTS = 1_000_000
+_MOST_BITS = 1_000_000_000  # of a range's numbers
+_LONGEST_LINE = 1_000_000  # bytes of a journal's line
 _WAITING = 4  # points for each worker that are handed out ahead
 _REVIVALS = 5  # of a pool whose processes died
 
@@ -97,12 +102,14 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int, f
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:
-    from tippedisk_verify.theory.hopf import omega_crit
+    from tippedisk_verify.theory.hopf import omega_crit_decimal
 
     if "omega" in point:
-        return exact(point["omega"]).rational
-    below = exact(point["below-crit"]).rational
-    return Fraction(omega_crit(parameters, digits + 30).decimals()[0]) - below
+        return checked_speed(point["omega"])
+    below = exact(point["below-crit"])
+    if below.pi_multiple:
+        raise InputError("the distance below Omega_crit must be a decimal")
+    return checked_speed(omega_crit_decimal(parameters, digits) - below.rational)
 
 
 @dataclass(frozen=True)
@@ -143,16 +150,19 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
     if len(parts) != 3 or not parts[2].strip().isascii() or not parts[2].strip().isdecimal() or len(parts[2]) > 9:
         raise InputError(f"a range is FIRST:LAST:COUNT, not '{values[:60]}'")
     first, last, count = exact(parts[0]), exact(parts[1]), int(parts[2])
-    if count < 2 or first.pi_multiple or last.pi_multiple:
-        raise InputError(f"a range has decimal ends and at least two points, not '{values[:60]}'")
+    if not 2 <= count <= _MOST_POINTS or first.pi_multiple or last.pi_multiple:
+        raise InputError(f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'")
     step = (last.rational - first.rational) / (count - 1)
+    if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MOST_BITS:
+        raise InputError(f"the ends of '{values[:60]}' are too long for so many points: round them")
     return name, tuple(_text(first.rational + n * step) for n in range(count))
 
 
 def _text(value: Fraction) -> str:
     """An exact decimal if there is one, otherwise the ratio."""
     text, rest = Measured(value, Fraction(0)).decimals()
-    return text if rest == "0" else f"{value.numerator}/{value.denominator}"
+    # Decimal writes integers of any length.
+    return text if rest == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 
 
 @dataclass(frozen=True)
@@ -178,6 +188,8 @@ class Plan:
             raise InputError("an axis is given twice")
         if analysis.needs_speed and ("omega" in names) == ("below-crit" in names):
             raise InputError(f"{self.analysis} needs either omega or below-crit as an axis (one value will do)")
+        checked_digits(self.digits)
+        checked_friction(self.friction)
         if not 0 < len(self) <= _MOST_POINTS:
             raise InputError(f"a sweep has 1 to {_MOST_POINTS} points, not {len(self)}")
 
@@ -198,7 +210,7 @@ class Plan:
         """A hash of everything that the results depend on."""
         from tippedisk_verify import __version__
 
-        fixed = [str(getattr(self.parameters, name)) for name in _PARAMETERS]
+        fixed = [_text(getattr(self.parameters, name)) for name in _PARAMETERS]
         text = json.dumps([__version__, self.analysis, fixed, self.axes, self.digits, self.friction])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -240,16 +252,35 @@ def swept(
     if out.suffix.lower() == ".parquet":
         _arrow()
     journal = out.with_name(f".{out.name}.journal")
-    rows = _taken_up(journal, plan)
-    points = list(plan.points())
-    advance("taken up", len(rows))
+    with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
+        points = list(plan.points())
+        rows = _taken_up(journal, plan, points)
+        advance("taken up", len(rows))
+        try:
+            return _swept(plan, out, journal, points, rows, pool, workers, advance)
+        except BaseException:
+            if not rows:  # nothing is lost with it
+                journal.unlink(missing_ok=True)
+            raise
+
+
+def _swept(
+    plan: Plan,
+    out: Path,
+    journal: Path,
+    points: Sequence[dict[str, str]],
+    rows: dict[int, dict[str, str]],
+    pool: Callable[[], AbstractContextManager[Executor | None]],
+    workers: int,
+    advance: Callable[[str, int], None],
+) -> tuple[int, int]:
     with open(journal, "a", encoding="utf-8") as stream:
         if not stream.tell():
-            stream.write(json.dumps({"plan": plan.key}) + "\n")
+            stream.write(_head(plan).decode())
 
         def keep(index: int, row: dict[str, str]) -> None:
             rows[index] = row
-            stream.write(json.dumps({"point": index, "row": row}) + "\n")
+            stream.write(_line(index, row))
             stream.flush()
             os.fsync(stream.fileno())
             advance(row["status"][:40], 1)
@@ -294,29 +325,44 @@ def _run(
             keep(waiting.pop(future), future.result())
 
 
-def _taken_up(journal: Path, plan: Plan) -> dict[int, dict[str, str]]:
-    """Rows that an interrupted run has left; a line that was being written when it ended is cut off."""
+def _taken_up(journal: Path, plan: Plan, points: Sequence[Mapping[str, str]]) -> dict[int, dict[str, str]]:
+    """Rows that an interrupted run has left; cut off from the first line on whose checksum does not fit.
+
+    That is the line that was being written when it ended. Raises InputError if the file does not begin as a journal of
+    this plan: it is another's.
+    """
     if not journal.exists():
         return {}
     rows: dict[int, dict[str, str]] = {}
-    whole = 0
-    content = journal.read_bytes()
-    for line in content.splitlines(keepends=True):
-        try:
-            entry = json.loads(line) if line.endswith(b"\n") else None
-        except ValueError:
-            entry = None
-        if not isinstance(entry, dict):
-            break
-        if not whole and entry.get("plan") != plan.key:
+    with open(journal, "r+b") as stream:
+        first, head = stream.readline(_LONGEST_LINE), _head(plan)
+        if not head.startswith(first):
             raise InputError(f"{journal} belongs to another sweep: remove it, or give another --out")
-        if "point" in entry:
-            rows[int(entry["point"])] = entry["row"]
-        whole += len(line)
-    if whole < len(content):
-        with open(journal, "r+b") as stream:
-            stream.truncate(whole)
+        whole = len(first) if first == head else 0
+        while whole and (kept := _kept(line := stream.readline(_LONGEST_LINE), len(points))):
+            rows[kept[0]] = kept[1]
+            whole += len(line)
+        stream.truncate(whole)
     return rows
+
+
+def _head(plan: Plan) -> bytes:
+    return (json.dumps({"plan": plan.key}) + "\n").encode()
+
+
+def _line(index: int, row: Mapping[str, str]) -> str:
+    return json.dumps({"point": index, "row": row, "checksum": checksum([index, row])}) + "\n"
+
+
+def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
+    """The point and the row of a journal's line, if it is as `_line` wrote it."""
+    try:
+        entry = json.loads(line)
+        index, row = entry["point"], entry["row"]
+        good = line.endswith(b"\n") and entry["checksum"] == checksum([index, row]) and 0 <= index < count
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return (index, row) if good and isinstance(row, dict) else None
 
 
 def _columns(rows: Sequence[Mapping[str, str]]) -> list[str]:

@@ -16,6 +16,7 @@ from tippedisk_verify.errors import InputError
 __all__ = [
     "Common",
     "Interrupts",
+    "checked_jobs",
     "common_options",
     "plain_options",
     "print_json",
@@ -25,6 +26,7 @@ __all__ = [
     "speed_options",
 ]
 
+_FEWEST_OFFERED = 16  # processes, each with a memory of its own
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -47,10 +49,11 @@ def common_options(command: F) -> F:
     def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
         from tippedisk_verify.model.equations import checked_friction
         from tippedisk_verify.model.parameters import Parameters
-        from tippedisk_verify.model.precision import bits_for_digits
+        from tippedisk_verify.model.precision import checked_digits
 
-        bits_for_digits(digits)  # refuses what no precision can hold
-        chosen = Common(Parameters.named(parameters), checked_friction(friction), digits, as_json, quiet)
+        chosen = Common(
+            Parameters.named(parameters), checked_friction(friction), checked_digits(digits), as_json, quiet
+        )
         return command(chosen, **options)
 
     for option in reversed(
@@ -89,24 +92,18 @@ def plain_options(command: F) -> F:
 
 def speed(common: Common, omega: str | None, below_crit: str | None) -> Any:
     """Omega as an exact rational [rad/s], from --omega or --below-crit."""
-    from fractions import Fraction
-
+    from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.model.exact import exact
-    from tippedisk_verify.theory.hopf import omega_crit
+    from tippedisk_verify.theory.hopf import omega_crit_decimal
 
     if (omega is None) == (below_crit is None):
         raise InputError("give the speed with either --omega or --below-crit")
-    number = exact(omega if omega is not None else below_crit)
-    if number.pi_multiple:
-        raise InputError("the speed must be a decimal")
     if omega is not None:
-        speed = number.rational
-    else:
-        # 30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
-        speed = Fraction(omega_crit(common.parameters, common.digits + 30).decimals()[0]) - number.rational
-    if not 0 < speed < 10**6:
-        raise InputError(f"Omega must lie between 0 and 1e6 rad/s, not {float(speed):.12g}")
-    return speed
+        return checked_speed(omega)
+    distance = exact(below_crit)
+    if distance.pi_multiple:
+        raise InputError("the distance below Omega_crit must be a decimal")
+    return checked_speed(omega_crit_decimal(common.parameters, common.digits) - distance.rational)
 
 
 def speed_options(command: F) -> F:
@@ -135,7 +132,7 @@ def _said(value: Any) -> str:
 
 
 def print_json(result: dict[str, Any]) -> None:
-    click.echo(json.dumps(result, indent=1, ensure_ascii=False))
+    click.echo(json.dumps(result, indent=1))
 
 
 @contextmanager
@@ -158,6 +155,16 @@ def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]
         yield advance
 
 
+def checked_jobs(jobs: int | None) -> int | None:
+    """A number of processes that this machine can be asked for. Raises InputError for any other."""
+    import os
+
+    most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
+    if jobs is not None and not 1 <= jobs <= most:
+        raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
+    return jobs
+
+
 @contextmanager
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
@@ -171,9 +178,7 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    if jobs is not None and not 1 <= jobs <= 4096:
-        raise InputError(f"--jobs must lie between 1 and 4096, not {jobs}")
-    workers = jobs or os.cpu_count() or 1
+    workers = checked_jobs(jobs) or os.cpu_count() or 1
     if (workers == 1 and not beside) or not needed:
         yield None
         return

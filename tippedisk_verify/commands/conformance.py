@@ -50,16 +50,16 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
 
 
 def _refuse_filled_in(target: Path, store: Any) -> None:
-    """A sheet that somebody has filled in is not written over."""
+    """What somebody has filled in is not written over, nor what cannot be read: it may be answers with a mistake."""
     from tippedisk_verify.evidence.conformance.sheet import read_answers
 
-    if not target.exists():
+    if not target.exists() or not target.stat().st_size:
         return
     try:
-        given = len(read_answers(target, store).given)
-    except InputError:
-        return  # no sheet
-    if given:
+        found = read_answers(target, store)
+    except InputError as fault:
+        raise InputError(f"there is a file already, and no sheet without answers: {fault}; give another name") from None
+    if given := len(found.given) + len(found.unknown):
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 

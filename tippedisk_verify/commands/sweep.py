@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, common_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_json, processes, progress
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]
@@ -48,6 +48,7 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     }
     if executor not in pools and not executor.startswith("dask://"):
         raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+    checked_jobs(jobs)
     pool = pools.get(executor, lambda: executor_at(executor))
     with progress(common, len(plan)) as advance:
         workers = jobs or (64 if executor.startswith("dask://") else os.cpu_count() or 1)

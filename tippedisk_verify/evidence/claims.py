@@ -16,6 +16,7 @@ from functools import cached_property
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.orbits.branches import family
@@ -90,10 +91,15 @@ class Audit:
         chosen = {self.parameters.name: self.parameters}
         return chosen | NAMED_SETS | chosen
 
+    def _set(self, name: str) -> Parameters:
+        if name not in self.sets:
+            raise InputError(f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}")
+        return self.sets[name]
+
     def connection(self, name: str) -> Heteroclinic:
-        """The heteroclinic connection of a set. Raises Shortfall if there is none."""
+        """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
         if name not in self._connections:
-            self._connections[name] = heteroclinic(self.sets[name], self.engine, friction=self.friction)
+            self._connections[name] = heteroclinic(self._set(name), self.engine, friction=self.friction)
             self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
         return self._connections[name]
 
@@ -104,7 +110,7 @@ class Audit:
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles."""
         if name not in self._families:
-            self._families[name] = tuple(family(self.sets[name], self.engine, friction=self.friction))
+            self._families[name] = tuple(family(self._set(name), self.engine, friction=self.friction))
         return self._families[name]
 
     def panel(self, scene: str, name: str) -> Panel:
@@ -113,7 +119,7 @@ class Audit:
         if key not in self._panels:
             panel = scene_named(scene)
             omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
-            self._panels[key] = compute(panel, self.sets[name], self.engine, omega_h=omega_h, friction=self.friction)
+            self._panels[key] = compute(panel, self._set(name), self.engine, omega_h=omega_h, friction=self.friction)
         return self._panels[key]
 
 

@@ -13,8 +13,7 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.equations import Friction, checked_friction
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -214,14 +213,15 @@ def raise_unless_usable(result: Result) -> Result:
 
 def checked(request: Request) -> None:
     """Refuse what no engine can do. Cheap: it runs before every integration. Raises InputError."""
+    checked_friction(request.friction)
     if len(request.state) != 3:
         raise InputError("a state has three components: beta, gamma, v")
-    if request.max_steps < 1:
-        raise InputError("max_steps must be at least 1")
+    if not 1 <= request.max_steps < 2**31:
+        raise InputError("max_steps must lie between 1 and 2^31")
     if request.tolerance is not None and not 0 < request.tolerance < 1:
         raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
     if request.times is not None:
-        _check_times(request.times, float(exact(request.duration)))
+        _check_times(request.times, DOUBLE.number(request.duration))
     if request.domain not in ("event", "samples", "none"):
         raise InputError(f"domain is event, samples or none, not '{request.domain}'")
     if request.events:
@@ -236,14 +236,14 @@ def checked(request: Request) -> None:
 
 def _check_times(times: Any, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
-    import numpy
-
     if not len(times):
         raise InputError("sample times are given but there are none: leave them out instead")
     try:
-        plain = times.astype(float) if hasattr(times, "dtype") else numpy.array([float(exact(time)) for time in times])
-    except (TypeError, ValueError):
-        raise InputError("sample times must be numbers") from None
+        plain = times.astype(float) if hasattr(times, "dtype") else DOUBLE.array(list(times))
+    except (TypeError, ValueError) as fault:
+        raise InputError(f"sample times must be numbers: {fault}") from None
+    if plain.ndim != 1:
+        raise InputError("sample times must be a list of numbers")
     ahead = plain if duration >= 0 else -plain
     if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and ahead[-1] <= abs(duration)):
         raise InputError("sample times must be strictly monotonic, from 0 on and up to the duration")

@@ -13,7 +13,8 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
-from tippedisk_verify.model.equations import Friction, field, products, shifted
+from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
@@ -53,6 +54,9 @@ def _constants(pars: Any, friction: Friction) -> Constants:
     return Constants(**{name: known.get(name) for name in Constants._fields})
 
 
+_MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
+
+
 class Lanes:
     """The engine for many runs. What a call needs is compiled once per instance and kept.
 
@@ -61,6 +65,8 @@ class Lanes:
     """
 
     def __init__(self, width: int | None = None) -> None:
+        if width is not None and not 1 <= width <= _MOST_LANES:
+            raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
         self._batches: dict[tuple[Any, ...], _Batch] = {}
 
@@ -82,27 +88,33 @@ class Lanes:
 
         ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
         from pi/2. ``events`` are recorded and end nothing.
-        Raises InputError if the shapes do not match or an event is terminal.
+        Raises InputError for what is no array of numbers, if the shapes do not match, or if an event is terminal.
         """
         import numpy
 
-        omegas, states, durations = (numpy.asarray(part, dtype=float) for part in (omegas, states, durations))
-        count = len(omegas)
-        if states.shape != (count, 3) or durations.shape != (count,):
+        names = _names(checked_friction(friction))
+        try:
+            given = (numpy.asarray(part, dtype=float) for part in (constants, omegas, states, durations))
+            constants, omegas, states, durations = given
+        except (TypeError, ValueError, OverflowError):
+            raise InputError("constants, speeds, states and durations of many runs are arrays of numbers") from None
+        count = omegas.size
+        if omegas.shape != (count,) or states.shape != (count, 3) or durations.shape != (count,):
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
+        if constants.shape not in ((len(names) - 1,), (count, len(names) - 1)):
+            raise InputError(f"the constants of the {friction} law are {len(names) - 1}, or as many for each run")
         if any(event.terminal for event in events):
             raise InputError("events of many runs at once are recorded; they cannot end a run")
         key = (variations, divergence, events, shifted, friction)
         batch = self._batches.get(key)
         if batch is None:
             batch = self._batches[key] = _Batch(self.width, *key)
-        names = _names(friction)
         pars = numpy.empty((len(names) + batch.products, count))
         pars[0] = omegas
         pars[1 : len(names)] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
         if batch.products:
-            given = products(_constants(pars, friction), omegas)[: batch.products]
-            pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*given))
+            known = products(_constants(pars, friction), omegas)[: batch.products]
+            pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
         return batch.run(pars, states.T, durations, max_steps)
 
 

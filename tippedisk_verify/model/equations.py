@@ -13,9 +13,11 @@ power divides by its base and cos(beta) vanishes at every equilibrium and sectio
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "acceleration",
     "centre_of_gravity_height",
     "checked_friction",
+    "checked_speed",
     "field",
     "friction_force",
     "jacobian",
@@ -37,6 +40,8 @@ __all__ = [
 
 Friction = Literal["linear", "smooth"]
 Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
+
+_SLOWEST, _FASTEST = Fraction(1, 10**300), 10**6  # rad/s
 
 
 class _ShiftedOps:
@@ -59,6 +64,17 @@ def checked_friction(friction: str) -> Friction:
     if friction not in get_args(Friction):
         raise InputError(f"friction law '{friction[:40]}' is not known: use linear or smooth")
     return friction  # type: ignore[return-value]
+
+
+def checked_speed(omega: object) -> Fraction:
+    """Omega [rad/s] as the rational that ``omega`` (anything that `exact` takes) stands for.
+
+    Raises InputError unless it is a decimal between 1e-300 and 1e6: slower or faster, doubles and the disk give out.
+    """
+    speed = exact(omega)
+    if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
+        raise InputError(f"Omega must be a positive decimal below 1e6 rad/s, not {shown(omega)}")
+    return speed.rational
 
 
 class Terms(NamedTuple):

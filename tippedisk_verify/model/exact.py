@@ -17,7 +17,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Exact", "exact", "fraction", "mantissa_exponent"]
+__all__ = ["PI", "Exact", "exact", "fraction", "mantissa_exponent", "shown"]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
@@ -110,9 +110,17 @@ def fraction(value: object) -> Fraction:
         return Fraction(value)
     man_exp = mantissa_exponent(value)
     if man_exp is None:
-        raise InputError(f"a finite number is needed, not {value!s:.60}")
+        raise InputError(f"a finite number is needed, not {shown(value)}")
     mantissa, exponent = man_exp
     return Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
+
+
+def shown(value: object) -> str:
+    """The beginning of a value as text, for messages."""
+    try:
+        return f"{value!s:.40}"
+    except ValueError:  # Python writes no integers of more than 4300 digits
+        return "a number of thousands of digits"
 
 
 def _parse(text: str) -> Exact:

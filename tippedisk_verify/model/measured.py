@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import Decimal
 from fractions import Fraction
 
 from tippedisk_verify.errors import InputError
@@ -103,7 +104,7 @@ def _rounded_up(value: Fraction) -> str:
 
 def _decimal_text(steps: int, place: int) -> str:
     """``steps * 10**place`` as a decimal string, in scientific notation only where it is far from 1."""
-    digits = str(abs(steps))
+    digits = str(Decimal(abs(steps)))  # unlike str(int), without a limit of 4300 digits
     sign = "-" if steps < 0 else ""
     magnitude = len(digits) - 1 + place
     if steps and (magnitude < -5 or (place > 0 and magnitude > 15)):

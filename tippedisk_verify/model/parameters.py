@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
 
 _LARGEST_FILE = 1_000_000
+_SMALLEST = Fraction(1, 10**30)  # of anything that a disk can be; ratios and products of such fit into doubles
 
 
 class Constants(NamedTuple):
@@ -52,8 +53,8 @@ def _quantity(unit: str, source: str) -> Any:
 class Parameters:
     """One tippedisk. All values are exact rationals; give strings, Fractions, Decimals, ints or floats.
 
-    Raises InputError with one line for each fault: not finite, not positive, e >= r, Bbar <= 0, B > A, and, where C
-    is given, A > C.
+    Raises InputError with one line for each fault: not finite, not between 1e-30 and 1e30, e >= r, Bbar <= 0, B > A,
+    and, where C is given, A > C.
     """
 
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
@@ -89,7 +90,9 @@ class Parameters:
                 faults.append(f"parameter {item.name}: {fault}")
                 continue
             if number.rational <= 0:
-                faults.append(f"parameter {item.name} must be positive, not {value!s:.40}")
+                faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
+            elif not _SMALLEST <= number.rational <= 1 / _SMALLEST:
+                faults.append(f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, not {shown(value)}")
             object.__setattr__(self, item.name, number.rational)
         if not faults:
             faults = self._inconsistencies()
@@ -187,9 +190,11 @@ def _toml_entries(path: Path) -> dict[str, Any]:
             raise InputError(f"parameter file {path} does not exist")
         if not path.is_file():
             raise InputError(f"parameter file {path} is not a file")
-        if path.stat().st_size > _LARGEST_FILE:
+        with open(path, "rb") as stream:
+            content = stream.read(_LARGEST_FILE + 1)
+        if len(content) > _LARGEST_FILE:
             raise InputError(f"parameter file {path} is larger than {_LARGEST_FILE} bytes")
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+        entries = tomllib.loads(content.decode("utf-8-sig"))
     except OSError as fault:
         raise InputError(f"parameter file {path} cannot be read: {fault.strerror or fault}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as fault:

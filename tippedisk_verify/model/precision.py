@@ -18,7 +18,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Exact, exact, mantissa_exponent
+from tippedisk_verify.model.exact import PI, Exact, exact, mantissa_exponent, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,12 +31,13 @@ __all__ = [
     "Precision",
     "bits",
     "bits_for_digits",
+    "checked_digits",
     "companion",
     "heyoka_module",
     "precision_named",
 ]
 
-# Python converts integers of up to 4300 decimal digits; nothing here needs more.
+# Python converts integers of up to 4300 decimal digits; what is computed beyond what is asked for stays below that.
 _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
 
@@ -138,7 +139,7 @@ class Precision:
 
         pair = mantissa_exponent(value)
         if pair is None:
-            raise InputError(f"a finite number is needed, not {value!s:.60}")
+            raise InputError(f"a finite number is needed, not {shown(value)}")
         return self.context.make_mpf(from_man_exp(*pair))
 
     def solve(self, matrix: Any, right: Any) -> Any:
@@ -188,17 +189,24 @@ QUADRUPLE = Precision("quadruple", 113)
 
 
 def bits(count: int) -> Precision:
-    """Arithmetic with ``count`` bits (MPFR). Raises InputError outside 24 … 4,000,000."""
-    if not 24 <= count <= _MOST_BITS:
-        raise InputError(f"a precision of {count} bits is not offered: use 24 to {_MOST_BITS}")
+    """Arithmetic with ``count`` bits (MPFR). Raises InputError unless it is a whole number from 24 to 4,000,000."""
+    if isinstance(count, bool) or not isinstance(count, int) or not 24 <= count <= _MOST_BITS:
+        raise InputError(f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}")
     return Precision("real", count)
 
 
 def bits_for_digits(digits: int) -> int:
-    """Bits that hold ``digits`` decimal digits. Raises InputError below 1 or beyond what `bits` offers."""
-    if not 1 <= digits <= _MOST_DIGITS:
-        raise InputError(f"{digits} digits are not offered: ask for 1 to {_MOST_DIGITS}")
+    """Bits that hold ``digits`` decimal digits, guard digits included. Raises InputError beyond what `bits` offers."""
+    if not 1 <= digits <= _MOST_BITS / math.log2(10) - 1:
+        raise InputError(f"an arithmetic of {shown(digits)} digits is not offered")
     return max(24, math.ceil(digits * math.log2(10)) + 1)
+
+
+def checked_digits(digits: int) -> int:
+    """The number of digits that somebody asks for. Raises InputError unless it is a whole number from 1 to 4000."""
+    if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= _MOST_DIGITS:
+        raise InputError(f"{shown(digits)} digits are not offered: ask for 1 to {_MOST_DIGITS}")
+    return digits
 
 
 def precision_named(name: str) -> Precision:
@@ -234,10 +242,15 @@ def _has_extended() -> bool:
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
     """heyoka, with the memory handler without which arrays of its MPFR numbers leak."""
+    from tippedisk_verify.model.code_cache import guarded
+
     with _interrupts_deferred():
         import heyoka
 
+        guarded(heyoka.llvm_state)
         heyoka.install_custom_numpy_mem_handler()
+        # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
+        heyoka.set_logger_level_critical()
     return heyoka  # type: ignore[no-any-return]
 
 

@@ -19,7 +19,8 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
-from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.equations import Friction, checked_speed
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.theory.equilibria import is_stable, linearization
@@ -32,6 +33,7 @@ _STRETCH = 5.0  # s; after each, states whose disk lies flat leave their lanes
 _LAST = 4.0  # s of crossings that tell the end
 _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
+_MOST_STATES = 10_000_000  # they take some 1.5 GB
 _SPEEDS_OF_STATES = 1000.0  # rad/s
 
 
@@ -73,7 +75,7 @@ class Basins:
 
 def basins(
     parameters: Parameters,
-    omega: Fraction,
+    omega: object,
     *,
     friction: Friction = "linear",
     count: int = 100_000,
@@ -86,16 +88,19 @@ def basins(
     """Run ``count`` states (rounded up to a full grid) for ``duration`` [s] and say what each ends on.
 
     With an ``executor`` portions run on it, in any order; the result does not depend on it. Raises InputError for a
-    count, duration or speed that makes no sense.
+    count, duration, seed or speed that makes no sense.
     """
     import numpy
 
-    if not 1 <= count <= 100_000_000:
-        raise InputError(f"1 to 100,000,000 states can be run, not {count}")
+    speed = checked_speed(omega)
+    if not isinstance(count, int) or not 1 <= count <= _MOST_STATES:
+        raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
     if not _LAST < duration <= 10_000:
         raise InputError(f"the duration must lie between {_LAST:g} and 10000 s, not {duration:g}")
     if not abs(v) <= _SPEEDS_OF_STATES:
         raise InputError(f"v must lie between -{_SPEEDS_OF_STATES:g} and {_SPEEDS_OF_STATES:g} rad/s, not {v:g}")
+    if not isinstance(seed, int) or seed < 0:
+        raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
     columns = max(1, math.ceil(math.sqrt(2 * count)))  # gamma's range is twice beta's
     rows = math.ceil(count / columns)
     random = numpy.random.default_rng(seed)
@@ -103,14 +108,14 @@ def basins(
     beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi
     gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
     states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
-    amplitude = _cycle_amplitude(parameters, omega, friction)
+    amplitude = _cycle_amplitude(parameters, speed, friction)
     outcome = numpy.empty(len(states), dtype=numpy.int8)
     portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
-    setting = (parameters, omega, friction, duration, amplitude)
+    setting = (parameters, speed, friction, duration, amplitude)
     for first, found in _run(portions, setting, executor):
         outcome[first : first + len(found)] = found
         advance("states", len(found))
-    return Basins(omega, friction, duration, v, beta, gamma, outcome.reshape(beta.shape))
+    return Basins(speed, friction, duration, v, beta, gamma, outcome.reshape(beta.shape))
 
 
 def _run(

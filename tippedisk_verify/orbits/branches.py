@@ -8,8 +8,7 @@ from fractions import Fraction
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.equations import Friction, checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import continued, followed_cycle
@@ -21,6 +20,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["DEFAULT_COUNT", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
+_MOST = 1_000_000
 _MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
@@ -37,13 +37,13 @@ def family(
     Raises InputError for speeds that are no positive decimals, NoSuchCycleError where the family ends.
     """
     if omegas is not None:
-        speeds = [exact(text) for text in omegas.split(",")]
-        if any(speed.pi_multiple or speed.rational <= 0 for speed in speeds):
-            raise InputError("each speed must be a positive decimal")
+        speeds = [checked_speed(text) for text in omegas.split(",")]
+        if len(speeds) > _MOST:
+            raise InputError(f"a family has at most {_MOST} speeds, not {len(speeds)}")
         if len(speeds) >= _MANY and friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:
-            first = followed_cycle(parameters, speeds[0].rational, engine, friction=friction)
+            first = followed_cycle(parameters, speeds[0], engine, friction=friction)
             yield from continued(parameters, [float(speed) for speed in speeds], engine, first=first, friction=friction)
         return
     omega_h = bisect_omega_h(parameters, engine, friction=friction).omega_h.value

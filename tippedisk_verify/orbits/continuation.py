@@ -14,7 +14,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["PAPER_GUESS", "PaperSets", "continued", "followed_cycle", "paper_sets"]
 
@@ -22,6 +22,7 @@ __all__ = ["PAPER_GUESS", "PaperSets", "continued", "followed_cycle", "paper_set
 PAPER_GUESS = (1.69, -1.72)
 _STEPS = 400
 _FEWEST_HALVINGS = 12
+_EXPLAINED_AFTER = 3  # halvings; whether the speed is beyond the family's end costs about as much as they do
 
 
 @dataclass(frozen=True)
@@ -82,16 +83,25 @@ def followed_cycle(
     try:
         return _followed(parameters, omega, engine, digits, friction)
     except NoSuchCycleError:
-        crit = omega_crit(parameters, 20).value
-        omega_h = Fraction(0)
-        with suppress(NoConnectionError, Shortfall):
-            omega_h = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
-        if omega < omega_h:
-            raise NoSuchCycleError(
-                f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g} and"
-                f" below Omega_crit = {float(crit):.10g} rad/s"
-            ) from None
+        _refused_outside(parameters, omega, engine, friction)
         raise
+
+
+def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine, friction: Friction) -> None:
+    """Raises NoSuchCycleError with the reason if the speed lies outside the family, as far as that can be told."""
+    crit = omega_crit(parameters, 20).value
+    if omega > crit and criticality(parameters) == "supercritical":
+        raise NoSuchCycleError(
+            f"no limit cycle at {float(omega):.10g} rad/s: they are born below Omega_crit = {float(crit):.10g} rad/s"
+        ) from None
+    omega_h = Fraction(0)
+    with suppress(NoConnectionError, Shortfall):
+        omega_h = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
+    if omega < omega_h:
+        raise NoSuchCycleError(
+            f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g} and"
+            f" below Omega_crit = {float(crit):.10g} rad/s"
+        ) from None
 
 
 def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: int, friction: Friction) -> LimitCycle:
@@ -125,6 +135,8 @@ def _reached(
         except NoSuchCycleError:
             if halvings == _FEWEST_HALVINGS:
                 raise
+            if halvings == _EXPLAINED_AFTER:
+                _refused_outside(parameters, target, engine, friction)
     raise AssertionError("unreachable")  # pragma: no cover
 
 

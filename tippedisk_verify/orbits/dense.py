@@ -22,6 +22,7 @@ from typing import Any
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.system import PARAMETERS
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -95,6 +96,8 @@ class DenseBranch:
         self.omega_crit = float(omega_crit(parameters))
         if criticality(parameters) != "supercritical":
             raise NoSuchCycleError("the Hopf point is not supercritical: there is no stable branch below Omega_crit")
+        if not 0 < omega_h < self.omega_crit:
+            raise InputError(f"Omega_h lies between 0 and {self.omega_crit:.10g} rad/s, not {shown(omega_h)}")
         margin = (self.omega_crit - omega_h) / 1000
         self.lowest = omega_h + margin if lowest is None else lowest
         self.highest = self.omega_crit - margin if highest is None else highest
@@ -182,8 +185,11 @@ class DenseBranch:
             constants = self.parameters.at(DOUBLE)
             square = amplitude_squared(constants, omegas**2, "consistent")
             ratio = constants.e / (constants.r + constants.e)
-            frequency = numpy.sqrt(ratio * omegas**2 + delta(constants, omegas, "consistent") * square)
+            frequency = ratio * omegas**2 + delta(constants, omegas, "consistent") * square
+            if not (square > 0).all() or not (frequency > 0).all():
+                raise NoSuchCycleError("the one-harmonic law has no cycle to start from: Omega_h is far off")
             amplitude = numpy.sqrt(square)
+            frequency = numpy.sqrt(frequency)
             # gamma' = Omega sin(beta_bar) for a cosine of this amplitude.
             return Guess(omegas * amplitude / frequency, -amplitude * frequency, numpy.pi / frequency)
         s = numpy.log(omegas - self.omega_h)

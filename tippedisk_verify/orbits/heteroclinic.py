@@ -19,9 +19,10 @@ from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.limit_of_cycles import limit_of_cycles
-from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -30,7 +31,6 @@ __all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic", "samples"]
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 METHODS: tuple[Method, ...] = get_args(Method)
 _DOUBLE_DIGITS = 12
-_MOST_DIGITS = 1000  # some hours; the time grows like the power 2.5 of the digits
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,11 @@ def heteroclinic(
     """
     if method not in METHODS:
         raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
+    checked_digits(digits)
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")
-    if digits > _MOST_DIGITS:
-        raise InputError(f"Omega_h is offered to {_MOST_DIGITS} digits, not {digits}: more would take days")
+    if digits > MOST_DIGITS:
+        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     derivative, budget = None, {}
     if method == "manifolds":
         near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h

@@ -16,14 +16,14 @@ from typing import Any
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Event, Request, Status
 from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision, bits
+from tippedisk_verify.model.precision import Precision, bits, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, half_map, limit_cycle, measured_cycle, newton_step
-from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -44,15 +44,18 @@ def cycle_above(
     """
     distance = exact(above)
     if distance.pi_multiple or distance.rational <= 0:
-        raise InputError(f"the distance above Omega_h must be a positive decimal, not {str(above)[:40]}")
+        raise InputError(f"the distance above Omega_h must be a positive decimal, not {shown(above)}")
+    checked_digits(digits)
     value = distance.rational
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
     if zeros > _SMALLEST:
         raise InputError(f"distances above Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
+    if zeros + digits > MOST_DIGITS:
+        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s above it need more")
     near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
     room = omega_crit(parameters, 20).value - near.value
     if value >= room:
-        raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {str(above)[:40]}")
+        raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
     # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
     wanted = zeros + digits + 6
     omega_h = splitting_zero(parameters, near.value, engine, wanted, friction).omega_h

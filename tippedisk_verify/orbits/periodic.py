@@ -20,11 +20,11 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
-from tippedisk_verify.model.equations import Friction, field, shifted
-from tippedisk_verify.model.exact import PI, exact, fraction
+from tippedisk_verify.model.equations import Friction, checked_speed, field, shifted
+from tippedisk_verify.model.exact import PI, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
 __all__ = [
@@ -182,7 +182,9 @@ def shoot(
     Raises NoSuchCycleError if it does not converge, or if it shrinks towards the equilibrium, which is the trivial
     solution: an amplitude below a fifth of the guess's is not followed.
     """
-    state = (float(guess[0]), float(guess[1]))
+    if len(guess) != 2:
+        raise InputError("a guess has two components: gamma_bar and v at beta = pi/2")
+    state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     omega = DOUBLE.number(omega)  # once, not at every step
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
@@ -292,10 +294,8 @@ def limit_cycle(
     InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not
     reached.
     """
-    speed = exact(omega)
-    if speed.pi_multiple or speed.rational <= 0:
-        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
-    value = speed.rational
+    value = checked_speed(omega)
+    checked_digits(digits)
     if guess is None:
         guess = approximate_cycle(parameters, value)
     shot = shoot(parameters, value, guess, engine, friction)

@@ -31,7 +31,7 @@ from tippedisk_verify.model.precision import (
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["Road", "Splitting", "SplittingZero", "splitting_zero"]
+__all__ = ["MOST_DIGITS", "Road", "Splitting", "SplittingZero", "splitting_zero"]
 
 _GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
 _FAR = 0.02  # where double still sees the approach to the second saddle clearly
@@ -146,6 +146,10 @@ class Road:
         begin = float(times[reached[0]])
         further = math.log(max(_FAR, float(self.end)) / float(self.end)) / -float(saddle.eigenvalues[1])
         return Fraction(round((begin + further) * 100), 100)
+
+
+#: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
+MOST_DIGITS = 1000
 
 
 def _short(value: float) -> Fraction:

@@ -14,10 +14,11 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import PI, Exact, exact
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import PI, Exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 
 __all__ = [
     "Eigenvalue",
@@ -125,15 +126,13 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
     """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
 
     The half-width of each eigenvalue rests on the bound that a polynomial of degree n has a root within n |p/p'| of
-    any point; the three discs are made disjoint, so each holds exactly one eigenvalue.
+    any point; the three discs are made disjoint, so each holds exactly one eigenvalue. Raises InputError for a speed or
+    digits that are not offered, Shortfall where two eigenvalues cannot be told apart.
     """
-    speed = exact(omega)
-    if speed.pi_multiple:
-        raise InputError("the speed must be a rational number (a decimal)")
-    if speed.rational <= 0:
-        raise InputError(f"Omega must be positive, not {str(omega)[:40]}")
+    speed = checked_speed(omega)
+    checked_digits(digits)
     state = location(name)
-    matrix = linearization(parameters, speed.rational, name)
+    matrix = linearization(parameters, speed, name)
     return Equilibrium(name, state, _eigenvalues(matrix, digits), is_stable(matrix))
 
 

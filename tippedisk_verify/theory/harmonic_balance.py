@@ -13,12 +13,24 @@ from fractions import Fraction
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.hopf import omega_crit_squared
 
-__all__ = ["Form", "OneHarmonic", "amplitude_squared", "chi", "delta", "kappa_1", "kappa_2", "one_harmonic", "slopes"]
+__all__ = [
+    "Form",
+    "OneHarmonic",
+    "amplitude_denominator",
+    "amplitude_squared",
+    "chi",
+    "delta",
+    "kappa_1",
+    "kappa_2",
+    "one_harmonic",
+    "slopes",
+]
 
 Form = Literal["printed", "consistent"]
 
@@ -80,15 +92,26 @@ def amplitude_squared(constants: Any, omega_squared: Any, form: Form) -> Any:
     """C^2 of Eq. Csol; negative where the formula has no cycle."""
     r, e, m, g, Bbar = constants.r, constants.e, constants.m, constants.g, constants.Bbar
     excess = Bbar * r * omega_squared - m * g * (r + e) ** 2
-    return -4 * e / (r + e) * excess / (chi(constants, form) * omega_squared + m * g * e * (r + e))
+    return -4 * e / (r + e) * excess / amplitude_denominator(constants, omega_squared, form)
 
 
-def one_harmonic(parameters: Parameters, omega: Any, form: Form = "printed", digits: int = 12) -> OneHarmonic:
-    """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s] (a Fraction).
+def amplitude_denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
+    """chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; the law has a pole where it vanishes."""
+    r, e, m, g = constants.r, constants.e, constants.m, constants.g
+    return chi(constants, form) * omega_squared + m * g * e * (r + e)
 
-    Raises Shortfall where the formula has no real amplitude or frequency.
+
+def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:
+    """Amplitude, frequency and period by the closed law at the speed ``omega`` [rad/s].
+
+    Raises InputError for a speed, form or digits that are not offered, Shortfall where the formula has no real
+    amplitude or frequency.
     """
-    form = _checked_form(form)
+    form, omega = _checked_form(form), checked_speed(omega)
+    checked_digits(digits)
+    denominator = amplitude_denominator(parameters.rational(), omega**2, form)
+    if not denominator:
+        raise Shortfall(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square = amplitude_squared(parameters.rational(), omega**2, form)
     ratio = parameters.e / (parameters.r + parameters.e)
     frequency_squared = omega**2 * ratio + delta(parameters, omega, form) * square

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "hopf_point",
     "normal_form",
     "omega_crit",
+    "omega_crit_decimal",
     "omega_crit_squared",
     "period_crit",
 ]
@@ -83,13 +84,27 @@ def criticality(parameters: Parameters) -> Criticality:
 
 
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
-    """The critical spinning speed [rad/s] to ``digits`` significant digits."""
-    return _from_root(omega_crit_squared(parameters), digits, lambda ctx, root: root)
+    """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
+    return _from_root(omega_crit_squared(parameters), checked_digits(digits), lambda ctx, root: root)
+
+
+def omega_crit_decimal(parameters: Parameters, digits: int) -> Fraction:
+    """A decimal so near to Omega_crit [rad/s] that taking it instead changes nothing in ``digits`` digits.
+
+    30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
+    """
+    found = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
+    return Fraction(found.decimals()[0])
 
 
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
-    """The period 2 pi / omega [s] of the cycle at its birth, to ``digits`` significant digits."""
-    return _from_root(critical_frequency_squared(parameters), digits, lambda ctx, root: 2 * ctx.pi / root)
+    """The period 2 pi / omega [s] of the cycle at its birth, to ``digits`` significant digits.
+
+    Raises InputError as `checked_digits` does.
+    """
+    return _from_root(
+        critical_frequency_squared(parameters), checked_digits(digits), lambda ctx, root: 2 * ctx.pi / root
+    )
 
 
 def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any]) -> Measured:
@@ -103,8 +118,9 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
     Each quantity is evaluated with 15 digits more than asked for, and again with 20 more to see its error.
-    Raises Shortfall where the first Lyapunov coefficient vanishes, or nearly so.
+    Raises InputError as `checked_digits` does, Shortfall where the first Lyapunov coefficient vanishes, or nearly so.
     """
+    checked_digits(digits)
     kind = criticality(parameters)
     if kind == "degenerate":
         raise Shortfall("the first Lyapunov coefficient vanishes exactly: the amplitude law has no first-order slope")

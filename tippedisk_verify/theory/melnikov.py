@@ -16,10 +16,10 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact, fraction
+from tippedisk_verify.model.exact import exact, fraction, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.slow_manifold import first_correction
 
 __all__ = ["limit_period", "limit_speed"]
@@ -67,7 +67,7 @@ def _working(digits: int) -> tuple[int, int]:
 
 
 def _checked(digits: int) -> None:
-    if digits > _MOST_DIGITS:
+    if checked_digits(digits) > _MOST_DIGITS:
         raise InputError(f"the Melnikov integral is offered to {_MOST_DIGITS} digits, not {digits}")
 
 
@@ -78,7 +78,7 @@ def _prepared(parameters: Parameters, gamma_bar_0: object, working: int) -> tupl
         return ctx, constants, ctx.pi
     value = exact(gamma_bar_0)
     if value.pi_multiple or not 0 < value.rational < Fraction("3.14159265358979"):
-        raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {str(gamma_bar_0)[:40]}")
+        raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {shown(gamma_bar_0)}")
     return ctx, constants, ctx.mpf(value.rational.numerator) / value.rational.denominator
 
 

@@ -19,11 +19,11 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.equations import terms
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.equations import checked_speed, terms
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, heyoka_module
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits, heyoka_module
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.jets import Jet, coordinate_sine
@@ -228,8 +228,8 @@ def _summed(series: list[Jet], epsilon: Any) -> Jet:
 
 
 def _checked_order(order: int) -> None:
-    if not 0 <= order <= _HIGHEST_ORDER:
-        raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {order}")
+    if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _HIGHEST_ORDER:
+        raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
 
 
 # --------------------------------------------------------------------------------------------- the reduced flow
@@ -330,20 +330,17 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
     Raises InputError for an order out of range or a speed that is not positive.
     """
     _checked_order(order)
-    speed = exact(omega)
-    if speed.pi_multiple or speed.rational <= 0:
-        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    speed = checked_speed(omega)
+    checked_digits(digits)
     working = bits_for_digits(digits + 5)
     rough, sharp = (
-        _at(parameters, speed.rational, bits_used, Fraction("1.2"), Fraction("0.3"), order)
+        _at(parameters, speed, bits_used, Fraction("1.2"), Fraction("0.3"), order)
         for bits_used in (working, working + 66)
     )
     ulp = Fraction(1, 2 ** (working - 1))
     h = tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True))
-    residual = _largest_residuals(parameters, speed.rational, order)
-    sizes = [
-        _largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed.rational, order) for k in (5, 6, 7)
-    ]
+    residual = _largest_residuals(parameters, speed, order)
+    sizes = [_largest_residuals(parameters.changed(epsilon=Fraction(1, 10**k)), speed, order) for k in (5, 6, 7)]
     slopes = []
     for coarse, middle, fine in zip(*sizes, strict=True):
         # The two-point exponent is off by a multiple of epsilon: a decade on a tenth of that is left, so the change
@@ -351,7 +348,7 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
         # its asymptotic range yet, may vanish by chance.)
         here, next_one = (math.log10(large / small) for large, small in ((coarse, middle), (middle, fine)))
         slopes.append(Measured.of(here, 2 * abs(here - next_one) + here * 2.0**-50))
-    best, smallest = _best_order(parameters, speed.rational)
+    best, smallest = _best_order(parameters, speed)
     warning = None
     if order > best:
         warning = (
@@ -361,7 +358,7 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
     hopf = None if order == 0 else _hopf_or_none(parameters, order, digits)
     return SlowManifold(
         order,
-        speed.rational,
+        speed,
         h,
         tuple(map(_from_sixty_digits, residual)),
         tuple(slopes),

@@ -18,11 +18,11 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.model.equations import field, jacobian
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.equations import checked_speed, field, jacobian
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.harmonic_balance import slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
 from tippedisk_verify.theory.odd_fourier import Samples, double_operators, motion, operators
@@ -33,6 +33,10 @@ _MOST_HARMONICS = 1024
 _FIRST_HARMONICS = 12
 _LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
 _COMPLEX_STEP = 1e-40
+# Near the connection a step brings the speed closer to Omega_h by a factor, so one that goes for a speed on the branch
+# covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
+# than this part of the way, the speed lies beyond the end.
+_LONG, _STANDING = 4.0, 1e-4
 _WORTHLESS = 0.01  # a relative truncation estimate above this says that there may be no cycle at all
 
 
@@ -67,16 +71,14 @@ def balanced_cycle(
     Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; NoSuchCycleError if there is no
     cycle at this speed or the balance does not converge.
     """
-    speed = exact(omega)
-    if speed.pi_multiple or speed.rational <= 0:
-        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
-    if harmonics is not None and not 1 <= harmonics <= _MOST_HARMONICS:
-        raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {harmonics}")
-    bits_for_digits(digits)
-    start = _found(parameters, speed.rational, harmonics)
+    speed = checked_speed(omega)
+    if harmonics is not None and not (isinstance(harmonics, int) and 1 <= harmonics <= _MOST_HARMONICS):
+        raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
+    checked_digits(digits)
+    start = _found(parameters, speed, harmonics)
     count = start.harmonics
     while True:
-        cycle, missing = _sharpened(parameters, speed.rational, start, digits)
+        cycle, missing = _sharpened(parameters, speed, start, digits)
         if harmonics is not None or missing <= 0:
             return cycle
         if count >= _MOST_HARMONICS:
@@ -87,7 +89,7 @@ def balanced_cycle(
         lost = -math.log10(cycle.decay)
         count = min(_MOST_HARMONICS, int((count + missing / lost + 2) * 1.1))
         start = start.resampled(count)
-        start = _newton(parameters, float(speed.rational), start)
+        start = _newton(parameters, float(speed), start)
 
 
 def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
@@ -273,6 +275,9 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> S
                 here = here.resampled(here.guess.harmonics * 3 // 2)
             continue
         before, here = here, _grown(found, harmonics)
+        left = abs(here.omega - float(target))
+        if here.guess.frequency < birth.guess.frequency / _LONG and abs(here.omega - before.omega) < _STANDING * left:
+            raise NoSuchCycleError(f"{nowhere}: the branch ends near {here.omega:.8g} rad/s, in ever longer periods")
         length = min(1.3, 2 * length)
     else:
         raise NoSuchCycleError(f"{nowhere} within 120 steps along the branch")

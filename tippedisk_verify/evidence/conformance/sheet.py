@@ -17,7 +17,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.store import Quantity, Store
-from tippedisk_verify.files import printable
+from tippedisk_verify.files import printable, read_text
 
 __all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
 
@@ -128,24 +128,13 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     ``default_reading`` is for answers that do not say what they were computed from. Raises InputError for a file that
     cannot be read as a sheet at all.
     """
-    text = _text(path)
+    text = read_text(path, _LARGEST)
     answers = Answers()
     try:
         rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
         return _collected(rows, store, default_reading, answers)
     except InputError as fault:
         raise InputError(f"{printable(path.name)}: {fault}") from None
-
-
-def _text(path: Path) -> str:
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError(f"{path.name} is larger than {_LARGEST} bytes: an answer sheet never is")
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as fault:
-        raise InputError(f"{path} cannot be read: {fault.strerror or fault}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path.name} is not a text file in UTF-8") from None
 
 
 def _json_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:

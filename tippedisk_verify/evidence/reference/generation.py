@@ -12,9 +12,8 @@ import hashlib
 import io
 import json
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +24,8 @@ from tippedisk_verify.evidence.reference.entries import Item, Kind, answered, as
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import FORMAT, STATIC, write_manifest
 from tippedisk_verify.evidence.reference.places import SETS
-from tippedisk_verify.evidence.reference.store import data_folder
-from tippedisk_verify.files import output_folder, remains_of, write_text
+from tippedisk_verify.evidence.reference.store import LARGEST, data_folder
+from tippedisk_verify.files import alone, checksum, output_folder, read_text, remains_of, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
@@ -69,14 +68,15 @@ def computed(piece: Piece, folder: Path) -> list[dict[str, Any]]:
             return found
     kind = kind_named(piece.kind)
     entries = [answered(kind, item) for item in piece.items]
-    write_text(path, json.dumps(entries))
+    write_text(path, json.dumps({"entries": entries, "checksum": checksum(entries)}))
     return entries
 
 
 def _kept(path: Path, piece: Piece) -> list[dict[str, Any]] | None:
     """What an earlier run has left, if it is what such a run leaves."""
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
+        kept = json.loads(read_text(path, LARGEST))
+        entries = kept["entries"] if kept["checksum"] == checksum(kept["entries"]) else []
         whole = [entry["id"] for entry in entries] == [item.id for item in piece.items] and all(
             isinstance(entry["quantities"], dict) and entry["quantities"] for entry in entries
         )
@@ -104,27 +104,9 @@ def generate(
             raise InputError(f"reference data are made for {', '.join(SETS)}, not '{name[:40]}'")
     folder = output_folder(out)
     work = output_folder(folder / ".work")
-    with _alone(work):
+    with alone(work / "lock", f"another run is generating into {folder}: wait for it, or give another --out"):
         _remove_remains(folder)
         return _generate(folder, work, kinds, sets, executor, advance)
-
-
-@contextmanager
-def _alone(work: Path) -> Iterator[None]:
-    """Refuse a second run into the same folder; the system forgets the lock of a run that was killed."""
-    try:
-        import fcntl
-    except ImportError:  # no such lock on this system: two runs would only repeat each other's work
-        yield
-        return
-    with open(work / "lock", "w") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(
-                f"another run is generating into {work.parent}: wait for it, or give another --out"
-            ) from None
-        yield
 
 
 def _remove_remains(folder: Path) -> None:
@@ -169,12 +151,12 @@ def _generate(
     for set_name in sets:
         present = [path for kind in KINDS if (path := folder / set_name / f"{kind.name}.json").exists()]
         try:
-            table = values_csv([json.loads(path.read_text(encoding="utf-8")) for path in present])
+            table = values_csv([json.loads(read_text(path, LARGEST)) for path in present])
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None
         written.append(write_text(folder / set_name / "values.csv", table))
     written += [
-        write_text(folder / name, (data_folder() / name).read_text(encoding="utf-8"))
+        write_text(folder / name, read_text(data_folder() / name, LARGEST))
         for name in STATIC
         if folder.resolve() != data_folder().resolve()
     ]

@@ -10,7 +10,8 @@ from typing import Any
 from tippedisk_verify import __version__
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.places import SETS
-from tippedisk_verify.files import printable, write_text
+from tippedisk_verify.evidence.reference.store import LARGEST
+from tippedisk_verify.files import printable, read_bytes, read_text, write_text
 
 __all__ = ["COMMAND", "FORMAT", "STATIC", "faults_in_files", "read_manifest", "write_manifest"]
 
@@ -19,13 +20,13 @@ COMMAND = "tippedisk-verify reference generate --out reference_data"
 #: Written by hand, and taken along to where data are generated.
 STATIC = ("README.md", "schema.json")
 _NAME = "manifest.json"
-_LARGEST = 64_000_000
+_LARGEST_MANIFEST = 1_000_000
 
 
 def write_manifest(folder: Path) -> Path:
     """Hash all files of the folder and say so; written last, when all others are in place."""
     files = {
-        path.relative_to(folder).as_posix(): {"sha256": _hash(path.read_bytes()), "bytes": path.stat().st_size}
+        path.relative_to(folder).as_posix(): {"sha256": _hash(read_bytes(path, LARGEST)), "bytes": path.stat().st_size}
         for path in _files(folder)
     }
     content = {"format": FORMAT, "generator": f"tippedisk-verify {__version__}", "command": COMMAND, "files": files}
@@ -35,12 +36,11 @@ def write_manifest(folder: Path) -> Path:
 def read_manifest(folder: Path) -> dict[str, Any]:
     """The manifest as it stands. Raises InputError if it is missing or cannot be read."""
     path = folder / _NAME
+    text = read_text(path, _LARGEST_MANIFEST)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(text)
         if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
             raise ValueError
-    except OSError as fault:
-        raise InputError(f"{path} cannot be read: {fault.strerror or fault}") from None
     except (ValueError, RecursionError):
         raise InputError(f"{path} is damaged: it is not the JSON that reference generate writes") from None
     return content
@@ -54,15 +54,15 @@ def faults_in_files(folder: Path) -> list[str]:
         return list(fault.faults)
     faults = []
     told = {name: value for name, value in content.items() if name != "sha256"}
-    if (folder / _NAME).read_bytes() != _text(told).encode():
+    if read_bytes(folder / _NAME, _LARGEST_MANIFEST) != _text(told).encode(errors="replace"):
         faults.append(f"{_NAME} has been changed")
     for name, expected in content["files"].items():
         path, name = folder / name, printable(name)
         if ".." in Path(name).parts or Path(name).is_absolute() or not path.is_file():
             faults.append(f"{name[:200]} is missing")
-        elif not isinstance(expected, dict) or path.stat().st_size > _LARGEST:
+        elif not isinstance(expected, dict) or path.stat().st_size > LARGEST:
             faults.append(f"{name[:200]} has been changed")
-        elif _hash(path.read_bytes()) != expected.get("sha256"):
+        elif _hash(read_bytes(path, LARGEST)) != expected.get("sha256"):
             faults.append(f"{name[:200]} has been changed: its SHA-256 is not the manifest's")
     known = set(content["files"])
     faults += [

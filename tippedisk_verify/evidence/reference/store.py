@@ -11,10 +11,12 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import read_text
 from tippedisk_verify.model.measured import Measured
 
-__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
+__all__ = ["LARGEST", "Quantity", "Store", "data_folder", "reference", "stored"]
 
+LARGEST = 64_000_000  #: bytes of a reference file; the largest has some three million
 Reading = Literal["decimals", "doubles"]
 
 
@@ -76,8 +78,8 @@ class Store(Mapping[str, Quantity]):
         documents = []
         for path in sorted(folder.glob("*/*.json")):
             try:
-                documents.append(json.loads(path.read_text(encoding="utf-8")))
-            except (OSError, ValueError, RecursionError):
+                documents.append(json.loads(read_text(path, LARGEST)))
+            except (ValueError, RecursionError):
                 raise InputError(f"reference file {path} cannot be read: run reference check") from None
         if not documents:
             raise InputError(f"no reference data in {folder}")

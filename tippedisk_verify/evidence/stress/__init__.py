@@ -1,1 +1,1 @@
-"""Where it is hard (`battery`), and random cases without end (`honesty`): each must give digits that hold, or say why not."""
+"""Where it is hard (`battery`), and random cases without end (`honesty`): digits that hold, or a word why not."""

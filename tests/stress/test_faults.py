@@ -1,0 +1,347 @@
+"""What happens to a machine: kills, full disks, folders without rights, damaged caches, little memory, odd locales."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
+from tippedisk_verify.evidence.reference.manifest import faults_in_files
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    with open(path, newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+# ------------------------------------------------------------------------------------------ kill -9 and Ctrl-C
+def _struck(arguments: list[str], number: int, delay: float) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [*PROGRAM, *arguments], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(delay)
+    process.send_signal(number)
+    return process
+
+
+def _sheet(folder: Path) -> list[str]:
+    return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
+
+
+def _branch(folder: Path) -> list[str]:
+    return ["branch", "--omegas", "30.4,30.5", "--quiet", "--out", str(folder / "branch.csv")]
+
+
+def _whole(folder: Path) -> int:
+    """Every file that a user sees is there in full, old or new; returns how many there are."""
+    found = [
+        path
+        for path in folder.rglob("*")
+        if path.is_file() and not path.name.startswith(".") and ".work" not in path.parts
+    ]
+    for path in found:
+        text = path.read_text(encoding="utf-8")
+        assert text.endswith("\n"), path
+        if path.suffix == ".json":
+            json.loads(text)
+        if path.suffix == ".csv":
+            rows = list(csv.reader(text.splitlines()))
+            assert len({len(row) for row in rows}) == 1, path
+    return len(found)
+
+
+def _kills(folder: Path, count: int, number: int) -> Iterator[int]:
+    """Runs that write, struck at random moments one after the other into the same folder; then each runs to its end."""
+    draw = random.Random(number)
+    commands = [
+        [*GENERATE, str(folder / "data")],
+        [*SWEEP, str(folder / "sweep.csv")],
+        _sheet(folder),
+        _branch(folder),
+    ]
+    longest = []
+    for arguments in commands:
+        begin = time.monotonic()
+        assert run(arguments).returncode == 0
+        longest.append(time.monotonic() - begin)
+    files = _whole(folder)
+    soonest = 0.3 if number == signal.SIGINT else 0.0
+    for n in range(count):
+        which = n % len(commands)
+        process = _struck(commands[which], number, max(soonest, draw.uniform(0.1, 1.1) * longest[which]))
+        _, err = process.communicate(timeout=LONGEST)
+        ended = process.returncode
+        # Python's own start answers Ctrl-C in its own way, with its own lines.
+        began = "Traceback" not in err or "cli.py" in err
+        assert ended in ({-signal.SIGKILL, 0} if number == signal.SIGKILL else {130, 0} if began else {1, -2}), err
+        assert not began or "Traceback" not in err
+        assert _whole(folder) >= files  # nothing that was there is lost or cut
+        yield ended
+    for arguments in commands:
+        assert run(arguments).returncode == 0
+    assert _whole(folder) == files
+    assert faults_in_files(folder / "data") == []
+    rows = _table(folder / "sweep.csv")
+    assert (len(rows), {row["status"] for row in rows}) == (300, {"ok"})
+    assert not list(folder.glob(".*journal"))
+
+
+def test_kills_leave_whole_files(tmp_path: Path) -> None:
+    assert len(list(_kills(tmp_path, 4, signal.SIGKILL))) == 4
+
+
+@pytest.mark.slow
+def test_interrupts_leave_whole_files(tmp_path: Path) -> None:
+    assert len(list(_kills(tmp_path, 4, signal.SIGINT))) == 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_hundred_strikes(number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ends = list(_kills(tmp_path, 100, number))
+    with capsys.disabled():
+        counted = {end: ends.count(end) for end in sorted(set(ends))}
+        print(f"\n{signal.Signals(number).name}: {len(ends)} runs struck, by end {counted}, files lost 0")
+
+
+def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    from concurrent.futures.process import BrokenProcessPool
+
+    from tippedisk_verify import cli
+
+    def dies(*given: object, **named: object) -> None:
+        raise BrokenProcessPool("a child process terminated abruptly")
+
+    for fault in (dies, lambda *given, **named: (_ for _ in ()).throw(MemoryError())):
+        monkeypatch.setattr("tippedisk_verify.theory.hopf.hopf_point", fault)
+        assert cli.main(["hopf"]) == 1
+        assert capsys.readouterr().err.count("\n") == 1
+
+
+# ------------------------------------------------------------------------------------------ disks
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [["hopf"], ["hopf", "--json"], ["--help"], ["--version"], ["reference", "list"]])
+def test_a_full_disk_under_standard_output(arguments: list[str]) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*PROGRAM, *arguments], stdout=full, stderr=subprocess.PIPE, text=True, timeout=LONGEST, check=False
+        )
+        both = subprocess.run([*PROGRAM, *arguments], stdout=full, stderr=full, timeout=LONGEST, check=False)
+    assert "No space left" in one_line(done, 2)
+    assert both.returncode == 2
+
+
+def test_standard_output_that_is_closed() -> None:
+    for closing_of in (">&-", "2>&-", ">&- 2>&-"):
+        done = subprocess.run(
+            ["sh", "-c", f'"$@" {closing_of}', "sh", *PROGRAM, "hopf"],
+            capture_output=True,
+            text=True,
+            timeout=LONGEST,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 64 KiB; without the right to mount one, the test is skipped."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("no right to mount a file system")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk(small_disk: Path) -> None:
+    """Old files stay, no halves are left, and with room again the same command works."""
+    old = small_disk / "sheet.csv"
+    old.write_text("id,answer\n")
+    filler = small_disk / "filler"
+    commands = [
+        [*GENERATE, str(small_disk / "data")],
+        [*SWEEP, str(small_disk / "sweep.csv")],
+        _sheet(small_disk),
+        ["scene", "f", "--quiet", "--out", str(small_disk / "scene")],
+    ]
+    for arguments in commands:
+        with suppress(OSError), open(filler, "wb", buffering=0) as stream:
+            while True:
+                stream.write(b"x" * 1024)
+        assert "No space left" in one_line(run(arguments), 2)
+        assert old.read_text() == "id,answer\n"
+        assert not list(small_disk.rglob(".*-*"))
+        filler.unlink()
+    assert run(["conformance", "questions", str(old), "--levels", "3", "--set", "printed", "--quiet"]).returncode == 0
+    assert _whole(small_disk / "data") == 0
+
+
+@pytest.mark.slow
+def test_a_limit_on_the_size_of_files(tmp_path: Path) -> None:
+    """The stand-in for a full disk where none can be mounted; the code cache meets the limit, too."""
+    limits = {resource.RLIMIT_FSIZE: 8192}
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    for arguments in (_sheet(tmp_path), [*SWEEP, str(tmp_path / "sweep.csv")]):
+        assert "File too large" in one_line(run(arguments, limits=limits, **cache), 2)
+    assert not (tmp_path / "sheet.csv").exists()
+    first = run(ORBIT, limits=limits, **cache)
+    assert (first.returncode, first.stderr) == (0, "")
+    assert run(ORBIT, **cache).stdout == first.stdout
+    assert run([*SWEEP, str(tmp_path / "sweep.csv")]).returncode == 0  # goes on from the journal
+    assert len(_table(tmp_path / "sweep.csv")) == 300
+
+
+# ------------------------------------------------------------------------------------------ rights
+@pytest.mark.slow
+def test_folders_and_files_without_rights(tmp_path: Path) -> None:
+    prefix = without_rights()
+    shut, secret = tmp_path / "shut", tmp_path / "secret.toml"
+    shut.mkdir()
+    (shut / "kept.csv").write_text("mine\n")
+    secret.write_text('r = "1"\n')
+    secret.chmod(0)
+    shut.chmod(0o555)
+    try:
+        for arguments in (
+            [*GENERATE, str(shut)],
+            [*GENERATE, str(shut / "new")],
+            [*SWEEP, str(shut / "sweep.csv")],
+            _sheet(shut),
+            ["scene", "f", "--out", str(shut)],
+            ["bench", "--only", "cycle", "--out", str(shut)],
+            ["branch", "--omegas", "30.4", "--out", str(shut / "b.csv")],
+            ["hopf", "--parameters", str(secret)],
+            ["conformance", "grade", str(secret)],
+            ["basin", "--omega", "30.4", "--out", str(shut)],
+        ):
+            assert "Permission denied" in one_line(run(arguments, prefix), 2), arguments
+        assert [path.name for path in shut.iterdir()] == ["kept.csv"]
+        shut.chmod(0)
+        for arguments in (
+            ["reference", "check", "--data", str(shut / "x")],
+            ["conformance", "grade", str(shut / "kept.csv")],
+        ):
+            one_line(run(arguments, prefix), 2)
+    finally:
+        shut.chmod(0o755)
+    assert (shut / "kept.csv").read_text() == "mine\n"
+
+
+# ------------------------------------------------------------------------------------------ the surroundings
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"HOME": None, "XDG_CACHE_HOME": None},
+        {"HOME": "", "XDG_CACHE_HOME": ""},
+        {"HOME": "/nonexistent", "XDG_CACHE_HOME": None},
+        {"LC_ALL": "de_DE.UTF-8", "LANG": "de_DE.UTF-8"},
+        {"LC_ALL": "C"},
+        {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"},
+        {"PYTHONIOENCODING": "cp1252", "PYTHONUTF8": "0"},
+        {"TERM": None, "COLUMNS": "0"},
+        {"TMPDIR": "/nonexistent"},
+        {"TZ": "nowhere", "LANGUAGE": "xx"},
+        {"MPLCONFIGDIR": "/proc/nothing", "HOME": "/nonexistent"},
+    ],
+    ids=lambda changes: " ".join(f"{name}={value}" for name, value in changes.items()),
+)
+def test_surroundings_do_not_change_a_digit(
+    changes: dict[str, str | None], filled_cache: tuple[Path, str], tmp_path: Path
+) -> None:
+    done = run(ORBIT, **{"XDG_CACHE_HOME": str(filled_cache[0]), **changes})
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", filled_cache[1])
+    done = run(["hopf"], **changes)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("omega_crit: 30.8865926886435672782860900152")
+    # A file whose name is no text, and a figure for those who have no place for Matplotlib's settings.
+    done = run(["conformance", "questions", os.fsdecode(bytes(tmp_path) + b"/\xff.csv"), "--levels", "3"], **changes)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_decimal_comma_in_the_locale_of_this_process() -> None:
+    import locale
+
+    import tippedisk_verify as tv
+
+    before = locale.setlocale(locale.LC_NUMERIC)
+    for name in ("de_DE.UTF-8", "fr_FR.UTF-8", "C.UTF-8"):
+        try:
+            locale.setlocale(locale.LC_NUMERIC, name)
+        except locale.Error:
+            continue
+        try:
+            assert str(tv.omega_crit(tv.PRINTED, 9)).startswith("30.88659268")
+        finally:
+            locale.setlocale(locale.LC_NUMERIC, before)
+
+
+@pytest.mark.slow
+def test_one_processor(filled_cache: tuple[Path, str], tmp_path: Path) -> None:
+    if shutil.which("taskset") is None:
+        pytest.skip("needs taskset")
+    one = ("taskset", "-c", str(min(os.sched_getaffinity(0))))
+    assert run(ORBIT, one, XDG_CACHE_HOME=str(filled_cache[0])).stdout == filled_cache[1]
+    out = tmp_path / "a.csv"
+    assert run(["sweep", "hopf", "--over", "g=9.7:9.9:5", "--jobs", "2", "--out", str(out)], one).returncode == 0
+    assert len(_table(out)) == 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("megabytes", [120, 200, 300, 400, 550])
+def test_little_memory_is_one_line(megabytes: int, filled_cache: tuple[Path, str], tmp_path: Path) -> None:
+    """At these limits on the address space: an answer, or a line that says why there is none; never another answer."""
+    limits = {resource.RLIMIT_AS: megabytes << 20}
+    done = run(ORBIT, limits=limits, XDG_CACHE_HOME=str(filled_cache[0]))
+    if done.returncode == 0:
+        assert done.stdout == filled_cache[1]
+    else:
+        # OpenBLAS and LLVM say so themselves, and end the process, where they cannot have their buffers.
+        assert "OpenBLAS" in done.stderr or "LLVM ERROR: out of memory" in done.stderr or one_line(done, 1)
+        assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    table = tmp_path / "sweep.csv"
+    done = run([*SWEEP, str(table)], limits=limits)
+    assert "Traceback" not in done.stderr
+    assert run([*SWEEP, str(table)]).returncode == 0
+    assert len(_table(table)) == 300
+
+
+# ------------------------------------------------------------------------------------------ two at once
+@pytest.mark.parametrize("command", [GENERATE, SWEEP], ids=["generate", "sweep"])
+def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
+    """One does it and the others say that it is being done, or that nothing was left to do; nothing is lost."""
+    target = str(tmp_path / ("data" if command is GENERATE else "sweep.csv"))
+    runs = [
+        subprocess.Popen([*PROGRAM, *command, target], env=environment(), stderr=subprocess.PIPE, text=True)
+        for _ in range(3)
+    ]
+    ends = [(run.communicate(timeout=LONGEST)[1], run.returncode) for run in runs]
+    assert 0 in {status for _, status in ends}
+    for told, status in ends:
+        assert status == 0 or (status == 2 and "another run" in told and told.count("\n") == 1), told
+    if command is GENERATE:
+        assert faults_in_files(tmp_path / "data") == []
+        assert not (tmp_path / "data" / ".work").exists()
+    else:
+        assert len(_table(tmp_path / "sweep.csv")) == 300
+        assert [path.name for path in tmp_path.iterdir()] == ["sweep.csv"]

@@ -1,0 +1,341 @@
+"""Every file that is read, with its bytes damaged: data, never a program; one line, never a traceback."""
+
+from __future__ import annotations
+
+import csv
+import json
+import random
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from tests.stress.nonsense import Ran, assert_refused, ran
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.evidence.reference.checking import check
+from tippedisk_verify.evidence.reference.generation import values_csv
+from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
+from tippedisk_verify.evidence.reference.store import Store, data_folder
+from tippedisk_verify.files import checksum
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.sweep import Plan, swept
+
+_TOML = (
+    b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
+_ID = "printed/linear/hopf/point/omega_crit"
+_TOKENS = (
+    *(
+        b"\0",
+        b"\xff\xfe",
+        b"\xef\xbb\xbf",
+        b'"',
+        b"'",
+        b"\\",
+        b"\n",
+        b"\r",
+        b",",
+        b";",
+        b"{",
+        b"}",
+        b"[",
+        b"]",
+        b"=",
+        b"nan",
+    ),
+    *(
+        b"1e99999",
+        b"-",
+        b"\xed\xa0\x80",
+        b"\x1b[31m",
+        b"../",
+        b"__import__('os')",
+        b"!!python/object",
+        b"cos\nsystem\n",
+        b"\x80\x04",
+    ),
+    *(
+        b"9" * 5000,
+        b"[" * 2000,
+        b'{"a":' * 500,
+        b"null",
+        b"true",
+        b"#",
+        b"\xe2\x80\xae",
+        b"1e400",
+        b"'''",
+        b'"""',
+        b"inf",
+    ),
+)
+
+
+def damaged(content: bytes, draw: random.Random) -> bytes:
+    """One to four of: a bit turned, a piece cut out, doubled, moved or replaced, a token put in, the end cut off."""
+    found = bytearray(content)
+    for _ in range(draw.randint(1, 4)):
+        at = draw.randrange(len(found) + 1)
+        size = draw.choice((1, 1, 2, 5, 20, 200))
+        kind = draw.randrange(7)
+        if kind == 0 and found:
+            found[at % len(found)] ^= 1 << draw.randrange(8)
+        elif kind == 1:
+            del found[at : at + size]
+        elif kind == 2:
+            found[at:at] = found[at : at + size]
+        elif kind == 3:
+            found[at : at + size] = draw.randbytes(min(size, len(found) - at))
+        elif kind == 4:
+            found[at:at] = draw.choice(_TOKENS)
+        elif kind == 5:
+            piece = found[at : at + size]
+            del found[at : at + size]
+            to = draw.randrange(len(found) + 1)
+            found[to:to] = piece
+        else:
+            del found[at:]
+    return bytes(found)
+
+
+def _fine(done: Ran) -> None:
+    assert done.status in (0, 1, 2), done
+    assert "Traceback" not in done.err
+    if done.status:
+        assert done.out == ""
+        assert done.err.count("\n") == 1, done
+        assert done.err.rstrip("\n").isprintable()
+
+
+def _sheet(folder: Path, name: str) -> bytes:
+    path = folder / name
+    assert ran(["conformance", "questions", str(path), "--set", "printed", "--levels", "3"]).status == 0
+    text = path.read_text(encoding="utf-8")
+    filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(', "answer": ""', ', "answer": "30.9"')
+    if name.endswith(".csv"):
+        filled = "".join(line + ("30.9" if line.startswith("printed/") else "") + "\n" for line in text.splitlines())
+    path.unlink()
+    return filled.encode()
+
+
+# ------------------------------------------------------------------------------------------ one file at a time
+def _parameter_files(folder: Path, draws: int) -> Iterator[Ran]:
+    path, draw = folder / "disk.toml", random.Random(1)
+    for _ in range(draws):
+        path.write_bytes(damaged(_TOML, draw))
+        yield ran(["hopf", "--json", "--parameters", str(path)])
+
+
+def _sheets(folder: Path, draws: int) -> Iterator[Ran]:
+    draw = random.Random(2)
+    sheets = [("a.csv", _sheet(folder, "a.csv")), ("a.json", _sheet(folder, "a.json"))]
+    sheets.append(("b.json", json.dumps({"from": "doubles", "answers": {_ID: 30.9}}).encode()))
+    sheets.append(("b.csv", f"id,answer\n{_ID},30.9\n".encode()))
+    for n in range(draws):
+        name, content = sheets[n % len(sheets)]
+        (folder / name).write_bytes(damaged(content, draw))
+        yield ran(["conformance", "grade", str(folder / name), "--json", "--html", str(folder / "page.html")])
+
+
+def _journals(folder: Path, draws: int) -> Iterator[Ran]:
+    """An interrupted sweep's journal: afterwards the table is right, whatever was in it, or the journal was refused."""
+    draw = random.Random(3)
+    plan = Plan("hopf", PRINTED, (("g", ("9.7", "9.8", "9.81", "9.82")),), digits=3)
+    out, journal = folder / "a.csv", folder / ".a.csv.journal"
+    swept(plan, out, pool=lambda: nullcontext(None))
+    right = out.read_bytes()
+    rows = list(csv.DictReader(right.decode().splitlines()))
+    # As `sweep` writes it; that it does is what the interrupted sweeps of the other tests show.
+    lines: list[dict[str, object]] = [{"plan": plan.key}]
+    lines += [{"point": n, "row": row, "checksum": checksum([n, row])} for n, row in enumerate(rows[:3])]
+    whole = "".join(json.dumps(line) + "\n" for line in lines).encode()
+    content = whole
+    journal.write_bytes(content)
+    arguments = ["sweep", "hopf", "--over", "g=9.7,9.8,9.81,9.82", "--digits", "3", "--executor", "serial", "--json"]
+    arguments += ["--out", str(out)]
+    for _ in range(draws):
+        done = ran(arguments)
+        yield done
+        if done.status == 0:
+            assert out.read_bytes() == right
+            assert not journal.exists()
+        else:
+            assert journal.read_bytes() == content  # somebody's, and left alone
+        out.unlink(missing_ok=True)
+        content = damaged(whole, draw) if draw.random() < 0.5 else whole[:80] + damaged(whole[80:], draw)
+        journal.write_bytes(content)
+
+
+def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
+    """Files of the data folder, with a manifest that fits the damage every other time."""
+    draw = random.Random(4)
+    data = folder / "data"
+    (data / "printed").mkdir(parents=True)
+    for name in ("README.md", "schema.json", "printed/hopf.json", "printed/heteroclinic.json"):
+        shutil.copy(data_folder() / name, data / name)
+    documents = [json.loads((data / "printed" / name).read_text()) for name in ("hopf.json", "heteroclinic.json")]
+    (data / "printed/values.csv").write_text(values_csv(documents))
+    write_manifest(data)
+    assert check(data, sample=0).faults == ()
+    names = ["schema.json", "printed/hopf.json", "printed/heteroclinic.json", "printed/values.csv", "manifest.json"]
+    whole = {name: (data / name).read_bytes() for name in names}
+    for n in range(draws):
+        name = names[n % len(names)]
+        (data / name).write_bytes(damaged(whole[name], draw))
+        if name != "manifest.json" and draw.random() < 0.6:
+            write_manifest(data)
+        done = ran(["reference", "check", "--data", str(data), "--sample", "0", "--jobs", "1", "--json"])
+        if done.status == 1:  # faults in the data are lines on standard output, with status 1
+            assert json.loads(done.out)["faults"]
+            done = Ran(1, "", "one line\n", done.seconds)
+        elif done.status == 0:
+            assert (data / name).read_bytes() == whole[name] or name in (
+                "printed/hopf.json",
+                "printed/heteroclinic.json",
+            )
+        yield done
+        try:
+            Store(data)
+        except InputError as fault:
+            assert len(str(fault)) < 500  # noqa: PT017
+        for name_, content in whole.items():
+            (data / name_).write_bytes(content)
+
+
+_FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
+    "parameter files": _parameter_files,
+    "answer sheets": _sheets,
+    "journals": _journals,
+    "reference data": _reference_folders,
+}
+
+
+@pytest.mark.parametrize("what", _FUZZERS)
+def test_damaged_files(what: str, tmp_path: Path) -> None:
+    for done in _FUZZERS[what](tmp_path, 20):
+        _fine(done)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", _FUZZERS)
+def test_thousands_of_damaged_files(what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    statuses: dict[int, int] = {}
+    dearest = 0.0
+    for done in _FUZZERS[what](tmp_path, 2_000):
+        _fine(done)
+        statuses[done.status] = statuses.get(done.status, 0) + 1
+        dearest = max(dearest, done.seconds)
+    with capsys.disabled():
+        print(f"\n{what}: {sum(statuses.values())} draws, by status {statuses}, dearest {dearest:.2f} s of CPU")
+
+
+# ------------------------------------------------------------------------------------------ shapes of trouble
+_DEEP = 200_000
+_SHEETS_OF_TROUBLE = {
+    "deep list": b"[" * _DEEP,
+    "deep object": b'{"answers":' * _DEEP,
+    "deep answer": b'{"answers": {"a": ' + b"[" * _DEEP + b"]" * _DEEP + b"}}",
+    "deep question": b'{"questions": [{"id": ' + b"[" * 900 + b"]" * 900 + b"}]}",
+    "pickle": b"cposix\nsystem\n(S'false'\ntR.",
+    "nothing": b"",
+    "a number": b"5",
+    "huge integer": b'{"answers": {"' + _ID.encode() + b'": ' + b"9" * 100_000 + b'}, "x": 1}',
+    "quote without end": b'id,answer\n"' + b"x" * 200_000,
+    "utf-16": "id,answer\n".encode("utf-16"),
+}
+
+
+@pytest.mark.parametrize("what", _SHEETS_OF_TROUBLE)
+def test_sheets_of_trouble(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(_SHEETS_OF_TROUBLE[what])
+    done = ran(["conformance", "grade", str(path), "--json"])
+    if what == "huge integer":
+        assert (done.status, done.err) == (0, "")
+        assert json.loads(done.out)["grades"][0]["verdict"] in ("unreadable", "wrong", "not-a-number")
+    elif what == "deep answer" and done.status == 0:
+        assert json.loads(done.out)["unknown"] == ["a"]
+    elif what != "deep question" or done.status:
+        assert_refused(["conformance", "grade", str(path)])
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".csv"])
+def test_a_gigabyte_is_refused_unread(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"huge{suffix}"
+    with open(path, "wb") as stream:
+        stream.truncate(1 << 30)
+    command = ["hopf", "--parameters"] if suffix == ".toml" else ["conformance", "grade"]
+    assert "larger than" in assert_refused([*command, str(path)]).err
+
+
+def test_a_huge_manifest_and_a_huge_data_file_are_refused_unread(tmp_path: Path) -> None:
+    shutil.copytree(data_folder(), tmp_path / "data")
+    with open(tmp_path / "data" / "printed" / "hopf.json", "r+b") as stream:
+        stream.truncate(1 << 30)
+    assert any("hopf.json has been changed" in fault for fault in faults_in_files(tmp_path / "data"))
+    with pytest.raises(InputError, match="cannot be read"):
+        Store(tmp_path / "data")
+    with open(tmp_path / "data" / "manifest.json", "r+b") as stream:
+        stream.truncate(1 << 30)
+    assert any("larger than" in fault for fault in faults_in_files(tmp_path / "data"))
+
+
+def test_the_folder_s_schema_is_never_made_a_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A schema is compiled to Python and run; the only one for which that is done is the package's own."""
+    import fastjsonschema
+
+    shutil.copytree(data_folder(), tmp_path / "data")
+    schema = tmp_path / "data" / "schema.json"
+    schema.write_text(json.dumps({"pattern": "(a+)+$", "x": '"""\n__import__(\'os\')'}))
+    write_manifest(tmp_path / "data")
+    monkeypatch.setattr(fastjsonschema, "compile", lambda *given, **named: pytest.fail("compiled"))
+    assert check(tmp_path / "data", sample=0).faults == ("schema.json is not the one of this version",)
+
+
+def test_no_file_is_unpickled_or_evaluated() -> None:
+    """The package has no call that would run what a file says, but the schema compiler on its own schema."""
+    import ast
+
+    import tippedisk_verify
+
+    forbidden = {"eval", "exec", "compile", "__import__"}
+    modules = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "yaml", "runpy"}
+    found = []
+    for path in sorted(Path(tippedisk_verify.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in forbidden:
+                found.append((path.name, node.func.id))
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            found += [(path.name, name) for name in names if name.split(".")[0] in modules]
+    assert found == []
+
+
+def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
+    """A lock that is a link would be made, or emptied, elsewhere; so would a journal."""
+    (tmp_path / "secret").write_text("mine")
+    work = tmp_path / "out" / ".work"
+    work.mkdir(parents=True)
+    (work / "lock").symlink_to(tmp_path / "secret")
+    assert_refused(["reference", "generate", "--only", "hopf", "--jobs", "1", "--out", str(tmp_path / "out")])
+    (tmp_path / ".a.csv.journal").symlink_to(tmp_path / "elsewhere")
+    assert_refused(["sweep", "hopf", "--over", "mu=0.3", "--executor", "serial", "--out", str(tmp_path / "a.csv")])
+    assert (tmp_path / "secret").read_text() == "mine"
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_sheet_with_a_mistake_in_it_is_not_written_over(tmp_path: Path) -> None:
+    """One decimal comma in a filled-in sheet makes it unreadable; it is still somebody's work."""
+    path = tmp_path / "a.csv"
+    path.write_text(f"id,answer\n{_ID},30,9\n")
+    assert "give another name" in assert_refused(["conformance", "questions", str(path)]).err
+    assert path.read_text().endswith("30,9\n")
+
+
+def test_parameters_are_read_as_data(tmp_path: Path) -> None:
+    path = tmp_path / "disk.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + _TOML)  # as some editors write it
+    assert Parameters.from_toml(path).r == PRINTED.r
+    path.write_bytes(_TOML.replace(b'"0.045"', b"\"__import__('os').system('false')\""))
+    assert_refused(["hopf", "--parameters", str(path)])
