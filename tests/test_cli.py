@@ -102,6 +102,7 @@ def test_verify_table_names_sets_of_a_file(tmp_path: Path, capsys) -> None:
         ["verify", "--digits", "-1"],
         ["verify", "--only", "omega_crit", "--digits", "5000"],
         ["verify", "--out", "/proc/nothing"],
+        ["verify", "--jobs", "0"],
         ["launch"],
     ],
     ids=lambda arguments: " ".join(arguments)[:50],
@@ -167,7 +168,7 @@ def test_help_and_version(capsys) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
-@pytest.mark.parametrize("delay", [0.3, 0.6, 1.2])
+@pytest.mark.parametrize("delay", [0.3, 0.6, 1.2, 3.0])
 def test_interrupt_is_130(delay: float) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "tippedisk_verify", "verify", "--friction", "smooth"],
@@ -180,3 +181,4 @@ def test_interrupt_is_130(delay: float) -> None:
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert b"Traceback" not in err
+    assert b"Warning" not in err

@@ -20,6 +20,12 @@ ALLOWED = {
     "flow": {"errors", "model", "flow"},
     "orbits": {"errors", "model", "theory", "flow", "orbits"},
     "evidence": {"errors", "model", "theory", "flow", "orbits", "evidence"},
+    "figures": {"errors", "files", "model", "theory", "flow", "orbits", "evidence", "figures"},
+    "report": {
+        *("errors", "files", "cache", "fingerprint", "web", "__version__"),
+        *("model", "theory", "flow", "orbits", "evidence", "figures", "report"),
+    },
+    "certified": {"errors", "model", "certified"},
 }
 
 
@@ -36,6 +42,8 @@ def test_rooms_import_only_from_rooms_before_them(room: str) -> None:
                 parts = name.split(".")
                 if parts[0] == "tippedisk_verify" and len(parts) > 1:
                     assert parts[1] in ALLOWED[room], f"{path.name} imports {name}"
+                if parts[0] in ("matplotlib", "mpl_toolkits"):
+                    assert room == "figures", f"{path.name} imports {name}"
                 if parts[0] == "heyoka":
                     assert path.name == "precision.py", f"{path.name} imports heyoka by itself"
 
@@ -56,6 +64,16 @@ def test_scenes_without_a_folder_need_no_matplotlib() -> None:
         "sys.exit(status or 'matplotlib' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, check=False).returncode == 0
+
+
+def test_a_closed_form_claim_needs_nothing_heavy() -> None:
+    program = (
+        "import sys; from tippedisk_verify.cli import main\n"
+        "assert main(['verify', '--only', 'omega_crit', '--json', '--quiet']) == 0\n"
+        "print([m for m in ('heyoka', 'scipy', 'matplotlib') if m in sys.modules], file=sys.stderr)"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stderr.strip() == "[]"
 
 
 def test_public_names_exist() -> None:

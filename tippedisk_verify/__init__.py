@@ -6,7 +6,9 @@ The rooms, each importing only from those before it:
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
 - `tippedisk_verify.orbits`: scenes, limit cycles, connections;
-- `tippedisk_verify.evidence`: claims and how they are checked, reference values, and the grading of other programs.
+- `tippedisk_verify.evidence`: claims and how they are checked, reference values, and the grading of other programs;
+- `tippedisk_verify.certified`: enclosures with proofs, in ball arithmetic; it knows `model` only.
+- `tippedisk_verify.figures` and `tippedisk_verify.report`: what a person sees of it.
 
 >>> import tippedisk_verify as tv
 >>> print(tv.omega_crit(tv.PRINTED, digits=20))

@@ -18,6 +18,7 @@ from tippedisk_verify.errors import InputError
 __all__ = [
     "alone",
     "checksum",
+    "csv_text",
     "output_file",
     "output_folder",
     "printable",
@@ -98,13 +99,18 @@ def write_text(path: Path, content: str) -> Path:
     return write_bytes(path, content.encode())
 
 
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
-    """`write_text` of a comma-separated table; floats with all their digits."""
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A comma-separated table; floats with all their digits."""
     stream = io.StringIO(newline="")
     table = csv.writer(stream, lineterminator="\n")
     table.writerow(header)
     table.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
-    return write_text(path, stream.getvalue())
+    return stream.getvalue()
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
+    """`write_text` of `csv_text`."""
+    return write_text(path, csv_text(header, rows))
 
 
 def output_file(path: str) -> Path:

@@ -10,13 +10,13 @@ import mpmath
 import pytest
 
 from tests.problems import paper_rates
-from tippedisk_verify.bench_figure import draw_bench
 from tippedisk_verify.cli import main
 from tippedisk_verify.evidence.bench.growth import Growth, break_even, exponent
 from tippedisk_verify.evidence.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named, truth_of
 from tippedisk_verify.evidence.bench.race import Score, machine, raced
 from tippedisk_verify.evidence.bench.ratios import ratios
+from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.orbits.reduced_flow import ReducedFlow
 

@@ -45,8 +45,9 @@ def basin(
     with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
         found = basins(common.parameters, value, advance=advance, executor=pool, **options)
     if folder is not None:
-        from tippedisk_verify.plots import draw_basins, save
-        from tippedisk_verify.report import write_basins
+        from tippedisk_verify.figures.basins import draw_basins
+        from tippedisk_verify.figures.style import save
+        from tippedisk_verify.report.tables import write_basins
 
         save(draw_basins(found), folder, "basins")
         write_basins(found, folder)

@@ -51,7 +51,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
     result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": [one.json() for one in ratios(scores)]}
     result |= _costs(names)
     if folder is not None:
-        from tippedisk_verify.report import write_bench
+        from tippedisk_verify.report.tables import write_bench
 
         write_bench(folder, scores, result)
     if common.json:

@@ -21,9 +21,11 @@ __all__ = [
     "plain_options",
     "print_json",
     "print_result",
+    "processes",
     "progress",
     "speed",
     "speed_options",
+    "usable_cores",
 ]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
@@ -172,13 +174,12 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
     processes that makes no sense.
     """
-    import os
     import signal
     import threading
     from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
+    from multiprocessing import active_children, get_context
 
-    workers = checked_jobs(jobs) or os.cpu_count() or 1
+    workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
         yield None
         return
@@ -195,8 +196,20 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
             signal.signal(signal.SIGINT, before)
     try:
         yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+    except BaseException:
+        # What is under way is of no use any more; ended in order, the pool leaves nothing behind to be warned of.
+        for worker in active_children():
+            worker.terminate()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown(wait=False, cancel_futures=True)
+
+
+def usable_cores() -> int:
+    """The cores that this process may run on."""
+    import os
+
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _nothing() -> None:

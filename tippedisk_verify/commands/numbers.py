@@ -106,7 +106,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
-    from tippedisk_verify.report import branch_entry, write_branch
+    from tippedisk_verify.report.tables import branch_entry, write_branch
 
     if common.digits > 12:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")

@@ -6,16 +6,38 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.evidence import (
+    connection_claims,
+    friction_claims,
+    global_claims,
+    local_claims,
+    manifold_claims,
+)
 from tippedisk_verify.evidence.claims import Claim
-from tippedisk_verify.evidence.connection_claims import CONNECTION_CLAIMS
-from tippedisk_verify.evidence.friction_claims import FRICTION_CLAIMS
-from tippedisk_verify.evidence.global_claims import GLOBAL_CLAIMS
-from tippedisk_verify.evidence.local_claims import LOCAL_CLAIMS
-from tippedisk_verify.evidence.manifold_claims import MANIFOLD_CLAIMS
 
-__all__ = ["CLAIMS", "selected"]
+__all__ = ["CLAIMS", "GROUPS", "group_of", "home_of", "selected"]
 
-CLAIMS: tuple[Claim, ...] = LOCAL_CLAIMS + MANIFOLD_CLAIMS + CONNECTION_CLAIMS + GLOBAL_CLAIMS + FRICTION_CLAIMS
+_HOMES = {
+    "Model, linear analysis and harmonic balance": (local_claims.__name__, local_claims.LOCAL_CLAIMS),
+    "Slow manifold": (manifold_claims.__name__, manifold_claims.MANIFOLD_CLAIMS),
+    "Heteroclinic connection": (connection_claims.__name__, connection_claims.CONNECTION_CLAIMS),
+    "Limit cycles and trajectories": (global_claims.__name__, global_claims.GLOBAL_CLAIMS),
+    "Friction laws and attraction": (friction_claims.__name__, friction_claims.FRICTION_CLAIMS),
+}
+#: What the claims are about, in the order of the paper.
+GROUPS: tuple[str, ...] = tuple(_HOMES)
+CLAIMS: tuple[Claim, ...] = tuple(claim for _, claims in _HOMES.values() for claim in claims)
+_PLACE = {claim.name: (group, home) for group, (home, claims) in _HOMES.items() for claim in claims}
+
+
+def group_of(name: str) -> str:
+    """What the claim is about."""
+    return _PLACE[name][0]
+
+
+def home_of(name: str) -> str:
+    """The module that examines the claim."""
+    return _PLACE[name][1]
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:

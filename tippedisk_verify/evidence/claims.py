@@ -12,6 +12,7 @@ from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine
@@ -24,7 +25,19 @@ from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
-__all__ = ["Audit", "Claim", "Finding", "Verdict", "audited", "number", "per_set", "rounds_to", "wording"]
+__all__ = [
+    "Audit",
+    "Claim",
+    "Finding",
+    "Verdict",
+    "audited",
+    "examined",
+    "number",
+    "per_set",
+    "rounds_to",
+    "sets_with",
+    "wording",
+]
 
 
 class Verdict(Enum):
@@ -59,6 +72,38 @@ class Finding:
         """The sets for which it holds."""
         return tuple(name for name, answer in self.holds.items() if answer)
 
+    def record(self) -> dict[str, Any]:
+        """As plain data that loses nothing: numbers as exact fractions."""
+
+        def plain(value: Measured | str) -> Any:
+            return value if isinstance(value, str) else {"value": str(value.value), "width": str(value.uncertainty)}
+
+        return {
+            "computed": {name: plain(value) for name, value in self.computed.items()},
+            "holds": self.holds,
+            "note": self.note,
+            "methods": list(self.methods),
+        }
+
+    @classmethod
+    def of_record(cls, record: dict[str, Any]) -> Finding:
+        """What `record` gave. Raises KeyError, TypeError, ValueError or ArithmeticError for anything else."""
+
+        def number(value: Any) -> Measured | str:
+            if isinstance(value, str):
+                return value
+            return Measured(Fraction(value["value"]), Fraction(value["width"]))
+
+        holds = dict(record["holds"])
+        if any(answer not in (True, False, None) for answer in holds.values()):
+            raise ValueError("an answer is true, false or open")
+        return cls(
+            computed={str(name): number(value) for name, value in record["computed"].items()},
+            holds=holds,
+            note=str(record["note"]),
+            methods=tuple(str(method) for method in record["methods"]),
+        )
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -88,8 +133,7 @@ class Audit:
     @cached_property
     def sets(self) -> dict[str, Parameters]:
         """The selected set first, then the named ones."""
-        chosen = {self.parameters.name: self.parameters}
-        return chosen | NAMED_SETS | chosen
+        return sets_with(self.parameters)
 
     def _set(self, name: str) -> Parameters:
         if name not in self.sets:
@@ -123,6 +167,12 @@ class Audit:
         return self._panels[key]
 
 
+def sets_with(parameters: Parameters) -> dict[str, Parameters]:
+    """The audited sets: the selected one first, then the named ones."""
+    chosen = {parameters.name: parameters}
+    return chosen | NAMED_SETS | chosen
+
+
 def rounds_to(measured: Measured, printed: str) -> bool | None:
     """Whether the true value rounds to the printed decimal; None if the half-width leaves that open."""
     target = Fraction(printed)
@@ -135,14 +185,18 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
 
 
 def audited(audit: Audit, claims: Sequence[Claim]) -> Iterator[tuple[Claim, Finding]]:
-    """Examine one claim after the other. A computation that falls short leaves its claim undecided, with the reason."""
+    """Examine one claim after the other."""
     for claim in claims:
-        try:
-            finding = claim.examine(audit)
-        except (Shortfall, ArithmeticError, InputError) as reason:
-            answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
-            finding = Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
-        yield claim, finding
+        yield claim, examined(audit, claim)
+
+
+def examined(audit: Audit, claim: Claim) -> Finding:
+    """What becomes of one claim. A computation that falls short leaves it undecided, with the reason."""
+    try:
+        return claim.examine(audit)
+    except (Shortfall, ArithmeticError, InputError) as reason:
+        answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
+        return Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
 
 
 def number(

@@ -160,12 +160,8 @@ def print_report(report: Report, console: Any) -> None:
 
 def html_page(report: Report) -> str:
     """One self-contained page."""
-    from jinja2 import Environment, PackageLoader
+    from tippedisk_verify.web import rendered
 
-    environment = Environment(
-        loader=PackageLoader("tippedisk_verify.evidence.conformance", "."), autoescape=True, trim_blocks=True,
-        lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
     shown = sorted(report.grades, key=lambda grade: (not grade.failed, grade.level))[:_MOST_ROWS]
     rows = [
         {
@@ -177,7 +173,9 @@ def html_page(report: Report) -> str:
         for grade in shown
     ]
     levels = [{"grade": level, "shade": shade(level.least) if level.answered else "unasked"} for level in report.levels]
-    return environment.get_template("grades.html").render(
+    return rendered(
+        "tippedisk_verify.evidence.conformance",
+        "grades.html",
         digits=shown_digits,
         report=report,
         levels=levels,

@@ -1,0 +1,94 @@
+"""What figures draw is what was computed, and the same picture gives the same file."""
+
+from __future__ import annotations
+
+import math
+
+import numpy
+import pytest
+
+from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.figures.catalogue import EXHIBITS
+from tippedisk_verify.figures.disk import points_of
+from tippedisk_verify.figures.exhibit import Table, drawn
+from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows, harmonic_balance_rows
+from tippedisk_verify.figures.style import encoded, pyplot
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.theory.equilibria import linearization
+from tippedisk_verify.theory.hopf import omega_crit
+
+
+@pytest.mark.parametrize(("beta", "gamma"), [(1.1, 0.6), (1.5707963, -1.5707963), (2.0, 4.0), (0.3, 1.5)])
+def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_has_it(beta, gamma) -> None:
+    """The height of S must be the model's potential over its weight, (r + e sin gamma) sin beta."""
+    points = points_of(PRINTED, beta, gamma)
+    turn = numpy.linspace(0, 2 * math.pi, 2000)[:, None]
+    rim = points["G"] + float(PRINTED.r) * (numpy.cos(turn) * points["body_x"] + numpy.sin(turn) * points["body_y"])
+    assert abs(rim[:, 2].min()) < 1e-7  # 2000 points miss the lowest by a share of (pi / 2000)^2 / 2
+    assert rim[:, 2].max() == pytest.approx(2 * float(PRINTED.r) * math.sin(beta), rel=1e-5)
+    height = (float(PRINTED.r) + float(PRINTED.e) * math.sin(gamma)) * math.sin(beta)
+    assert points["S"][2] == pytest.approx(height, rel=1e-14)
+    frame = numpy.array([points["body_x"], points["body_y"], points["normal"]])
+    assert numpy.allclose(frame @ frame.T, numpy.eye(3), atol=1e-15)
+    assert numpy.linalg.det(frame) == pytest.approx(1)
+
+
+def test_eigenvalues_sum_to_the_trace_and_close_up_where_the_pair_meets() -> None:
+    rows = eigenvalue_rows(PRINTED)
+    speeds = [row[0] for row in rows]
+    assert speeds == sorted(speeds)
+    trace = float(linearization(PRINTED, omega_crit(PRINTED).value).A33)
+    for row in rows:
+        assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)
+        assert row[2] + row[4] + row[6] == 0
+    (begin,) = [index for index, row in enumerate(rows) if row[2] != 0 and rows[index - 1][2] == 0]
+    # Beside a square-root point the imaginary part is small only if the speeds come close.
+    assert 0 < rows[begin][2] < 0.02
+
+
+def test_laws_start_at_the_hopf_point_and_leave_the_truth() -> None:
+    curves = harmonic_balance_rows(PRINTED, ("0.01", "0.5"))
+    assert len({curve[0] for curve in curves.values()}) == 1
+    truth = {round(speed, 9): amplitude for speed, amplitude, _ in curves["numerical"]}
+    law = {round(speed, 9): amplitude for speed, amplitude, _ in curves["printed"]}
+    far = min(truth)
+    assert truth[far] - law[far] > 0.01
+
+
+def test_the_same_picture_gives_the_same_file() -> None:
+    rows = eigenvalue_rows(PRINTED)
+    for kind in ("png", "svg", "webp"):
+        files = []
+        for _ in range(2):
+            figure = draw_eigenvalues(rows, 30.0)
+            files.append(encoded(figure, kind))
+            pyplot().close(figure)
+        assert files[0] == files[1], kind
+
+
+def test_axes_carry_units(taylor) -> None:
+    """Every axis that shows numbers of the model names a unit in brackets."""
+    audit = Audit(PRINTED, taylor)
+    for exhibit in EXHIBITS:
+        if exhibit.name in ("eigenvalues", "branch", "sketch", "inversion", "scenes_2d"):
+            figure = exhibit.draw(audit, exhibit.claims).figure(2)
+            for axis in figure.axes:
+                if axis.axison and axis.name != "3d":
+                    assert axis.get_xlabel().endswith("]"), exhibit.name
+                    assert axis.get_ylabel().endswith("]"), exhibit.name
+            pyplot().close(figure)
+
+
+def test_records_are_plain_data(taylor) -> None:
+    import json
+
+    (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "model"]
+    record = drawn(exhibit, Audit(PRINTED, taylor), exhibit.claims)
+    assert json.loads(json.dumps(record)) == record
+    assert set(record["embedded"]) == {"wide", "narrow"}
+
+
+def test_tables_show_few_digits_and_keep_all() -> None:
+    table = Table.of("caption", ("a", "b"), [(1 / 3, None), ("text", 7)])
+    assert table.shown == (("0.333", ""), ("text", "7"))
+    assert table.rows[0][0] == 1 / 3

@@ -1,0 +1,177 @@
+"""The report stands alone, says nothing that results.json does not, and lets nothing through unescaped."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.test_cli import GOOD
+from tippedisk_verify.cli import main
+from tippedisk_verify.figures.catalogue import EXHIBITS
+
+ONLY = "omega_crit,lambda_3,sliding_velocity,chi,amplitude_law,attraction,convergent_series,scene_d"
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+EMPTY = {"meta", "link", "img", "source", "br", "path", "use"}
+
+
+class Page(HTMLParser):
+    """Elements in order with their attributes, and the text that a reader sees."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+        if tag not in ("span", "a", "b", "code"):
+            self.text.append(" ")
+
+    def handle_data(self, data):
+        if not {"style", "script"} & set(self.open):
+            self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report on a part of the claims."""
+    folder = tmp_path_factory.mktemp("report")
+    assert main(["verify", "--quiet", "--out", str(folder), "--only", ONLY, "--jobs", "1"]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The whole report."""
+    folder = tmp_path_factory.mktemp("whole")
+    assert main(["verify", "--quiet", "--out", str(folder)]) == 0
+    return folder
+
+
+def test_every_number_on_the_page_is_in_the_results(folder: Path) -> None:
+    every_number_is_known(folder, 100)
+
+
+@pytest.mark.slow
+def test_the_whole_report_keeps_the_promises(whole: Path) -> None:
+    every_number_is_known(whole, 800)
+    the_page_stands_alone(whole)
+    it_is_made_for_every_reader(whole)
+    every_figure_has_its_files(whole, {exhibit.name for exhibit in EXHIBITS})
+
+
+def every_number_is_known(folder: Path, least: int) -> None:
+    """As text, digit for digit; numbers with gaps in the page's markup are joined as a reader joins them."""
+    known = set(NUMBER.findall((folder / "results.json").read_text(encoding="utf-8")))
+    page = "".join(Page((folder / "report.html").read_text(encoding="utf-8")).text)
+    text = (folder / "report.md").read_text(encoding="utf-8").replace("**", "")
+    whole = [number for number in known if len(number) > 20]
+    for shown in (page, text):
+        numbers = NUMBER.findall(shown)
+        assert len(numbers) > least
+        missing = {number for number in numbers if number not in known}
+        # A number too long for its cell is cut, with an ellipsis behind it.
+        cut = {number for number in missing if f"{number}…" in shown and any(w.startswith(number) for w in whole)}
+        assert missing - cut == set()
+
+
+def test_the_page_stands_alone(folder: Path) -> None:
+    the_page_stands_alone(folder)
+
+
+def the_page_stands_alone(folder: Path) -> None:
+    page = Page((folder / "report.html").read_text(encoding="utf-8"))
+    files = {path.name for path in folder.iterdir()}
+    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
+    for tag, attributes in page.elements:
+        assert tag != "script"
+        for name in ("src", "srcset", "href", "action"):
+            target = attributes.get(name)
+            if target is None:
+                continue
+            if target.startswith("#"):
+                assert target[1:] in ids, target
+            else:
+                assert target.startswith("data:") or (tag == "a" and target in files), target[:80]
+    style = (folder / "report.html").read_text(encoding="utf-8")
+    assert "url(" not in style
+    assert "@import" not in style
+
+
+def test_the_page_is_made_for_every_reader(folder: Path) -> None:
+    it_is_made_for_every_reader(folder)
+
+
+def it_is_made_for_every_reader(folder: Path) -> None:
+    page = Page((folder / "report.html").read_text(encoding="utf-8"))
+    assert page.open == []
+    assert page.elements[0] == ("html", {"lang": "en"})
+    assert all(attributes.get("alt") for tag, attributes in page.elements if tag == "img")
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(set(ids)) == len(ids)
+    levels = [int(tag[1]) for tag, _ in page.elements if re.fullmatch("h[1-6]", tag)]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in pairwise(levels))
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    for wanted in ("prefers-color-scheme: dark", "@media print", 'name="viewport"'):
+        assert wanted in text
+
+
+def test_every_figure_has_its_files(folder: Path) -> None:
+    every_figure_has_its_files(folder, {"model", "eigenvalues", "harmonic_balance", "scenes_3d", "scenes_2d"})
+
+
+def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    names = {figure["name"] for figure in results["figures"]}
+    assert wanted == names
+    for figure in results["figures"]:
+        kinds = {name.rpartition(".")[2] for name in figure["files"]}
+        assert kinds == {"png", "svg", "csv"}, figure["name"]
+        assert figure["reading"].endswith(".")
+        for name in figure["files"]:
+            assert (folder / name).stat().st_size > 50
+    pages = [(folder / name).read_text(encoding="utf-8") for name in ("report.html", "report.md")]
+    for claim in results["claims"]:
+        for text in pages:
+            assert claim["command"] in text
+
+
+def test_names_from_outside_are_text(tmp_path: Path) -> None:
+    path = tmp_path / "<script>alert(1)</script>&`x`[a](b)|.toml".replace("/", "∕")
+    path.write_text(GOOD, encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["verify", "--quiet", "--out", str(out), "--only", "omega_crit", "--parameters", str(path)]) == 0
+    page = Page((out / "report.html").read_text(encoding="utf-8"))
+    assert "script" not in {tag for tag, _ in page.elements}
+    assert path.name in "".join(page.text)
+    text = (out / "report.md").read_text(encoding="utf-8")
+    assert "<script>" not in text.replace("\\<script>", "").replace("verify --parameters '<script>", "")
+
+
+def test_a_figure_that_cannot_be_had_says_why(tmp_path: Path) -> None:
+    """So little gravity that Omega_crit - 0.5 is negative: there is no scene d."""
+    path = tmp_path / "low.toml"
+    path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["verify", "--quiet", "--out", str(out), "--only", "scene_d", "--parameters", str(path)]) == 0
+    assert "Not drawn: scene d: its speed" in (out / "report.html").read_text(encoding="utf-8")
+    assert "Not drawn: scene d: its speed" in (out / "report.md").read_text(encoding="utf-8")
+    assert not (out / "scenes_3d.png").exists()

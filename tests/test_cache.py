@@ -1,0 +1,110 @@
+"""The cache gives back what was put, or nothing: never an error, never a part."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cache import VARIABLE, Cache, default_folder
+
+KEY = "ab" * 32
+VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω", True]}
+
+
+def test_what_was_put_comes_back(tmp_path: Path) -> None:
+    Cache(tmp_path / "new" / "folder").put(KEY, VALUE)
+    assert Cache(tmp_path / "new" / "folder").get(KEY) == VALUE
+    assert Cache(tmp_path).get(KEY) is None
+
+
+def test_fresh_finds_nothing_but_replaces(tmp_path: Path) -> None:
+    Cache(tmp_path).put(KEY, VALUE)
+    fresh = Cache(tmp_path, fresh=True)
+    assert fresh.get(KEY) is None
+    fresh.put(KEY, "newer")
+    assert Cache(tmp_path).get(KEY) == "newer"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:-1],
+        lambda content: content[:70],
+        lambda content: content.replace(b"30.88", b"30.89"),
+        lambda content: b"\xff" * 100,
+        lambda content: b"[" * 200_000,
+        lambda content: content + b" ",
+        lambda content: b"0" * 64 + content[64:],
+    ],
+)
+def test_damage_is_as_if_it_were_not_there(damage, tmp_path: Path) -> None:
+    cache = Cache(tmp_path)
+    cache.put(KEY, VALUE)
+    (path,) = tmp_path.iterdir()
+    path.write_bytes(damage(path.read_bytes()))
+    assert cache.get(KEY) is None
+    cache.put(KEY, VALUE)
+    assert cache.get(KEY) == VALUE
+
+
+def test_a_cache_that_cannot_be_used_is_no_error(tmp_path: Path) -> None:
+    in_the_way = tmp_path / "file"
+    in_the_way.write_text("not a folder")
+    for folder in (None, in_the_way, in_the_way / "below", Path("/proc/nothing")):
+        cache = Cache(folder)
+        cache.put(KEY, VALUE)
+        assert cache.get(KEY) is None
+        cache.tidy()
+    assert in_the_way.read_text() == "not a folder"
+    (tmp_path / f"{KEY}.json").mkdir()
+    Cache(tmp_path).put(KEY, VALUE)
+    assert Cache(tmp_path).get(KEY) is None
+
+
+def test_runs_at_the_same_time_see_whole_files(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from tippedisk_verify.cache import Cache\n"
+        "cache = Cache(Path(sys.argv[1]))\n"
+        f"for n in range(40): cache.put('{KEY}', [sys.argv[2]] * 3000); v = cache.get('{KEY}'); "
+        "assert v is not None and len(v) == 3000 and len(set(v)) == 1, v and len(v)"
+    )
+    runs = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path), name]) for name in "ab"]
+    assert [run.wait() for run in runs] == [0, 0]
+    assert [path.name for path in tmp_path.iterdir()] == [f"{KEY}.json"]
+
+
+def test_only_old_files_of_ours_are_removed(tmp_path: Path) -> None:
+    cache = Cache(tmp_path)
+    cache.put(KEY, VALUE)
+    cache.put("cd" * 32, VALUE)
+    remains = tmp_path / f".{KEY}.json-abcd1234"
+    foreign = tmp_path / "notes.txt"
+    for path in (remains, foreign):
+        path.write_text("x")
+    long_ago = time.time() - 100 * 86400
+    for path in (tmp_path / f"{KEY}.json", remains, foreign):
+        os.utime(path, (long_ago, long_ago))
+    assert cache.get(KEY) == VALUE  # used now, so no longer old
+    cache.tidy()
+    assert {path.name for path in tmp_path.iterdir()} == {f"{KEY}.json", f"{'cd' * 32}.json", "notes.txt"}
+
+
+def test_where_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "off")
+    assert default_folder() is None
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    assert default_folder() == tmp_path
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "tippedisk-verify"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative/folder")
+    assert default_folder() == Path.home() / ".cache" / "tippedisk-verify"
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert default_folder() == Path.home() / "Library" / "Caches" / "tippedisk-verify"

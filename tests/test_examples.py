@@ -1,0 +1,53 @@
+"""The examples run, each as a user runs it, and their own assertions hold."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+SAYS = {
+    "close_to_the_connection": "from Omega_h + 1e-10 to Omega_h + 1e-12",
+    "grade_from_python": "digits: agrees",
+    "one_limit_cycle": "SciPy comes back to within",
+    "scenes_picture": "scene d: limit cycle, scene f: inverted spinning",
+}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(path: Path, tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, "-W", "error", path], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stderr == ""
+    assert SAYS[path.stem] in run.stdout
+    for picture in tmp_path.glob("*.png"):
+        assert picture.stat().st_size < 300_000  # small enough for a README
+
+
+def test_the_headline_digits_of_the_readme() -> None:
+    """Each number in the table is the true one, rounded to the places that it has."""
+    import tippedisk_verify as tv
+    from tippedisk_verify.evidence.claims import rounds_to
+    from tippedisk_verify.model.measured import Measured
+    from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
+    from tippedisk_verify.theory.harmonic_balance import chi
+
+    text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    rows = {
+        cells[1].split()[0].rstrip(","): cells[3:5] for line in text.splitlines() if len(cells := line.split("|")) == 6
+    }
+    for place, parameters in enumerate((tv.PRINTED, tv.CALIBRATED)):
+        truths = {
+            "Omega_crit": tv.omega_crit(parameters, 25),
+            "T_crit": tv.period_crit(parameters, 25),
+            "A_33": Measured.of(stiff_eigenvalue_estimate(parameters), 0),
+            "chi": Measured.of(chi(parameters.rational(), "printed"), 0),
+            "Omega_h": tv.reference(f"{parameters.name}/linear/heteroclinic/point/omega_h").measured(),
+        }
+        for name, truth in truths.items():
+            assert rounds_to(truth, rows[name][place].strip()) is True, (name, parameters.name)

@@ -1,0 +1,116 @@
+"""A fingerprint changes with what the result depends on, and with nothing else."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify import fingerprint as module
+from tippedisk_verify.evidence.catalogue import CLAIMS, home_of
+from tippedisk_verify.figures import catalogue
+from tippedisk_verify.fingerprint import DRAWING, closure, fingerprint
+
+# Dependencies that no number and no picture comes from.
+PRESENTATION = {"click", "rich", "jinja2", "fastjsonschema"}
+PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A package of a few modules in place of this one; gives a function that writes one of them."""
+
+    def write(name: str, text: str) -> None:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        for cached in (module._text, module._content, module._imports):
+            cached.cache_clear()
+
+    monkeypatch.setattr(module, "_ROOT", tmp_path)
+    write("__init__.py", "from tippedisk_verify.unrelated import x")
+    write("room/__init__.py", "from tippedisk_verify import shared")
+    write("room/claim.py", "from __future__ import annotations\ndef f():\n    from .formula import g\n    return g()\n")
+    write("room/formula.py", "import math, tippedisk_verify.deep\nfrom typing import TYPE_CHECKING\n"
+          "if TYPE_CHECKING:\n    from tippedisk_verify.unrelated import x\n")  # fmt: skip
+    for name in ("shared", "deep", "unrelated"):
+        write(f"{name}.py", "x = 1\n")
+    yield write
+    for cached in (module._text, module._content, module._imports):
+        cached.cache_clear()
+
+
+def test_the_closure_follows_every_kind_of_import(house) -> None:
+    names = {f"tippedisk_verify.{name}" for name in ("room", "room.claim", "room.formula", "shared", "deep")}
+    assert set(closure("tippedisk_verify.room.claim")) == names
+
+
+def test_it_changes_with_code_it_depends_on_only(house) -> None:
+    def now() -> str:
+        return fingerprint("tippedisk_verify.room.claim", {"digits": 12})
+
+    before = now()
+    house("unrelated.py", "x = 2\n")
+    assert now() == before
+    for name in ("room/claim.py", "room/formula.py", "room/__init__.py", "deep.py", "shared.py"):
+        house(name, "# another line\n" + (module._ROOT / name).read_text())
+        assert now() != before, name
+        before = now()
+    assert fingerprint("tippedisk_verify.room.claim", {"digits": 13}) != before
+
+
+def test_it_changes_with_versions_and_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    home = home_of("omega_crit")
+    before = fingerprint(home, {})
+    assert fingerprint(home, {}) == before
+    assert fingerprint(home, {}, DRAWING) != before
+    monkeypatch.setattr(module, "_machine", lambda: ("another",))
+    assert fingerprint(home, {}) != before
+    monkeypatch.undo()
+    monkeypatch.setattr(module, "_installed", lambda package: "0")
+    assert fingerprint(home, {}) != before
+
+
+def test_every_dependency_is_classified() -> None:
+    """A new dependency must be named in one of the lists: as what numbers depend on, or as what they do not."""
+    project = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
+    names = {text.split(">")[0].split("<")[0].split("=")[0].strip() for text in project["dependencies"]}
+    assert names == set(DRAWING) | PRESENTATION
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        *("omega_crit", "attraction", "homoclinic_identified"),
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("table_2", "engines_agree", "smooth_same_asymptotics")
+        ),
+    ],
+)
+def test_nothing_runs_that_the_closure_does_not_hold(claim: str) -> None:
+    """What a claim's module really imports while it examines the claim."""
+    home = home_of(claim)
+    program = (
+        "import sys\nfrom importlib import import_module\n"
+        f"home = import_module('{home}')\n"
+        "from tippedisk_verify.evidence.claims import Audit, examined\n"
+        "from tippedisk_verify.flow.taylor import Taylor\n"
+        "from tippedisk_verify.model.parameters import PRINTED\n"
+        "claims = next(value for name, value in vars(home).items() if name.endswith('_CLAIMS'))\n"
+        f"(claim,) = [claim for claim in claims if claim.name == '{claim}']\n"
+        "assert examined(Audit(PRINTED, Taylor()), claim).verdict.value != 'undecided'\n"
+        "print('\\n'.join(name for name in sys.modules if name.startswith('tippedisk_verify.')))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) <= set(closure(home))
+
+
+def test_homes_are_where_things_are_made() -> None:
+    for claim in CLAIMS:
+        assert claim.name in Path(module._path(home_of(claim.name))).read_text() or claim.name.startswith("scene_")
+    for exhibit in catalogue.EXHIBITS:
+        assert exhibit.draw.__module__ == catalogue.home_of(exhibit.name)

@@ -1,0 +1,94 @@
+"""Results kept from run to run, as JSON files named by what they depend on.
+
+In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing. A file is written
+beside and renamed, so that runs at the same time see whole files only; each carries its own checksum. A cache that is
+damaged or cannot be used is no error: what is not found in it is computed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import write_bytes
+
+__all__ = ["VARIABLE", "Cache", "default_folder"]
+
+VARIABLE = "TIPPEDISK_VERIFY_CACHE"
+_OFF = ("off", "0", "no", "")
+_MOST_BYTES = 64 * 2**20  # of one entry
+_KEPT_DAYS = 60  # after its last use
+_OURS = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
+
+
+def default_folder() -> Path | None:
+    """Where results are kept: the platform's folder for caches; None if they are not to be kept."""
+    chosen = os.environ.get(VARIABLE)
+    if chosen is not None:
+        return None if chosen.strip().lower() in _OFF else Path(chosen)
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = home / "Library" / "Caches"
+    else:
+        named = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        base = named if named.is_absolute() else home / ".cache"  # a relative one counts as unset
+    return base / "tippedisk-verify"
+
+
+class Cache:
+    """JSON values by key. ``fresh`` finds nothing, and replaces what is there by what is put."""
+
+    def __init__(self, folder: Path | None, *, fresh: bool = False) -> None:
+        self._folder = folder
+        self._fresh = fresh
+
+    def get(self, key: str) -> Any:
+        """The value, or None if there is none that can be trusted."""
+        if self._folder is None or self._fresh:
+            return None
+        path = self._folder / f"{key}.json"
+        try:
+            if path.stat().st_size > _MOST_BYTES:
+                return None
+            checksum, _, text = path.read_bytes().partition(b"\n")
+            if checksum.decode("ascii") != hashlib.sha256(text).hexdigest():
+                return None
+            value = json.loads(text)
+        except (OSError, ValueError, RecursionError, MemoryError):
+            return None
+        with suppress(OSError):
+            os.utime(path)  # its last use, for `tidy`
+        return value
+
+    def put(self, key: str, value: Any) -> None:
+        """Keep the value, if that can be done."""
+        if self._folder is None:
+            return
+        text = json.dumps(value, ensure_ascii=False).encode()
+        with suppress(OSError, InputError):
+            self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            write_bytes(self._folder / f"{key}.json", hashlib.sha256(text).hexdigest().encode() + b"\n" + text)
+
+    def tidy(self) -> None:
+        """Remove what has not been used for long. Only files that are named like ours are touched."""
+        if self._folder is None:
+            return
+        before = time.time() - _KEPT_DAYS * 86400
+        with suppress(OSError):
+            for path in self._folder.iterdir():
+                with suppress(OSError):
+                    if _OURS.fullmatch(path.name) and path.lstat().st_mtime < before:
+                        path.unlink()

@@ -1,0 +1,33 @@
+"""All exhibits of the report, in the order of the paper, studies of our own after them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from tippedisk_verify.figures import accuracy, disk, family, local, race, state_space
+from tippedisk_verify.figures.exhibit import Exhibit
+
+__all__ = ["EXHIBITS", "exhibits_for", "home_of"]
+
+_HOMES = (disk, local, family, state_space, accuracy, race)
+_ALL = {exhibit.name: (exhibit, module.__name__) for module in _HOMES for exhibit in module.EXHIBITS}
+_ORDER = ("inversion", "model", "eigenvalues", "harmonic_balance", "branch", "scenes_3d", "sketch", "scenes_2d")
+
+EXHIBITS: tuple[Exhibit, ...] = tuple(
+    exhibit
+    for _, (exhibit, _) in sorted(
+        _ALL.items(), key=lambda item: _ORDER.index(item[0]) if item[0] in _ORDER else len(_ORDER)
+    )
+)
+
+
+def exhibits_for(claims: Sequence[str], friction: str) -> tuple[Exhibit, ...]:
+    """The exhibits that go with these claims under this friction law."""
+    return tuple(
+        exhibit for exhibit in EXHIBITS if friction in exhibit.laws and not set(exhibit.claims).isdisjoint(claims)
+    )
+
+
+def home_of(name: str) -> str:
+    """The module that computes and draws the exhibit."""
+    return _ALL[name][1]

@@ -1,0 +1,157 @@
+"""The family of limit cycles (the paper's Figures Shooting and sketch)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.figures.exhibit import Drawing, Exhibit
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, RED, grid
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.orbits.periodic import LimitCycle
+from tippedisk_verify.orbits.scenes import SCENES
+from tippedisk_verify.theory.harmonic_balance import one_harmonic
+from tippedisk_verify.theory.hopf import omega_crit, period_crit
+
+__all__ = ["EXHIBITS", "branch_rows", "draw_branch", "draw_sketch", "law_rows"]
+
+Rows = list[tuple[float, ...]]
+_HEADER = ("Omega [rad/s]", "beta_max [rad]", "T [s]", "slow multiplier")
+
+
+def branch_rows(parameters: Parameters, cycles: Sequence[LimitCycle]) -> Rows:
+    """Omega, beta_max, T and slow multiplier of each cycle, and the Hopf point, where the family is born."""
+    ordered = sorted(cycles, key=lambda cycle: cycle.omega.value)
+    names = ("omega", "beta_max", "period", "multiplier_slow")
+    rows = [tuple(float(getattr(cycle, name)) for name in names) for cycle in ordered]
+    return [*rows, (float(omega_crit(parameters)), 0.0, float(period_crit(parameters)), 1.0)]
+
+
+def law_rows(parameters: Parameters, speeds: Sequence[float]) -> Rows:
+    """Omega, amplitude and period by the printed one-harmonic law, where it has a cycle."""
+    rows: Rows = []
+    for omega in speeds:
+        try:
+            found = one_harmonic(parameters, Fraction(omega), "printed")
+        except Shortfall:
+            continue
+        rows.append((omega, float(found.amplitude), float(found.period)))
+    return rows
+
+
+def draw_branch(rows: Rows, law: Rows, columns: int = 3) -> Any:
+    """Amplitude, period and slow multiplier of the family against Omega (the paper's Figure Shooting)."""
+    figure, axes = grid(3, columns, (3.9, 3.2))
+    names = ("largest |β − π/2| [rad]", "period T [s]", "slow Floquet multiplier [1]")
+    for column, (axis, name) in enumerate(zip(axes, names, strict=True), start=1):
+        axis.plot([r[0] for r in rows], [r[column] for r in rows], color=GREEN, lw=1.8, label="shooting")
+        if column < 3:
+            axis.plot([r[0] for r in law], [r[column] for r in law], "--", color=BLACK, lw=1.1, label="printed law")
+        axis.set_xlabel("Ω [rad/s]")
+        axis.set_ylabel(name)
+        axis.grid(lw=0.3, alpha=0.5)
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def draw_sketch(rows: Rows, marks: Sequence[tuple[str, float, bool, float | None]], columns: int = 2) -> Any:
+    """Where the six scenes lie in the bifurcation diagram (the paper's Figure sketch).
+
+    ``marks`` are (scene, Omega, whether inverted spinning is stable, amplitude of the limit cycle or None); one
+    column is for small screens.
+    """
+    figure, (axis,) = grid(1, 1, (6.4, 3.6) if columns > 1 else (4.2, 3.8))
+    axis.plot([r[0] for r in rows], [r[1] for r in rows], color=GREEN, lw=1.8, label="limit cycles", zorder=2)
+    crit = rows[-1][0]
+    left, right = min(mark[1] for mark in marks) - 0.15, max(mark[1] for mark in marks) + 0.15
+    axis.plot([left, crit], [0, 0], "--", color=BLACK, lw=1.1, label="inverted spinning, unstable", zorder=1)
+    axis.plot([crit, right], [0, 0], "-", color=RED, lw=1.8, label="inverted spinning, stable", zorder=1)
+    for name, omega, stable, top in marks:
+        axis.plot([omega], [0], "o", ms=6, mec=RED if stable else BLACK, mfc=RED if stable else "white", zorder=4)
+        if top is not None:
+            axis.plot([omega], [top], "s", ms=6, color=GREEN, zorder=4)
+        place = top if top is not None else 0.0
+        axis.annotate(name, (omega, place), xytext=(5, 5), textcoords="offset points", fontsize=10)
+    axis.axvline(rows[0][0], color=BLUE, lw=0.8, ls=":", label=r"$\Omega_\mathrm{h}$")
+    axis.set_xlim(left, right)
+    axis.set_xlabel("Ω [rad/s]")
+    axis.set_ylabel("largest |β − π/2| [rad]")
+    axis.margins(y=0.1)
+    axis.grid(lw=0.3, alpha=0.5)
+    axis.legend(frameon=False)
+    return figure
+
+
+def _branch(audit: Audit, examined: Sequence[str]) -> Drawing:
+    parameters = audit.parameters
+    rows = branch_rows(parameters, audit.family(parameters.name))
+    law = law_rows(parameters, [row[0] for row in rows[:-1]])
+    table = [("shooting", *row) for row in rows] + [("printed law", *row, "") for row in law]
+    first, largest = rows[0], max(row[3] for row in rows[:-1])
+    return Drawing(
+        figure=lambda columns: draw_branch(rows, law, columns),
+        columns=3,
+        reading=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to {first[1]:.3g} "
+        f"rad and the period to {first[2]:.3g} s; the slow multiplier is at most {largest:.4f}"
+        f"{': every cycle attracts' if largest < 1 else ''}.",
+        data={"branch.csv": (("curve", *_HEADER), table)},
+    )
+
+
+def _sketch(audit: Audit, examined: Sequence[str]) -> Drawing:
+    import numpy
+
+    parameters = audit.parameters
+    rows = branch_rows(parameters, audit.family(parameters.name))
+    omega_h, crit = audit.omega_h(parameters.name), float(omega_crit(parameters))
+    marks: list[tuple[str, float, bool, float | None]] = []
+    for scene in SCENES:
+        omega = float(scene.omega(parameters, omega_h))
+        inside = float(omega_h) < omega < crit
+        top = float(numpy.interp(omega, [r[0] for r in rows], [r[1] for r in rows])) if inside else None
+        marks.append((scene.name, omega, omega > crit, top))
+    table = [("limit cycles", "", row[0], row[1]) for row in rows]
+    table += [("inverted spinning", name, omega, 0.0) for name, omega, _, _ in marks]
+    table += [("limit cycle of a scene", name, omega, top) for name, omega, _, top in marks if top is not None]
+    return Drawing(
+        figure=lambda columns: draw_sketch(rows, marks, columns),
+        columns=2,
+        reading=_places(marks, float(omega_h), crit),
+        data={"sketch.csv": (("what", "scene", "Omega [rad/s]", "largest |beta - pi/2| [rad]"), table)},
+    )
+
+
+def _places(marks: Sequence[tuple[str, float, bool, float | None]], omega_h: float, crit: float) -> str:
+    """Which scenes lie where."""
+    said = [
+        ("below Omega_h", f"{omega_h:.6g} rad/s, no cycle", [m[0] for m in marks if m[3] is None and not m[2]]),
+        ("between them", "a cycle attracts", [m[0] for m in marks if m[3] is not None]),
+        ("above Omega_crit", f"{crit:.6g} rad/s, inverted spinning attracts", [m[0] for m in marks if m[2]]),
+    ]
+    text = "; ".join(f"{where} ({what}): {', '.join(names)}" for where, what, names in said if names)
+    return f"{text[0].upper()}{text[1:]}."
+
+
+EXHIBITS = (
+    Exhibit(
+        name="branch",
+        title="The family of limit cycles",
+        source="Figure Shooting",
+        alternative="Three panels against Omega: amplitude and period of the cycles by shooting with the printed law "
+        "dashed beside them, and the slow multiplier, which rises to one at the Hopf point.",
+        claims=("stable_branch",),
+        draw=_branch,
+    ),
+    Exhibit(
+        name="sketch",
+        title="Where the six scenes lie",
+        source="Figure sketch",
+        alternative="Bifurcation diagram: the amplitude of the cycles against Omega, with squares at the scenes' "
+        "cycles, and on the axis below circles for inverted spinning, filled where it is stable.",
+        claims=("stable_branch",),
+        draw=_sketch,
+    ),
+)

@@ -1,0 +1,159 @@
+"""Run time against error: the work-precision diagram, one panel a problem, readable without colour."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from tippedisk_verify.evidence.bench.methods import METHODS
+from tippedisk_verify.evidence.bench.problems import problem_named
+from tippedisk_verify.evidence.bench.race import Score, machine, raced
+from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
+from tippedisk_verify.figures.style import pyplot
+
+__all__ = ["EXHIBITS", "draw_bench"]
+
+# Each method its own mark and line: the colours (Okabe and Ito's) are only a help.
+_STYLES = {
+    "taylor": ("#0072B2", "o", "-"),
+    "taylor, fast math": ("#0072B2", "", "--"),
+    "taylor, high accuracy": ("#0072B2", "s", ":"),
+    "taylor beyond double": ("#0072B2", "*", ""),
+    "scipy RK45": ("#E69F00", "v", "--"),
+    "scipy DOP853": ("#D55E00", "^", "-"),
+    "scipy DOP853, compiled": ("#D55E00", "2", ":"),
+    "scipy LSODA": ("#009E73", "D", "-"),
+    "scipy LSODA, compiled": ("#009E73", "1", ":"),
+    "scipy Radau": ("#CC79A7", "P", "--"),
+    "scipy BDF": ("#56B4E9", "X", "--"),
+    "mpmath odefun": ("#000000", "h", ""),
+    "reduced flow, order": ("#707070", "p", ":"),
+    "CVODE BDF": ("#000000", "<", "-"),
+    "CVODE Adams": ("#000000", ">", "--"),
+    "diffrax Dopri8": ("#8A6D00", "d", "-."),
+    "diffrax Kvaerno5": ("#8A6D00", "H", "-."),
+}
+_LEAST, _MOST = 1e-18, 1e2  # of the errors shown; a run with more digits sits on the lower edge
+_UNFINISHED = 3e1  # where a run without an end is drawn
+
+
+#: What the report races: seconds in all. `bench` has the other problems and methods.
+_PROBLEMS = ("cycle", "passage")
+_METHODS = {
+    "taylor": None,
+    "taylor beyond double": ("extended", "quadruple"),
+    "scipy DOP853": None,
+    "scipy LSODA": None,
+    "scipy Radau": (1e-4, 1e-6, 1e-8),
+}
+
+
+def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
+    """The figure. Runs that failed or were not finished stand as crosses in a band of their own at the top."""
+    plt = pyplot()
+    names = list(dict.fromkeys(score.problem for score in scores))
+    columns = min(most_columns, len(names) + 1)
+    rows = math.ceil((len(names) + 1) / columns)  # one more cell, for the legend
+    figure, grid = plt.subplots(rows, columns, figsize=(3.3 * columns, 3.3 * rows), squeeze=False)
+    shown: dict[str, Any] = {}
+    for axis, name in zip(grid.flat, names, strict=False):
+        here = [score for score in scores if score.problem == name]
+        for method in dict.fromkeys(score.method for score in here):
+            colour, mark, line = _STYLES.get(method, ("#999999", ".", "-"))
+            ended = [score for score in here if score.method == method and score.error is not None and score.seconds]
+            drawn = axis.plot(
+                [score.seconds for score in ended],
+                [min(max(score.error or 0.0, _LEAST), _MOST / 10) for score in ended],
+                color=colour, marker=mark, linestyle=line or "none", markersize=4.5, linewidth=1, label=method,
+            )[0]  # fmt: skip
+            shown.setdefault(method, drawn)
+            lost = [score for score in here if score.method == method and score.error is None]
+            for score in lost:
+                spent = score.preparation or max((s.seconds or 0 for s in ended), default=1.0) or 1.0
+                axis.plot([spent], [_UNFINISHED], marker="x", color=colour, markersize=5)
+        axis.axhspan(_MOST / 10, _MOST, color="0.9")
+        axis.text(0.02, 0.975, "no end", transform=axis.transAxes, va="top", fontsize=7)
+        uncertainty = max(score.truth_uncertainty for score in here)
+        axis.axhspan(_LEAST / 10, max(uncertainty, _LEAST), color="0.8")
+        axis.text(0.02, 0.012, f"reference: ± {uncertainty:.0e}", transform=axis.transAxes, fontsize=7)
+        axis.set(xscale="log", yscale="log", ylim=(_LEAST / 10, _MOST), title=name)
+        axis.grid(True, color="0.9", linewidth=0.5)
+    for axis in list(grid.flat)[len(names) :]:
+        axis.set_axis_off()
+    for place, axis in enumerate(list(grid.flat)[: len(names)]):
+        if place + columns >= len(names):  # nothing below it
+            axis.set_xlabel("run time, warm [s]")
+        if place % columns == 0:
+            axis.set_ylabel("error [rad, rad/s; of T in s]")
+    list(grid.flat)[-1].legend(shown.values(), shown.keys(), loc="center", frameon=False, fontsize=8)
+    figure.tight_layout()
+    return figure
+
+
+def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
+    methods = [
+        method if settings is None else replace(method, settings=settings)
+        for method in METHODS
+        if (settings := _METHODS.get(method.name, ())) != ()
+    ]
+    scores = raced([problem_named(name) for name in _PROBLEMS], methods)
+    rows = [score.json() for score in scores]
+    shown = [
+        (score.problem, score.method, score.setting, score.seconds and score.seconds * 1e3, score.error, score.status)
+        for score in scores
+    ]
+    return Drawing(
+        figure=lambda columns: draw_bench(scores, columns),
+        columns=3,
+        reading=f"{_compared(scores)} {_load()}",
+        data={"race.csv": (list(rows[0]), [list(row.values()) for row in rows])},
+        tables=(
+            Table.of(
+                "Median of the warm runs, and the largest true error at three ends, of each method at each setting.",
+                ("problem", "method", "setting", "run time [ms]", "error [rad, rad/s]", "status"),
+                shown,
+            ),
+        ),
+        facts={"raced_on": machine()},
+    )
+
+
+def _compared(scores: Sequence[Score]) -> str:
+    """How much longer the best of SciPy takes, to the error of 1e-8, problem by problem."""
+    said = []
+    for problem in _PROBLEMS:
+        best: dict[str, float] = {}
+        for score in scores:
+            if score.problem == problem and score.seconds and score.error is not None and score.error <= 1e-8:
+                best[score.family] = min(best.get(score.family, math.inf), score.seconds)
+        if {"heyoka", "scipy"} <= best.keys():
+            ratio = float(f"{best['scipy'] / best['heyoka']:.2g}")
+            said.append(f"{ratio:g} times on the problem {problem}")
+    return (
+        "To an error of 1e-8 the fastest method of SciPy takes longer than the Taylor engine: " + ", ".join(said) + "."
+    )
+
+
+def _load() -> str:
+    """How busy the machine was, where the system tells: what shares a core with others takes longer."""
+    if not hasattr(os, "getloadavg"):
+        return ""
+    return f"The machine's load was {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
+
+
+EXHIBITS = (
+    Exhibit(
+        name="race",
+        title="Run time against error",
+        source="",
+        alternative="Two panels with logarithmic axes, error against run time: the Taylor engine's "
+        "points lie far left of SciPy's at the same error, and go on below where double precision ends.",
+        claims=("engines_agree",),
+        draw=_race,
+        alone=True,
+    ),
+)

@@ -1,0 +1,95 @@
+"""Which digits of a computed number agree with the printed one, and which its uncertainty leaves open."""
+
+from __future__ import annotations
+
+from decimal import Decimal, InvalidOperation
+from fractions import Fraction
+from itertools import groupby
+
+__all__ = ["agreed_digits", "decimal_of", "marked", "shortened"]
+
+_LONGEST = 24  # characters of a value on the page; results.json has all of them
+
+
+def decimal_of(text: str) -> Decimal | None:
+    """The number that the text is, if it is nothing but a finite number."""
+    try:
+        value = Decimal(text)
+    except InvalidOperation:
+        return None
+    return value if value.is_finite() else None
+
+
+def _first_difference(value: Decimal, printed: Decimal) -> tuple[int, int]:
+    """(first place where they differ, last place printed): powers of ten; the former is one below the latter if equal.
+
+    The value is rounded to the printed places first.
+    """
+    last = int(printed.as_tuple().exponent)
+    unit = Fraction(10) ** last
+    mine, theirs = (round(Fraction(number) / unit) for number in (value, printed))
+    if (mine < 0) != (theirs < 0) and mine != 0 != theirs:
+        return max(len(str(abs(mine))), len(str(abs(theirs)))) - 1 + last, last
+    a, b = str(abs(mine)), str(abs(theirs))
+    width = max(len(a), len(b))
+    for index, (left, right) in enumerate(zip(a.rjust(width, "0"), b.rjust(width, "0"), strict=True)):
+        if left != right:
+            return last + width - 1 - index, last
+    return last - 1, last
+
+
+def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
+    """(significant digits that agree, significant digits printed), or None if one of them is no number."""
+    mine, theirs = decimal_of(value), decimal_of(printed)
+    if mine is None or theirs is None or not theirs:
+        return None
+    place, last = _first_difference(mine, theirs)
+    top = theirs.adjusted()
+    return max(0, min(top - place, top - last + 1)), top - last + 1
+
+
+def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, str]]:
+    """The value's text in pieces, each with what it is.
+
+    ``agreed``: agrees with the printed number to its places, after rounding; ``differs``: the places from where it
+    leaves it; ``beyond``: places that are not printed; ``open``: places at or below the uncertainty's leading one.
+    """
+    theirs, width = decimal_of(printed), decimal_of(uncertainty)
+    mine = decimal_of(value)
+    if mine is None:
+        return [("beyond", value)]
+    unsure = width.adjusted() if width else None
+    place_of_difference, last = _first_difference(mine, theirs) if theirs is not None else (None, None)
+    mantissa, _, exponent = value.partition("e")
+    power = int(exponent or 0)
+    whole = len(mantissa.lstrip("-").partition(".")[0])
+    kinds: list[tuple[str, str]] = []
+    place = whole + power
+    for character in mantissa:
+        if character.isdigit():
+            place -= 1
+        if unsure is not None and place <= unsure and character.isdigit():
+            kind = "open"
+        elif last is None or place_of_difference is None or place < last:
+            kind = "beyond"
+        else:
+            kind = "agreed" if place > place_of_difference else "differs"
+        if not character.isdigit() and kinds:
+            kind = kinds[-1][0]
+        kinds.append((kind, character))
+    pieces = [(kind, "".join(text for _, text in run)) for kind, run in groupby(kinds, key=lambda pair: pair[0])]
+    if exponent:
+        pieces.append(("agreed" if theirs is not None and pieces[0][0] == "agreed" else "beyond", f"e{exponent}"))
+    return pieces
+
+
+def shortened(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, str]]:
+    """`marked`, with digits left out before the exponent, if there is one, where the number would be too long."""
+    pieces = marked(value, uncertainty, printed)
+    tail = [pieces.pop()] if pieces[-1][1].startswith("e") else []
+    shown, left = [], _LONGEST - sum(len(text) for _, text in tail)
+    for kind, text in pieces:
+        if left > 0:
+            shown.append((kind, text[:left]))
+        left -= len(text)
+    return [*shown, *([("beyond", "…")] if left < 0 else []), *tail]

@@ -1,0 +1,127 @@
+"""The main job's JSON object: claims, figures, parameters, and what it was computed with."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Sequence
+from shlex import quote
+from typing import Any
+
+from tippedisk_verify.evidence.catalogue import group_of
+from tippedisk_verify.evidence.claims import Claim, Finding, Verdict, sets_with
+from tippedisk_verify.fingerprint import DRAWING, processor, versions
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.report.digits import agreed_digits
+from tippedisk_verify.report.formulas import FORMULAS
+from tippedisk_verify.report.work import Order
+
+__all__ = ["claim_json", "results_json", "shown", "summary"]
+
+Findings = Sequence[tuple[Claim, Finding]]
+
+
+def shown(value: Measured | str) -> str:
+    """A computed value as a cell of the terminal's table: at most twelve decimals' worth of a number."""
+    if isinstance(value, str):
+        return value
+    text, width = value.decimals()
+    return text if width == "0" else f"{float(text):.12g}"
+
+
+def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
+    """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
+
+    def entry(value: Measured | str) -> Any:
+        return value if isinstance(value, str) else value.json()
+
+    by_set = {name: entry(value) for name, value in finding.computed.items()}
+    agreed = {
+        name: digits
+        for name, value in by_set.items()
+        if isinstance(value, dict) and (digits := agreed_digits(value["value"], claim.printed)) is not None
+    }
+    return {
+        "name": claim.name,
+        "group": group_of(claim.name),
+        "source": claim.source,
+        "statement": claim.statement,
+        "formula": FORMULAS.get(claim.name, ""),
+        "printed": claim.printed,
+        "computed": by_set.get(order.parameters.name),
+        "computed_by_set": by_set,
+        "agreed_digits": {name: mine for name, (mine, _) in agreed.items()},
+        "printed_digits": next((whole for _, whole in agreed.values()), None),
+        "verdict": finding.verdict.value,
+        "sets": list(finding.sets),
+        "note": finding.note,
+        "methods": list(finding.methods),
+        "own_check": claim.own_check,
+        "command": f"{_command(order)} --only {claim.name}",
+    }
+
+
+def _command(order: Order) -> str:
+    parts = ["tippedisk-verify verify"]
+    for option, value, usual in (
+        ("parameters", order.parameters.name, "printed"),
+        ("friction", order.friction, "linear"),
+        ("digits", str(order.digits), "12"),
+    ):
+        if value != usual:
+            parts.append(f"--{option} {quote(value)}")
+    return " ".join(parts)
+
+
+def summary(findings: Findings) -> dict[str, Any]:
+    """How many claims met each verdict, and which of our own checks fell short."""
+    counts = {verdict.value: 0 for verdict in Verdict}
+    for _, finding in findings:
+        counts[finding.verdict.value] += 1
+    failed = [claim.name for claim, finding in findings if claim.own_check and finding.verdict is not Verdict.HOLDS]
+    return {"claims": len(findings), **counts, "own_checks_failed": failed}
+
+
+def results_json(
+    order: Order, findings: Findings, figures: Sequence[dict[str, Any]] = (), run: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """The main job's JSON object. ``run`` is about this run alone; all else is the same whenever it is computed.
+
+    (A figure of run times is what was measured when it was drawn.)
+    """
+    from dataclasses import fields
+
+    parameters = order.parameters
+    facts: dict[str, Any] = {}
+    for figure in figures:
+        facts |= figure["facts"]
+    decimals = parameters.decimals()
+    return {
+        "claims": [claim_json(claim, finding, order) for claim, finding in findings],
+        "summary": summary(findings),
+        "sets": list(sets_with(parameters)),
+        "parameters": {"name": parameters.name, **decimals},
+        "units": {item.name: item.metadata["unit"] for item in fields(Parameters) if item.name in decimals},
+        "friction": order.friction,
+        "digits": order.digits,
+        "command": _command(order),
+        "figures": [figure["entry"] for figure in figures],
+        **facts,
+        "provenance": _provenance(),
+        "run": run or {},
+    }
+
+
+def _provenance() -> dict[str, str]:
+    from tippedisk_verify import __version__
+
+    return {
+        "tippedisk-verify": __version__,
+        "python": platform.python_version(),
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "processor": processor(),
+        "cores": str(os.cpu_count()),
+        **versions(DRAWING),
+    }

@@ -1,0 +1,52 @@
+"""CSV files of the commands beside `verify`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.evidence.bench.race import Score
+from tippedisk_verify.files import write_csv, write_text
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.orbits.basins import Basins
+from tippedisk_verify.orbits.periodic import LimitCycle
+
+__all__ = ["branch_entry", "write_basins", "write_bench", "write_branch"]
+
+
+def write_basins(found: Basins, folder: Path) -> None:
+    """``basins.csv``: every initial state and what it ended on."""
+    from tippedisk_verify.orbits.basins import OUTCOMES
+
+    cells = zip(found.beta.ravel().tolist(), found.gamma.ravel().tolist(), found.outcome.ravel().tolist(), strict=True)
+    rows = [(beta, gamma, found.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
+    write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
+
+
+def branch_entry(cycle: LimitCycle) -> dict[str, object]:
+    """One orbit as JSON, without the history of its iteration."""
+    found = cycle.json()
+    del found["residuals"]
+    return found
+
+
+def write_branch(cycles: Sequence[LimitCycle], path: Path) -> None:
+    """The family as CSV: for each number its value and its half-width."""
+    names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
+    header = [part for name in names for part in (name, f"{name} uncertainty")]
+    rows = [[*(part for name in names for part in getattr(cycle, name).decimals()), cycle.stable] for cycle in cycles]
+    write_csv(path, [*header, "stable"], rows)
+
+
+def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any]) -> None:
+    """`bench.json` with everything, `bench.csv` and the figure with the initial-value problems."""
+    from tippedisk_verify.figures.race import draw_bench
+    from tippedisk_verify.figures.style import save
+
+    write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
+    if scores:
+        rows = [score.json() for score in scores]
+        write_csv(folder / "bench.csv", list(rows[0]), [list(row.values()) for row in rows])
+        save(draw_bench(scores), folder, "bench")

@@ -1,0 +1,213 @@
+"""Carrying out the main job: each claim and each figure is a task, kept by what it depends on, done on many cores."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from typing import Any, Literal
+
+from tippedisk_verify.cache import Cache
+from tippedisk_verify.evidence.catalogue import GROUPS, group_of, selected
+from tippedisk_verify.evidence.catalogue import home_of as home_of_claim
+from tippedisk_verify.evidence.claims import Audit, Finding, examined
+from tippedisk_verify.fingerprint import DRAWING, fingerprint
+from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.report.formulas import FORMULAS
+
+__all__ = ["Order", "Outcome", "Task", "carried_out", "done", "key", "tasks_for"]
+
+_FEW = 4  # tasks up to which starting processes costs more than it saves
+# The longest first: what is started last should be short.
+_LONGEST = ("near_omega_h", "smooth_same_behaviour", "omega_h", "scenes_3d", "harmonic_balance", "engines_agree")
+_TICK = 0.2  # s between two looks at what is at hand
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is audited."""
+
+    parameters: Parameters
+    friction: Friction
+    digits: int
+    claims: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One claim, one figure, or the formulas of all claims."""
+
+    kind: Literal["claim", "figure", "formulas"]
+    name: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of the tasks: plain data each, and which of them were kept from before."""
+
+    records: dict[Task, Any]
+    kept: frozenset[Task]
+
+
+def tasks_for(order: Order, *, figures: bool) -> tuple[Task, ...]:
+    """The claims, and the figures that go with them if they are wanted."""
+    tasks = [Task("claim", name) for name in order.claims]
+    if figures:
+        from tippedisk_verify.figures.catalogue import exhibits_for
+
+        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims, order.friction)]
+        tasks.append(Task("formulas", "formulas"))
+    return tuple(tasks)
+
+
+def key(order: Order, task: Task) -> str:
+    """Names the task's result by all that it depends on."""
+    inputs: dict[str, Any] = {
+        "task": asdict(task),
+        "parameters": {
+            item.name: str(getattr(order.parameters, item.name)) for item in fields(Parameters) if item.init
+        },
+        "friction": order.friction,
+        "digits": order.digits,
+    }
+    if task.kind == "claim":
+        return fingerprint(home_of_claim(task.name), inputs)
+    if task.kind == "formulas":
+        return fingerprint("tippedisk_verify.figures.formula", {"latex": _formulas(order)}, DRAWING)
+    from tippedisk_verify.figures.catalogue import home_of
+
+    return fingerprint(home_of(task.name), inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
+
+
+def _formulas(order: Order) -> list[str]:
+    return [FORMULAS[name] for name in order.claims if name in FORMULAS]
+
+
+def _of_figure(order: Order, name: str) -> list[str]:
+    return [claim for claim in order.claims if claim in _exhibit(name).claims]
+
+
+def _exhibit(name: str) -> Any:
+    from tippedisk_verify.figures.catalogue import EXHIBITS
+
+    return next(exhibit for exhibit in EXHIBITS if exhibit.name == name)
+
+
+@lru_cache(maxsize=1)
+def _audit(parameters: Parameters, friction: Friction, digits: int) -> Audit:
+    """What this process's tasks share: connections, families and panels are computed once in it."""
+    from tippedisk_verify.flow import default_engine
+
+    return Audit(parameters, default_engine(), friction, digits)
+
+
+def carried_out(order: Order, task: Task) -> Any:
+    """The task's result as plain data."""
+    if task.kind == "formulas":
+        from tippedisk_verify.figures.formula import formulas_drawn
+
+        return formulas_drawn(_formulas(order))
+    audit = _audit(order.parameters, order.friction, order.digits)
+    if task.kind == "claim":
+        (claim,) = selected([task.name])
+        return examined(audit, claim).record()
+    from tippedisk_verify.figures.exhibit import drawn
+
+    return drawn(_exhibit(task.name), audit, _of_figure(order, task.name))
+
+
+def _sound(order: Order, task: Task, record: Any) -> bool:
+    """Whether a kept result has the shape that it must have."""
+    try:
+        if task.kind == "claim":
+            return bool(Finding.of_record(record).record() == record)
+        if task.kind == "formulas":
+            return isinstance(record["letters"], str) and set(record["drawn"]) == set(_formulas(order))
+        parts = [record[part] for part in ("facts", "files", "embedded")]
+        return bool(record["entry"]["name"] == task.name) and all(isinstance(part, dict) for part in parts)
+    except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError):
+        return False
+
+
+def done(
+    order: Order,
+    tasks: Sequence[Task],
+    cache: Cache,
+    pool: Callable[[int], AbstractContextManager[Executor | None]],
+    advance: Callable[[str, int], None],
+) -> Outcome:
+    """Every task's result. ``pool`` makes an executor for so many tasks at once, or None for this process alone."""
+    records: dict[Task, Any] = {}
+    keys = {task: key(order, task) for task in tasks}
+    for task in tasks:
+        record = cache.get(keys[task])
+        if record is not None and _sound(order, task, record):
+            records[task] = record
+            advance(task.name, 1)
+    kept = frozenset(records)
+
+    def keep(task: Task, record: Any) -> None:
+        records[task] = record
+        cache.put(keys[task], record)
+
+    ahead = [task for task in tasks if task not in records]
+    alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
+    heavy = [task for task in ahead if task not in alone and not _light(task)]
+    light = [task for task in ahead if _light(task)]
+    if len(heavy) <= _FEW:
+        _here(order, [*light, *heavy, *alone], keep, advance)
+    else:
+        heavy.sort(key=lambda task: _LONGEST.index(task.name) if task.name in _LONGEST else len(_LONGEST))
+        with pool(len(heavy)) as executor:
+            if executor is None:
+                _here(order, [*light, *heavy, *alone], keep, advance)
+            else:
+                _there(order, heavy, light, executor, keep, advance)
+                # What measures run times has the machine to itself.
+                _there(order, alone, [], executor, keep, advance)
+    if ahead:
+        cache.tidy()
+    return Outcome(records, kept)
+
+
+def _light(task: Task) -> bool:
+    """Closed forms: done before a process has started."""
+    return task.kind == "claim" and group_of(task.name) == GROUPS[0]
+
+
+def _here(
+    order: Order, tasks: Sequence[Task], keep: Callable[[Task, Any], None], advance: Callable[[str, int], None]
+) -> None:
+    for task in tasks:
+        advance(task.name, 0)
+        keep(task, carried_out(order, task))
+        advance(task.name, 1)
+
+
+def _there(
+    order: Order,
+    heavy: Sequence[Task],
+    light: Sequence[Task],
+    executor: Executor,
+    keep: Callable[[Task, Any], None],
+    advance: Callable[[str, int], None],
+) -> None:
+    """The heavy tasks on the executor, the light ones here meanwhile."""
+    waiting: dict[Future[Any], Task] = {}
+    try:
+        waiting |= {executor.submit(carried_out, order, task): task for task in heavy}
+        _here(order, light, keep, advance)
+        while waiting:
+            advance(", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0)
+            finished, _ = wait(waiting, timeout=_TICK, return_when=FIRST_COMPLETED)
+            for future in finished:
+                record = future.result()
+                task = waiting.pop(future)
+                keep(task, record)
+                advance(task.name, 1)
+    except BrokenExecutor:  # a process was killed, for want of memory perhaps: what is left is done here
+        done_here = set(waiting.values())
+        _here(order, [task for task in heavy if task in done_here], keep, advance)

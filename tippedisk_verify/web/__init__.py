@@ -1,0 +1,29 @@
+"""Pages that stand alone: the templates and the style that all of them share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["rendered"]
+
+
+def rendered(package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any) -> str:
+    """The template of that package, with everything that goes into it escaped.
+
+    It extends ``base.html`` of this one, which holds the style sheet. The result needs no other file.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__name__, ".")]),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    environment.filters.update(filters or {})
+    return environment.get_template(template).render(**values)
