@@ -102,7 +102,9 @@ _AXES = st.one_of(
 
 #: Every command of the program.
 SHAPES: dict[str, Shape] = {
-    "verify": Shape(("verify",), {**_COMMON, "--only": ("omega_crit", NOT_NAMES), "--out": ("out", NOT_FOLDERS)}),
+    "verify": Shape(
+        ("verify",), {**_COMMON, **_JOBS, "--only": ("omega_crit", NOT_NAMES), "--out": ("out", NOT_FOLDERS)}
+    ),
     "scene": Shape(
         ("scene",), {**_COMMON, "--omega-h": ("30.05", NOT_SPEEDS), "--out": ("out", NOT_FOLDERS)}, (("d", NOT_NAMES),)
     ),
@@ -145,6 +147,12 @@ SHAPES: dict[str, Shape] = {
         },
     ),
     "bench": Shape(("bench",), {"--only": ("cycle", NOT_NAMES), "--out": ("out", NOT_FOLDERS)}),
+    "stress": Shape(("stress",), {**_JOBS, "--only": ("flat", NOT_NAMES)}),
+    "certify equilibria": Shape(("certify", "equilibria"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
+    "certify hopf": Shape(("certify", "hopf"), _COMMON),
+    "certify table": Shape(("certify", "table"), _COMMON),
+    "certify orbit": Shape(("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
+    "certify heteroclinic": Shape(("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS)}),
     "reference list": Shape(("reference", "list"), {}, (("printed", NOT_NAMES.filter(bool)),)),
     "reference show": Shape(("reference", "show"), {}, (("printed/linear/hopf/point/period", NOT_NAMES),)),
     "reference check": Shape(

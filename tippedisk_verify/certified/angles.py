@@ -1,0 +1,57 @@
+"""Angles counted from a multiple of a right angle, so that the equations of motion see an equilibrium exactly.
+
+At an equilibrium the angles are odd multiples of pi/2, which no ball is, but their sines and cosines are 0 and +-1.
+`Turned(n, offset)` is the angle n pi/2 + offset; `OPS` gives its sine and cosine from those of the offset, which may be
+a ball, a series of balls or None for no offset at all. With None everything that `model.equations` computes from exact
+numbers is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.parameters import Constants
+
+__all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
+
+#: Right angles in gamma; beta has one at both equilibria.
+INVERTED, NONINVERTED = 1, -1
+
+
+class Turned(NamedTuple):
+    """The angle ``quarters`` * pi/2 + ``offset`` [rad]."""
+
+    quarters: int
+    offset: Any = None
+
+
+class _TurnedOps:
+    """``ops`` of `model.equations` for `Turned` angles."""
+
+    @staticmethod
+    def sin(angle: Turned) -> Any:
+        quarters = angle.quarters % 4
+        if angle.offset is None:
+            return (0, 1, 0, -1)[quarters]
+        value = angle.offset.cos() if quarters % 2 else angle.offset.sin()
+        return -value if quarters > 1 else value
+
+    @staticmethod
+    def cos(angle: Turned) -> Any:
+        return _TurnedOps.sin(Turned(angle.quarters + 1, angle.offset))
+
+
+OPS = _TurnedOps()
+
+
+def rates(constants: Constants, omega: Any, around: int, offsets: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """d/dt of (beta, gamma, v) at the given offsets from the equilibrium with ``around`` right angles in gamma."""
+    beta, gamma, v = offsets
+    return field(OPS, constants, omega, "linear")(Turned(1, beta), Turned(around, gamma), v)
+
+
+def linearization(constants: Constants, omega: Any, around: int) -> tuple[tuple[Any, ...], ...]:
+    """The Jacobian at the equilibrium: exact for rational constants and speed, enclosed for balls."""
+    return jacobian(OPS, constants, omega, "linear")(Turned(1), Turned(around), 0)

@@ -1,0 +1,304 @@
+"""What follows from the linearisation and the cubic terms at the equilibria, enclosed to any number of digits.
+
+For every disk (all parameters positive, e < r), with kappa = mu g / (epsilon b), b = Bbar / m, the characteristic
+polynomial at inverted (+) and noninverted (-) spinning is lambda^3 + a2 lambda^2 + a1 lambda + a0 with
+
+    a2 = kappa (r +- e)^2,   a1 = Omega^2 - g (r +- e) / b,   a0 = +- kappa e (r +- e) Omega^2.
+
+Noninverted spinning has a0 < 0: one positive eigenvalue, at every speed. At inverted spinning
+a2 a1 - a0 = kappa (r + e) (r Omega^2 - g (r + e)^2 / b), which by Routh-Hurwitz is positive exactly where it is stable:
+above Omega_crit, for every disk. Here these facts are not taken on trust: the coefficients come from the Jacobian of
+`model.equations`, evaluated exactly, and each conclusion is drawn from the signs of its own exact numbers.
+
+Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd (the point symmetry),
+so Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied Bifurcation Theory, Eq. 5.39).
+
+Where a ball becomes a point here: nowhere; `measured` hands out midpoints with their radii.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal
+
+from flint import acb, acb_series, arb, ctx, fmpq, fmpq_poly
+
+from tippedisk_verify.certified.angles import INVERTED, NONINVERTED, linearization, rates
+from tippedisk_verify.certified.balls import ball_constants, inside, measured, negative, positive, working_precision
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+
+__all__ = [
+    "Criticality",
+    "Eigenvalue",
+    "ProvedEquilibrium",
+    "ProvedHopf",
+    "characteristic_polynomial",
+    "chi",
+    "critical_speed_squared",
+    "hopf_balls",
+    "proved_equilibrium",
+    "proved_hopf",
+    "real_root",
+    "to_digits",
+]
+
+Criticality = Literal["supercritical", "subcritical"]
+_AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
+
+
+@dataclass(frozen=True)
+class Eigenvalue:
+    """One eigenvalue [1/s]: exactly one lies in the rectangle; a real one has the imaginary part 0 exactly."""
+
+    re: Measured
+    im: Measured
+
+    def json(self) -> dict[str, dict[str, str]]:
+        return {"re": self.re.json(), "im": self.im.json()}
+
+
+@dataclass(frozen=True)
+class ProvedEquilibrium:
+    """Eigenvalues and stability of stationary spinning at one speed."""
+
+    name: str
+    eigenvalues: tuple[Eigenvalue, ...]  #: by descending real part, then descending imaginary part
+    stable: bool
+    unstable_directions: int  #: eigenvalues with positive real part
+    statement: str
+
+    def json(self) -> dict[str, object]:
+        return {
+            "eigenvalues": [value.json() for value in self.eigenvalues],
+            "stable": self.stable,
+            "unstable_directions": self.unstable_directions,
+            "statement": self.statement,
+        }
+
+
+@dataclass(frozen=True)
+class ProvedHopf:
+    """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
+
+    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
+    period: Measured  #: [s] of the cycle at its birth
+    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
+    chi: Measured  #: [kg m^3], below Eq. Csol
+    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
+    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
+    period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
+    criticality: Criticality
+    statement: str
+
+    def json(self) -> dict[str, object]:
+        entries = ((name, getattr(self, name)) for name in self.__dataclass_fields__)
+        return {name: value.json() if isinstance(value, Measured) else value for name, value in entries}
+
+
+def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:
+    """(a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq. 3DOF_lin).
+
+    The Jacobian has the rows (0, 0, 1), (Omega, 0, 0) and (A31, A32, A33).
+    """
+    matrix = linearization(constants, omega, around)
+    return -matrix[2][2], -matrix[2][0], -(matrix[1][0] * matrix[2][1])
+
+
+def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
+    """Eigenvalues enclosed to ``digits`` significant digits, and stability proved, at an exact speed ``omega`` [rad/s].
+
+    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or an impossible speed,
+    Shortfall where an eigenvalue with real part zero leaves stability to the nonlinear terms.
+    """
+    if name not in _AROUND:
+        raise InputError(f"equilibrium '{name[:40]}' is not known: use inverted or noninverted")
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed.rational, _AROUND[name]))
+    polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
+
+    def roots() -> dict[str, Any]:
+        return {str(place): root for place, (root, _) in enumerate(polynomial.complex_roots())}
+
+    enclosed: list[Any] = []
+    unstable, wanted = 0, digits
+    while not _apart(enclosed) or unstable + sum(negative(root.real) for root in enclosed) != 3:
+        # Rational coefficients: more digits decide every sign, but for a real part of exactly zero or a double root.
+        if wanted > 16 * digits + 1000:
+            raise Shortfall(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
+        enclosed = list(to_digits(roots, wanted).values())
+        unstable = sum(positive(root.real) for root in enclosed)
+        wanted *= 4
+    stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
+    if stable != (unstable == 0):
+        raise Shortfall("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
+    eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
+    eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
+    statement = (
+        f"{name} spinning has exactly one eigenvalue in each of the three disjoint rectangles given, "
+        f"{unstable} of them with positive real part; it is {'asymptotically stable' if stable else 'unstable'}."
+    )
+    return ProvedEquilibrium(name, tuple(eigenvalues), stable, unstable, statement)
+
+
+def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
+    """A ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all coefficients in their balls.
+
+    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises Shortfall if that is not proved.
+    """
+    a2, a1, a0 = polynomial
+    x = guess.mid()
+    value = ((x + a2) * x + a1) * x + a0
+    radius = abs(value / ((3 * x + 2 * a2) * x + a1)).upper() * 2
+    around = x + arb(0, radius)
+    image = x - value / ((3 * around + 2 * a2) * around + a1)
+    if not inside(image, around):
+        raise Shortfall("an eigenvalue could not be enclosed over the interval of speeds: ask for more digits")
+    return image
+
+
+def chi(constants: Any) -> Any:
+    """chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq. Csol), for numbers of any kind."""
+    r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
+    return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
+
+
+def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
+    """The Hopf point with every number enclosed to ``digits`` significant digits, and its criticality proved.
+
+    Raises Shortfall where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to be had.
+    """
+    _check_critical_speed(parameters.rational())
+    with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
+    falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
+    if not negative(falling) or not (negative(sign) or positive(sign)):
+        raise Shortfall("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
+    kind: Criticality = "supercritical" if negative(sign) else "subcritical"
+    side = "below" if kind == "supercritical" else "above"
+    statement = (
+        f"at Omega_crit a pair of eigenvalues crosses the imaginary axis with nonzero speed, the third is negative and "
+        f"the first Lyapunov coefficient is {'negative' if kind == 'supercritical' else 'positive'}: the Hopf point is "
+        f"{kind}, and a branch of {'stable' if kind == 'supercritical' else 'unstable'} limit cycles is born "
+        f"{side} Omega_crit."
+    )
+    return ProvedHopf(
+        **{name: measured(value) for name, value in with_balls.items()}, criticality=kind, statement=statement
+    )
+
+
+def _apart(roots: list[Any]) -> bool:
+    """Whether these are three roots whose rectangles, even twice as wide (as printed they are wider), do not meet."""
+    wide = [root + acb(arb(0, root.real.rad()), arb(0, root.imag.rad())) for root in roots]
+    return len(wide) == 3 and not any(wide[i].overlaps(wide[k]) for i in range(3) for k in range(i))
+
+
+def critical_speed_squared(constants: Constants) -> Any:
+    """Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of any kind."""
+    reach = constants.r + constants.e
+    return reach * reach * constants.g / (constants.r * constants.b)
+
+
+def _check_critical_speed(constants: Constants) -> None:
+    """That a2 a1 - a0 of the equations' own Jacobian vanishes at Omega_crit, exactly (it is affine in Omega^2)."""
+    margins = []
+    for speed in (Fraction(1), Fraction(2), Fraction(3)):
+        a2, a1, a0 = characteristic_polynomial(constants, speed, INVERTED)
+        margins.append(a2 * a1 - a0)
+    slope = (margins[1] - margins[0]) / 3
+    affine = margins[2] == margins[0] + 8 * slope
+    if not affine or margins[0] + slope * (critical_speed_squared(constants) - 1) != 0:
+        raise ArithmeticError("the linearisation does not lose stability at Omega_crit: the equations have changed")
+
+
+def hopf_balls(constants: Constants) -> dict[str, Any]:
+    """The numbers of `ProvedHopf` as balls, for constants that are balls (of one disk, or of a box of disks).
+
+    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega); with z' = lambda z + c_1 z |z|^2 on
+    the centre manifold, |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+    """
+    r, e = constants.r, constants.e
+    square = critical_speed_squared(constants)
+    speed = square.sqrt()
+    frequency = (e / (r + e) * square).sqrt()
+    a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)
+    matrix = linearization(constants, speed, INVERTED)
+    root = acb(0, frequency)
+    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at Omega_crit.
+    slope_a0 = -2 * matrix[2][1]
+    pair_slope = -(2 * speed * root + slope_a0) / (3 * root * root + 2 * a2 * root + frequency * frequency)
+    # Eigenvectors from the first two rows and the last two columns of the Jacobian.
+    right = [root, acb(speed), root * root]
+    size = sum((abs(part) ** 2 for part in right), arb(0)).sqrt()
+    right = [part / size for part in right]
+    left = [(root - matrix[2][2]) * root, acb(matrix[2][1]), root]
+    scale = sum((a * c for a, c in zip(left, right, strict=True)), acb(0))
+    cubic = _resonant_cubic(constants, speed, right)
+    c_1 = sum((a * c for a, c in zip(left, cubic, strict=True)), acb(0)) / (2 * scale)
+    falling, damping = pair_slope.real, c_1.real
+    growth = falling / damping  # |z|^2 per unit of Omega_crit - Omega
+    return {
+        "omega_crit": speed,
+        "period": 2 * arb.pi() / frequency,
+        "lambda_3": -a2,
+        "chi": chi(constants),
+        "first_lyapunov_coefficient": damping / frequency,
+        "transversality": falling,
+        "amplitude_squared_slope": 4 * growth * abs(right[0]) ** 2,
+        "period_slope": 2 * arb.pi() / (frequency * frequency) * (pair_slope.imag - c_1.imag * growth),
+    }
+
+
+def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:
+    """C(q, q, qbar) of the field at inverted spinning, from cubic Taylor coefficients along four directions.
+
+    With F(x) = C(x, x, x) / 6, F(q + w qbar) holds w C(q, q, qbar) / 2; w = 1, -1, i, -i pick it out.
+    """
+    total = [acb(0)] * 3
+    for w in (acb(1), acb(0, 1), acb(-1), acb(0, -1)):
+        direction = [part + w * part.conjugate() for part in q]
+        rate = _along(constants, omega, direction)
+        total = [sum_ + coefficient / w for sum_, coefficient in zip(total, rate, strict=True)]
+    return [part / 2 for part in total]
+
+
+def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
+    """Coefficients of s^3 of the rates at s times a complex direction from inverted spinning."""
+    before = ctx.cap
+    ctx.cap = 4
+    try:
+        line = [acb_series([0, part], prec=4) for part in direction]
+        return [rate[3] for rate in rates(constants, omega, INVERTED, line)]
+    finally:
+        ctx.cap = before
+
+
+def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
+    """The balls that ``compute`` returns, at a precision where each has ``digits`` significant digits.
+
+    A number that is exactly zero may have the radius 0. Raises Shortfall if eight times the digits do not suffice.
+    """
+    guard = 20
+    while True:
+        with working_precision(math.ceil((digits + guard) * math.log2(10))):
+            found = compute()
+            # Twice the radius: printing may add as much again.
+            loose = [name for name, value in found.items() if not _fine(value, digits)]
+        if not loose:
+            return found
+        guard *= 2
+        if guard > 8 * digits + 200:
+            raise Shortfall(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")
+
+
+def _fine(value: Any, digits: int) -> bool:
+    parts = (value.real, value.imag) if isinstance(value, acb) else (value,)
+    size = abs(value)
+    return all(part.is_finite() and 2 * part.rad() * arb(10) ** digits <= size for part in parts)

@@ -1,0 +1,397 @@
+"""Limit cycles, proved: existence, local uniqueness, numbers, stability, by Krawczyk's operator on the half map.
+
+A fixed point x of the half map P (see `section`) lies on a limit cycle that S maps to itself: the orbit goes from x to
+-x and, by the symmetry, on to x in the same time again. With F = P - 1, a point m, a box X around it, and any regular
+matrix Y,
+
+    K = m - Y F(m) + (1 - Y F'(X)) (X - m)
+
+holds every zero of F in X; if K lies in X's interior there is exactly one, and all matrices of F'(X) are regular
+(Krawczyk 1969; Moore 1977; Rump 1983). Where parameters or the speed are balls, this is so for each choice in them.
+
+The numbers follow on balls: period and largest |beta_bar| by the mean value theorem from m, the derivatives from the
+run over X. The return map's multipliers are the squares of P's. P's determinant is -exp(integral of div f over the
+half period) by Liouville's formula: S after the flow has the derivative -DPhi, with eigenvalue 1 along the field, and
+determinant -det DPhi. So P has a positive and a negative real multiplier.
+
+Where a ball becomes a point or a float: m, Y and X's radius are chosen, and any choice that passes the test is right;
+iterating towards m uses midpoints, for it only finds m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.certified.balls import (
+    arb,
+    ball,
+    ball_constants,
+    inside,
+    measured,
+    negative,
+    positive,
+    working_precision,
+)
+from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.section import HalfFlight, half_flight
+from tippedisk_verify.certified.section import Status as HalfStatus
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import bits_for_digits
+
+__all__ = ["CycleProof", "Inclusion", "Status", "inclusion", "prove_cycle"]
+
+_GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
+_GUARD_BITS = 40  # rounding over half a period costs about 10 of them
+_FIRST_BITS = 96
+_REMOTE_BITS = 64  # enough for the wide boxes that show how far the next fixed point must be
+_REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
+_MOST_ITERATIONS = 25
+_MOST_ATTEMPTS = 6
+_MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
+_NUMBERS = (*_MAIN, "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega",
+            "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
+
+
+class Status(Enum):
+    """How an attempted proof of a limit cycle ended. The value says what happened and what to try next."""
+
+    PROVED = "proved"
+    NO_GUESS = "the ordinary road finds no limit cycle to start from"
+    NOT_FOLLOWED = "the flow could not be followed from section to section"
+    NOT_CONVERGED = "the guess could not be sharpened to a fixed point: start closer to a cycle"
+    TRIVIAL = "the guess falls onto the equilibrium: start closer to a cycle"
+    NOT_INCLUDED = "Krawczyk's image does not lie inside the box: work in more bits, or from a better guess"
+    TOO_FEW_DIGITS = (
+        "a cycle is proved to exist, but its numbers are not enclosed to the digits asked for: work in more bits"
+    )
+
+
+@dataclass(frozen=True)
+class Inclusion:
+    """One application of Krawczyk's operator. ``included`` is the proof."""
+
+    included: bool
+    middle: Any = None  #: m, exact points
+    image: Any = None  #: K, (gamma_bar, v)
+    residual: Any = None  #: Y F(m), for choosing the precision
+    centre: HalfFlight | None = None  #: the half map at m
+    box: HalfFlight | None = None  #: the half map over X, with derivatives
+    failed: HalfFlight | None = None  #: the flight that did not return
+
+
+@dataclass(frozen=True)
+class CycleProof:
+    """What is proved of one limit cycle; every number is a ball that holds the true one. Without a proof: None.
+
+    The fields' names are those of `orbits.periodic.LimitCycle`.
+    """
+
+    status: Status
+    where: str  #: how far the proof came
+    parameters: str  #: the set's name
+    omega: Fraction | None  #: [rad/s], exact; None if a ball was given
+    bits: int  #: working precision
+    unique_within: Any = None  #: distances (gamma_bar [rad], v [rad/s]) within which P has no other fixed point
+    period: Any = None  #: T [s]
+    gamma_bar_0: Any = None  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]
+    v_0: Any = None  #: v there [rad/s]
+    beta_max: Any = None  #: largest |beta - pi/2| [rad]
+    multiplier_slow: Any = None  #: the larger non-trivial Floquet multiplier [1]
+    log_multiplier_slow: Any = None  #: its natural logarithm
+    log_multiplier_fast: Any = None  #: that of the smaller one
+    dperiod_domega: Any = None  #: [s^2/rad]
+    dgamma_bar_0_domega: Any = None  #: [s]
+    dv_0_domega: Any = None  #: [1]
+    stable: bool | None = None  #: asymptotically stable (True) or unstable (False), proved; None if not decided
+    flights: tuple[HalfFlight, ...] = field(default=(), repr=False)
+
+    @property
+    def proved(self) -> bool:
+        return self.status is Status.PROVED
+
+    @property
+    def statement(self) -> str:
+        """What is proved, in one sentence."""
+        if not self.proved:
+            return f"nothing is proved: {self.status.value} ({self.where})"
+        manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
+        gamma_bar, v = (_decimal_below(distance) for distance in self.unique_within)
+        return (
+            "under the linear friction law the half-period map from beta = pi/2, v < 0 has a fixed point (gamma_bar_0, "
+            f"v_0) in the intervals given, and no other within {gamma_bar} rad and {v} rad/s of it; through it runs a "
+            f"limit cycle, {manner}, which (beta, gamma, v) -> (pi - beta, pi - gamma, -v) maps to itself, which "
+            "crosses beta = pi/2 exactly twice a period and keeps |beta - pi/2| < 1.5707; each interval given holds "
+            "the true number"
+        )
+
+    def lacking_bits(self, digits: int) -> int:
+        """Bits by which the worst number misses ``digits`` significant digits, or decimals if it is no main result."""
+        worst = 0
+        for name in _NUMBERS:
+            value = getattr(self, name)
+            if not value.is_finite():
+                return 64
+            size = _exponent(value) if name in _MAIN else max(0, _exponent(value))
+            # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
+            worst = max(worst, _exponent(value.rad()) - size + 2 + math.ceil(digits * math.log2(10)))
+        return worst
+
+    def numbers(self) -> dict[str, Measured]:
+        """The enclosures as exact rational midpoints and radii. Raises InputError if there is no proof."""
+        if not self.proved:
+            raise InputError(self.statement)
+        return {name: measured(getattr(self, name)) for name in _NUMBERS}
+
+    def json(self) -> dict[str, object]:
+        """For the command line: the statement and, if proved, the numbers."""
+        found: dict[str, object] = {"proved": self.proved, "statement": self.statement}
+        if self.omega is not None:
+            found["omega"] = Measured(self.omega, Fraction(0)).json()
+        if self.proved:
+            found |= {name: value.json() for name, value in self.numbers().items()}
+            found["stable"] = self.stable
+            names = ("gamma_bar_0", "v_0")
+            found["unique_within"] = {n: _decimal_below(d) for n, d in zip(names, self.unique_within, strict=True)}
+        return found | {"parameters": self.parameters, "bits": self.bits, "status": self.status.name}
+
+
+def _decimal_below(x: Any) -> str:
+    """A positive number rounded down to two digits."""
+    value = measured(x.lower()).value
+    place = math.floor(math.log10(value)) - 1
+    digits = str(math.floor(value / Fraction(10) ** place))
+    return f"{digits[0]}.{digits[1:]}e{place + 1}"
+
+
+def inclusion(model: Model, middle: Sequence[Any], radii: Sequence[Any], centre: HalfFlight | None = None) -> Inclusion:
+    """Krawczyk's test on the box ``middle`` ± ``radii`` of (gamma_bar, v), at the working precision.
+
+    ``centre`` is the half map at ``middle``, if it is known already.
+    """
+    m = [ball(part).mid() for part in middle]
+    box = [point + arb(0, radius) for point, radius in zip(m, radii, strict=True)]
+    if centre is None:
+        centre = half_flight(model, *m)
+    if centre.status is not HalfStatus.RETURNED:
+        return Inclusion(False, m, failed=centre)
+    wide = half_flight(model, *box, derivatives=True)
+    if wide.status is not HalfStatus.RETURNED:
+        return Inclusion(False, m, centre=centre, failed=wide)
+    value = [after - before for after, before in zip(centre.image, m, strict=True)]
+    (a, b), (c, d) = wide.matrix
+    jacobian = ((a - 1, b), (c, d - 1))
+    inverse = _midpoint_inverse(jacobian)
+    residual = _product(inverse, value)
+    rest = [[int(i == j) - sum(inverse[i][k] * jacobian[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
+    spread = _product(rest, [whole - part for whole, part in zip(box, m, strict=True)])
+    image = [part - shift + width for part, shift, width in zip(m, residual, spread, strict=True)]
+    included = all(inside(part, whole) for part, whole in zip(image, box, strict=True))
+    return Inclusion(included, m, image, residual, centre, wide)
+
+
+def _midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The inverse of the midpoints' matrix, as points: any regular matrix will do, and inclusion shows that it is."""
+    (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
+    determinant = a * d - b * c
+    return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
+
+
+def _product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
+    return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
+
+
+def prove_cycle(
+    parameters: Parameters, omega: object, guess: Sequence[object], *, digits: int = 12, most_bits: int = 20_000
+) -> CycleProof:
+    """Prove the limit cycle near ``guess`` = (gamma_bar, v) at ``omega`` [rad/s] and enclose its numbers.
+
+    Period, state and beta_max come to ``digits`` significant digits, the others to about as many. The guess, of a few
+    digits or more, is sharpened here; ``most_bits`` bounds the working precision. Raises InputError for input that
+    makes no sense; whatever else prevents a proof is a status.
+    """
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    if len(guess) != 2:
+        raise InputError("a guess has two components: gamma_bar and v")
+    attempt = _Attempt(parameters, speed.rational, digits, most_bits)
+    return attempt.run([exact(part) for part in guess])
+
+
+class _Attempt:
+    """A proof under way: the precision and box in use, and how to report an end."""
+
+    def __init__(self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int) -> None:
+        self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
+        self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
+        self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
+
+    def ended(self, status: Status, where: str) -> CycleProof:
+        return CycleProof(status, where, self.parameters.name, self.omega, self.bits)
+
+    def not_followed(self, flight: HalfFlight) -> CycleProof:
+        return self.ended(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
+
+    def model(self) -> Model:
+        """At the working precision, which must be in force."""
+        return Model(ball_constants(self.parameters), ball(self.omega))
+
+    def run(self, guess: Sequence[Any]) -> CycleProof:
+        middle = self.sharpened(guess)
+        if isinstance(middle, CycleProof):
+            return middle
+        outcome: CycleProof | None = None
+        for _ in range(_MOST_ATTEMPTS):
+            with working_precision(self.bits):
+                radii = [abs(part) * arb(2) ** -self.box_bits for part in middle]
+                found = inclusion(self.model(), middle, radii)
+                if found.included:
+                    proof = self.concluded(found, radii)
+                    lacking = proof.lacking_bits(self.digits)
+                    if not lacking:
+                        return replace(proof, unique_within=self.neighbourhood(found, radii))
+                    outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
+                    self.box_bits += lacking + 4
+                    wanted = self.bits + lacking + 4
+                    middle = [part.mid() for part in found.image]
+                else:
+                    if found.failed is not None:
+                        outcome = self.not_followed(found.failed)
+                        wanted = self.bits + 64
+                    else:
+                        outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
+                        wanted = self.bits + _shortage(found.residual, radii)
+                        if all(part.is_finite() for part in found.image):
+                            middle = [part.mid() for part in found.image]
+            if wanted > self.most_bits:
+                return outcome
+            self.bits = wanted
+        assert outcome is not None
+        return outcome
+
+    def sharpened(self, guess: Sequence[Any]) -> list[Any] | CycleProof:
+        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints."""
+        with working_precision(self.bits):
+            state = [ball(part).mid() for part in guess]
+        scale = float(abs(state[0])) + float(abs(state[1])) / 10
+        if not scale > 0:
+            return self.ended(Status.TRIVIAL, "the guess is the equilibrium")
+        matrix: Any = None
+        known, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
+        for _ in range(_MOST_ITERATIONS):
+            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * known + 64))):
+                flight = half_flight(self.model(), *state, derivatives=matrix is None)
+                if flight.status is not HalfStatus.RETURNED:
+                    return self.not_followed(flight)
+                if matrix is None:
+                    (a, b), (c, d) = flight.matrix
+                    matrix = ((a - 1, b), (c, d - 1))
+                inverse = _midpoint_inverse(matrix)
+                step = _product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
+                if not all(part.is_finite() for part in step):
+                    return self.ended(Status.NOT_CONVERGED, "the derivative of the half map is singular")
+            with working_precision(self.bits):
+                state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
+            if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
+                return self.ended(Status.TRIVIAL, "in Newton's iteration")
+            size = max(_exponent(part) for part in step) - max(_exponent(part) for part in state)
+            previous, known = known, -size
+            if known < 20:  # far away: a fresh derivative for the next step
+                matrix, gain = None, 0
+                continue
+            gain = gain or known
+            # Within the box's radius, or within what this precision can tell.
+            if known + min(gain, known) > min(self.box_bits + 4, self.bits - 16):
+                return state
+            if known <= previous:  # a stale derivative
+                matrix, gain = None, 0
+        return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
+
+    def neighbourhood(self, found: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
+        """Distances within which there is no other fixed point: from the widest box that passes the test."""
+        assert found.centre is not None
+        widest = radii
+        with working_precision(_REMOTE_BITS):
+            model = self.model()
+            for size in _REMOTE_BOXES:
+                wide = [abs(part) * arb(2) ** -size for part in found.middle]
+                if size < self.box_bits and inclusion(model, found.middle, wide, found.centre).included:
+                    widest = wide
+                    break
+        # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
+        near, far = (
+            radius - abs(part - point) for radius, part, point in zip(widest, found.image, found.middle, strict=True)
+        )
+        return near, far
+
+    def concluded(self, found: Inclusion, radii: Sequence[Any]) -> CycleProof:
+        """The cycle's numbers from an inclusion, on balls."""
+        centre, box = found.centre, found.box
+        assert centre is not None
+        assert box is not None
+        shift = [part - point for part, point in zip(found.image, found.middle, strict=True)]
+
+        def along(derivatives: Sequence[Any]) -> Any:
+            return derivatives[0] * shift[0] + derivatives[1] * shift[1]
+
+        (a, b), (c, d) = box.matrix
+        trace, shrinking = a + d, box.divergence.exp()  # det P = -shrinking
+        root = (trace * trace / 4 + shrinking).sqrt()
+        # The root of larger size; where the trace's sign is not certain the sum holds both signs' cases.
+        larger = abs(trace) / 2 + root
+        slow = larger * larger
+        log_slow = slow.log()
+        log_fast = 2 * box.divergence - log_slow
+        # (1 - P') x' = P_Omega
+        determinant = (1 - a) * (1 - d) - b * c
+        by_omega = (
+            ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
+            ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
+        )
+        time_by = box.time_by_state
+        stable = None
+        if negative(log_slow) and negative(log_fast):
+            stable = True
+        elif positive(log_slow):
+            stable = False
+        return CycleProof(
+            Status.PROVED,
+            f"in {self.bits} bits, {centre.steps} + {box.steps} steps",
+            self.parameters.name,
+            self.omega,
+            self.bits,
+            unique_within=tuple(radii),
+            period=2 * (centre.time + along(time_by)),
+            gamma_bar_0=found.image[0],
+            v_0=found.image[1],
+            beta_max=-(centre.beta_least + along(box.turn_by_start)),
+            multiplier_slow=slow,
+            log_multiplier_slow=log_slow,
+            log_multiplier_fast=log_fast,
+            dperiod_domega=2 * (time_by[0] * by_omega[0] + time_by[1] * by_omega[1] + box.time_by_omega),
+            dgamma_bar_0_domega=by_omega[0],
+            dv_0_domega=by_omega[1],
+            stable=stable,
+            flights=(centre, box),
+        )
+
+
+def _exponent(x: Any) -> int:
+    """An integer k with |x| < 2^k for all x of the finite ball, the least but for rounding (-10^6 for zero)."""
+    mantissa, exponent = x.abs_upper().man_exp()
+    return int(mantissa).bit_length() + int(exponent) if mantissa else -1_000_000
+
+
+def _shortage(residual: Sequence[Any], radii: Sequence[Any]) -> int:
+    """Bits that would bring the rounding errors of Y F(m) well below the box's radius; at least 16."""
+    if not all(part.is_finite() for part in residual):
+        return 64
+    return max(16, 8 + max(_exponent(part.rad()) - _exponent(r) for part, r in zip(residual, radii, strict=True)))

@@ -1,0 +1,300 @@
+"""Omega_h proved: in an enclosed interval of speeds, noninverted spinning is connected with its copy, at exactly one.
+
+The unstable branch of the saddle (0, -pi, 0) (shifted angles) that leaves with growing gamma passes z_u = theta_0 at a
+point p_0(Omega) and T seconds later is at p(Omega), near the saddle (0, pi, 0). Let I be an interval of speeds with the
+midpoint Omega_m and the half-width h.
+
+1. *Start.* Cones at the first saddle enclose p_0 on all of I, sharper at Omega_m, and the difference of two of its
+   points: p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega) (`local_manifolds`).
+2. *Flight.* `flow` encloses p(Omega_m), p(I) and the derivatives of the flow over all that starts there; by the mean
+   value theorem p(Omega') - p(Omega) = P G (Omega' - Omega) with an enclosed vector G.
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle. In the block's coordinates w_u changes from less
+   than -delta to more than delta, or back, between the ends of I: w_u(p(Omega_m)) is known, and its derivative
+   H = G_u - W_u' G_s bounds the rest. So at one end of I the orbit leaves N through one face, at the other end through
+   the other. The speeds of either kind are open sets; I is connected: at some speed of I the orbit stays in N for ever.
+4. *Connection.* By the cones at the second saddle an orbit that stays in N converges to it. That speed is Omega_h, and
+   by the point symmetry the connection back exists at the same speed.
+5. *Uniqueness.* Two such speeds Omega < Omega' would give orbits in N that differ at arrival by P G (Omega' - Omega).
+   If G lies in the unstable cone, for all speeds of I, they would drift apart exponentially, and cannot both stay.
+
+What is proved excludes, in I, a second speed whose branch stays in N after T seconds; it says nothing of orbits that
+leave N and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
+
+Omega_m comes from elsewhere, good to some digits more than I is long. It is a guess like any other.
+
+Where a ball becomes a point here: theta_0, T, Omega_m, h and the extents of N are exact numbers chosen freely.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from typing import Any
+
+from flint import arb
+
+from tippedisk_verify.certified.angles import NONINVERTED
+from tippedisk_verify.certified.balls import ball, ball_constants, measured, negative, positive, working_precision
+from tippedisk_verify.certified.closed_forms import characteristic_polynomial, real_root
+from tippedisk_verify.certified.flow import Model, Path, carry
+from tippedisk_verify.certified.flow import Status as FlowStatus
+from tippedisk_verify.certified.local_manifolds import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    Block,
+    Curve,
+    Frame,
+    rates_of_cones,
+    smallest_weights,
+)
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+
+__all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "not_proved", "prove_connection"]
+
+MOST_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
+_GUARD_BITS = 56  # some 10 digits for the passage, and a few for what is divided away
+_LONGEST = 30.0  # s
+_ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
+_MOST_PASSES = 3
+_LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
+
+
+class Status(Enum):
+    """How the proof ended. The value says where it stopped and what to try next."""
+
+    PROVED = "proved"
+    NO_SADDLE = "there is no connection of saddles to look for"
+    UNSTABLE_BRANCH = "the unstable branch could not be enclosed at the first saddle: ask for more digits"
+    FLOW = "the flight between the saddles could not be enclosed: ask for more digits"
+    NOT_NEAR = "the branch does not come near the second saddle: try another speed"
+    BLOCK = "no isolating block at the second saddle holds the arrivals: ask for more digits"
+    SIDES = "the ends of the interval are not proved to pass on opposite sides: is there a connection in it?"
+    CONES = "the cone conditions at a saddle are not proved: ask for more digits"
+
+
+@dataclass(frozen=True)
+class ProvedConnection:
+    """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
+
+    status: Status
+    omega_h: Measured | None  #: [rad/s]; the interval I
+    unique: bool  #: no second speed of I has a connection of this kind
+    saddle_eigenvalues: tuple[Measured, ...]  #: unstable, slow stable, fast stable [1/s], for every speed of I
+    flight_time: Fraction | None  #: T [s]
+    upright: bool  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
+    bits: int  #: working precision of the last pass
+    detail: str = ""
+
+    @property
+    def proved(self) -> bool:
+        return self.status is Status.PROVED
+
+    @property
+    def saddle_value(self) -> Measured | None:
+        """lambda_u + lambda_s [1/s]; where it is negative the cycle born of the connection attracts (Shilnikov)."""
+        if not self.saddle_eigenvalues:
+            return None
+        unstable, slow, _ = self.saddle_eigenvalues
+        return Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty)
+
+    @property
+    def statement(self) -> str:
+        if not self.proved or self.omega_h is None:
+            return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
+        return (
+            f"{'exactly one' if self.unique else 'at least one'} speed in the closed interval given is an Omega_h: "
+            f"there the unstable branch of (pi/2, -pi/2, 0) that leaves with growing gamma arrives near "
+            f"(pi/2, 3 pi/2, 0), stays there and converges to it, and by the point symmetry the connection back exists "
+            f"at the same speed."
+        )
+
+    def json(self) -> dict[str, object]:
+        return {
+            "proved": self.proved,
+            "status": self.status.name.lower(),
+            "statement": self.statement,
+            "omega_h": None if self.omega_h is None else self.omega_h.json(),
+            "unique": self.unique,
+            "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
+            "saddle_value": None if self.saddle_value is None else self.saddle_value.json(),
+            "upright": self.upright,
+            "flight_time": None if self.flight_time is None else float(self.flight_time),
+            "bits": self.bits,
+        }
+
+
+def not_proved(status: Status, bits: int = 0, detail: str = "") -> ProvedConnection:
+    """The result without a proof."""
+    return ProvedConnection(status, None, False, (), None, False, bits, detail)
+
+
+def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
+    """Prove Omega_h in an interval of length at most 10^-digits, absolutely and relative to it, about ``near`` [rad/s].
+
+    ``near`` (an exact number) must be good to two digits more, and to six at least. Linear friction. Raises InputError
+    for digits not offered or a speed that makes no sense, NoConnectionError where the equilibrium is no saddle with
+    real eigenvalues.
+    """
+    if not 1 <= digits <= MOST_DIGITS:
+        raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
+    given = exact(near)
+    if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
+        raise InputError(f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}")
+    # Decimal ends, so that what is printed is the interval of which the statement is proved, and no more.
+    decimals = max(digits, _LEAST_DIGITS) + max(0, math.ceil(-math.log10(given.rational)))
+    middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
+    bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
+    for attempt in range(_MOST_PASSES):
+        with working_precision(bits):
+            found = _Pass(parameters, middle, half_width, bits).prove(Fraction(1, 64 ** (attempt + 1)))
+        if found.proved or found.status is Status.NOT_NEAR:
+            break
+        bits += 48
+    return found
+
+
+class _Pass:
+    """One pass over an interval of speeds, at the working precision."""
+
+    def __init__(self, parameters: Parameters, middle: Fraction, half_width: Fraction, bits: int) -> None:
+        self.bits, self.middle, self.half_width = bits, middle, half_width
+        self.frame = Frame(parameters, middle)
+        self.thin = ball(middle)  # with a rounding's radius
+        self.interval = self.thin + arb(0, ball(half_width).upper())
+        order = 2 * math.ceil(_ORDER_PER_BIT * bits / 2) + 1
+        self.leaving = Curve(self.frame, self.thin, UNSTABLE, order)  # sharper than on the interval
+        self.leaving_all = Curve(self.frame, self.interval, UNSTABLE, order)
+        self.arriving = Curve(self.frame, self.interval, SLOW, order)
+        self.constants = ball_constants(parameters)
+
+    @property
+    def theta_0(self) -> Any:
+        """Where the branch is left: an eighth of the series' reach, a power of two."""
+        return _share_of_reach(self.leaving)
+
+    def prove(self, share: Fraction) -> ProvedConnection:
+        """``share`` of the half-width: the flight goes on until the fast coordinate is smaller."""
+        flown = self._thin_flight(self.half_width * share)
+        if isinstance(flown, Status):
+            return self._failed(flown)
+        time, w_u = flown
+        arrived = self._wide_flight(time)
+        if isinstance(arrived, Status):
+            return self._failed(arrived)
+        state, G, upright = arrived
+        theta, (wide_u, wide_f) = self._at_arrival(state)
+        s, u, t = (abs(part).upper() for part in (theta, wide_u, wide_f))
+        # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must not win.
+        block = Block.around(self.arriving, ((s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()))
+        if block is None:
+            return self._failed(Status.BLOCK)
+        slope = G[UNSTABLE] - self.arriving.slopes(theta)[0] * G[SLOW]
+        half = ball(self.half_width)
+        low, high = w_u - slope * half, w_u + slope * half
+        rising = negative(low + block.delta) and positive(high - block.delta)
+        falling = positive(low - block.delta) and negative(high + block.delta)
+        if not (rising or falling):
+            return self._failed(Status.SIDES)
+        by_speed = self.frame.derivative_by_speed(self.interval, block.box)
+        nothing = [arb(0)] * 3
+        if not all(map(positive, rates_of_cones(block.derivative, nothing, [arb(1)] * 3))):
+            return self._failed(Status.CONES)
+        return ProvedConnection(
+            status=Status.PROVED,
+            omega_h=Measured(self.middle, self.half_width),
+            unique=_drift_apart(block.derivative, by_speed, G),
+            saddle_eigenvalues=self._eigenvalues(),
+            flight_time=time,
+            upright=upright and _upright(self.frame.offset(block.box)),
+            bits=self.bits,
+        )
+
+    def _thin_flight(self, resolved: Fraction) -> tuple[Fraction, Any] | Status:
+        """T and w_u(p(Omega_m)), when the fast coordinate has fallen below ``resolved``."""
+        start = self.leaving.unstable_point(self.theta_0)
+        if start is None:
+            return Status.UNSTABLE_BRANCH
+        path = Path(Model(self.constants, self.thin), self._departing(start[0]))
+        # Nearer than the series demand: the cones there need orbits that differ along the unstable direction.
+        reach, small = _share_of_reach(self.arriving) / 4, ball(resolved)
+        while path.time < _LONGEST:
+            step = path.step()
+            if step is None:
+                return Status.FLOW
+            path.take(step)
+            beta, gamma, _ = path.box
+            if beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
+                break
+            theta, w = self._at_arrival(path.box)
+            if abs(theta) < reach and abs(w[1]) < small:
+                if not path.time.is_exact():
+                    return Status.FLOW
+                return measured(path.time).value, w[0]
+        return Status.NOT_NEAR
+
+    def _wide_flight(self, time: Fraction) -> tuple[tuple[Any, Any, Any], list[Any], bool] | Status:
+        """p(I); G with p(Omega') - p(Omega) in P G (Omega' - Omega) for all speeds of I; whether all stay upright."""
+        curve, theta_0 = self.leaving_all, self.theta_0
+        start = curve.unstable_point(theta_0)
+        if start is None:
+            return Status.UNSTABLE_BRANCH
+        box, cone = start
+        whole = curve.point(arb(0).union(theta_0), [arb(0, (part * theta_0).upper()) for part in cone])
+        matrix = self.frame.derivative(self.interval, whole)
+        by_speed = self.frame.derivative_by_speed(self.interval, whole)
+        weights = smallest_weights(matrix, by_speed)
+        if not all(map(positive, rates_of_cones(matrix, by_speed, weights))):
+            return Status.CONES
+        flight = carry(Model(self.constants, self.interval), self._departing(box), time, derivatives=True)
+        if flight.status is not FlowStatus.REACHED or flight.matrix is None:
+            return Status.FLOW
+        moved = self.frame.offset([arb(0), arb(0, weights[SLOW]), arb(0, weights[FAST])])
+        change = [sum((row[k] * moved[k] for k in range(3)), row[3]) for row in flight.matrix]
+        return flight.state, self.frame.coordinates(change), flight.upright and _upright(self.frame.offset(whole))
+
+    def _departing(self, z: Sequence[Any]) -> tuple[Any, Any, Any]:
+        beta, gamma, v = self.frame.offset(z)
+        return beta, gamma - arb.pi(), v
+
+    def _at_arrival(self, state: Sequence[Any]) -> tuple[Any, tuple[Any, Any]]:
+        """(theta, (w_u, w_f)) at the second saddle."""
+        beta, gamma, v = state
+        return self.arriving.straightened(self.frame.coordinates((beta, gamma - arb.pi(), v)))
+
+    def _eigenvalues(self) -> tuple[Measured, ...]:
+        """Of the saddle for every speed of the interval, by descending value."""
+        polynomial = characteristic_polynomial(self.constants, self.interval, NONINVERTED)
+        return tuple(measured(real_root(polynomial, value)) for value in self.frame.eigenvalues)
+
+    def _failed(self, status: Status) -> ProvedConnection:
+        return not_proved(status, self.bits)
+
+
+def _upright(offset: Sequence[Any]) -> bool:
+    return bool(2 * abs(offset[0]) < arb.pi())
+
+
+def _drift_apart(matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> bool:
+    """Whether orbits that differ by G (Omega' - Omega) are in a cone in which they drift apart for ever."""
+    unstable, slow, fast = (abs(part) for part in G)
+    weights = [unstable.lower() * 7 / 8, slow.upper() * 2, fast.upper() * 2]
+    # A weight may be larger than the difference needs; much smaller ones than the others' coupling are not proved.
+    least = smallest_weights(matrix, by_speed)
+    for index in (SLOW, FAST):
+        weights[index] = weights[index].max(2 * least[index])
+    inside = positive(weights[0]) and unstable > weights[0] and slow < weights[1] and fast < weights[2]
+    return bool(inside and all(map(positive, rates_of_cones(matrix, by_speed, weights))))
+
+
+def _share_of_reach(curve: Curve) -> Any:
+    """About an eighth of where the series' last coefficients say that it converges, a power of two, at most 1/4."""
+    sizes = [float(abs(series[-1])) for series in curve.graph]
+    rates = [size ** (-1 / curve.order) for size in sizes if size > 0]
+    return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))

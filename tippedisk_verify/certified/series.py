@@ -1,0 +1,243 @@
+"""Taylor coefficients of solutions, by recurrences on a graph that the equations of motion themselves record.
+
+`Graph` hands out nodes that know arithmetic; running `model.equations.field` on them once writes down its elementary
+operations. Each operation has a recurrence for the Taylor coefficients of its result (Moore 1966, ch. 11; Griewank and
+Walther, *Evaluating Derivatives*, ch. 13): a product's is a convolution, sine and cosine follow from each other.
+Partial derivatives are recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations
+need no second transcription.
+
+On balls every coefficient is an enclosure: each step of a recurrence is one of Arb's operations, which are
+inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from operator import mul
+from typing import Any
+
+__all__ = ["Graph", "Node", "System"]
+
+
+class Node:
+    """One operation on series: what it is, and the Taylor coefficients found so far (one if it is constant)."""
+
+    __slots__ = ("active", "c", "constant", "graph", "kind", "left", "partner", "right")
+
+    def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
+        self.graph, self.kind, self.left, self.right = graph, kind, left, right
+        self.partner: Node | None = None  # of an angle: its sine; of a sine: its cosine, and the other way round
+        self.c: list[Any] = []
+        parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
+        self.constant: bool = bool(parts) and all(part.constant for part in parts)
+        self.active: bool = any(part.active for part in parts)
+        graph.nodes.append(self)
+
+    def __add__(self, other: Any) -> Node:
+        return self.graph.operation("add", self, other)
+
+    def __radd__(self, other: Any) -> Node:
+        return self.graph.operation("add", self, other)
+
+    def __sub__(self, other: Any) -> Node:
+        return self.graph.operation("subtract", self, other)
+
+    def __rsub__(self, other: Any) -> Node:
+        return self.graph.operation("subtract", self.graph.number(other), self)
+
+    def __mul__(self, other: Any) -> Node:
+        return self.graph.operation("multiply", self, other)
+
+    def __rmul__(self, other: Any) -> Node:
+        return self.graph.operation("multiply", self, other)
+
+    def __truediv__(self, other: Any) -> Node:
+        return self.graph.operation("divide", self, other)
+
+    def __rtruediv__(self, other: Any) -> Node:
+        return self.graph.operation("divide", self.graph.number(other), self)
+
+    def __neg__(self) -> Node:
+        return self.graph.operation("multiply", self, -1)
+
+
+class Graph:
+    """The operations in the order in which they were recorded; also the ``ops`` (sin, cos) for `model.equations`."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+
+    def variable(self) -> Node:
+        """A function of time, whose coefficients a `System` provides."""
+        node = Node(self, "variable")
+        node.active = True
+        return node
+
+    def number(self, value: Any, *, active: bool = False) -> Node:
+        """A constant. ``active``: one with respect to which `gradient` may be asked for."""
+        if isinstance(value, Node):
+            return value
+        node = Node(self, "number")
+        node.constant, node.active, node.c = True, active, [value]
+        return node
+
+    def operation(self, kind: str, left: Node, right: Any) -> Node:
+        if kind == "multiply" and isinstance(right, int) and right == 1:
+            return left
+        node = Node(self, kind, left, self.number(right))
+        if node.constant:
+            node.c = [_folded(kind, left.c[0], node.right.c[0])]
+        return node
+
+    def sin(self, angle: Node) -> Node:
+        if angle.partner is None:
+            sine, cosine = Node(self, "sin", angle), Node(self, "cos", angle)
+            angle.partner, sine.partner, cosine.partner = sine, cosine, sine
+        return angle.partner
+
+    def cos(self, angle: Node) -> Node:
+        cosine = self.sin(angle).partner
+        assert cosine is not None
+        return cosine
+
+    def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
+        """Nodes for the partial derivatives of ``output`` with respect to variables and active numbers."""
+        adjoints: dict[Node, Any] = {output: 1}
+
+        def pass_on(node: Node, share: Any) -> None:
+            if node.active:
+                adjoints[node] = adjoints[node] + share if node in adjoints else share
+
+        # The list grows while it is read: what is recorded now are the adjoints' own operations, no part of output.
+        for node in reversed(self.nodes[: self.nodes.index(output) + 1]):
+            if node not in adjoints or node.left is None:
+                continue
+            bar = adjoints[node]
+            if node.kind in ("add", "subtract"):
+                pass_on(node.left, bar)
+                pass_on(node.right, bar if node.kind == "add" else -bar)
+            elif node.kind == "multiply":
+                pass_on(node.left, node.right * bar)
+                pass_on(node.right, node.left * bar)
+            elif node.kind == "divide":
+                share = bar / node.right
+                pass_on(node.left, share)
+                pass_on(node.right, -(node * share))
+            else:
+                other = node.partner * bar
+                pass_on(node.left, other if node.kind == "sin" else -other)
+        return [self.number(adjoints.get(node, 0)) for node in inputs]
+
+
+class System:
+    """The initial value problem x' = rates(x) whose variables and rates are nodes of one graph."""
+
+    def __init__(self, graph: Graph, variables: Sequence[Node], rates: Sequence[Node]) -> None:
+        self.variables, self.rates = tuple(variables), tuple(rates)
+        needed = _ancestors(self.rates)
+        moving = [node for node in graph.nodes if node in needed and not node.constant]
+        self._moving = moving
+        self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
+
+    def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
+        """Coefficients 0 … ``order`` of each variable's Taylor series at time 0, for the start's enclosures."""
+        for node in (*self._moving, *self.variables):
+            node.c = []
+        for variable, value in zip(self.variables, start, strict=True):
+            variable.c.append(value)
+        zero = 0 * start[0]
+        for k in range(order):
+            for rule in self._rules:
+                rule(k)
+            for variable, rate in zip(self.variables, self.rates, strict=True):
+                if rate.constant:
+                    variable.c.append(zero if k else rate.c[0] + zero)
+                else:
+                    variable.c.append(rate.c[k] / (k + 1))
+        return [variable.c for variable in self.variables]
+
+
+def _folded(kind: str, a: Any, b: Any) -> Any:
+    """The operation on two constants. Two integers' quotient stays exact (balls refuse Fractions: no silent float)."""
+    if kind == "add":
+        return a + b
+    if kind == "subtract":
+        return a - b
+    if kind == "multiply":
+        return a * b
+    return Fraction(a, b) if isinstance(a, int) and isinstance(b, int) else a / b
+
+
+def _ancestors(nodes: Sequence[Node]) -> set[Node]:
+    found: set[Node] = set()
+    open_nodes = list(nodes)
+    while open_nodes:
+        node = open_nodes.pop()
+        if node not in found:
+            found.add(node)
+            # A sine's recurrence needs the cosine, and the other way round.
+            partner = node.partner if node.kind in ("sin", "cos") else None
+            open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
+    return found
+
+
+def _recurrence(node: Node) -> Callable[[int], None] | None:
+    """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1."""
+    kind, x, y = node.kind, node.left, node.right
+
+    if kind in ("variable", "cos"):  # a variable's come from its rate, a cosine's with its sine
+        return None
+    if kind == "sin":
+        cosine = node.partner
+        slopes: list[Any] = []
+        assert cosine is not None
+
+        def sine(k: int) -> None:
+            if k == 0:
+                slopes.clear()
+                node.c.append(x.c[0].sin())
+                cosine.c.append(x.c[0].cos())
+            else:
+                slopes.append(k * x.c[k])
+                rise, fall = _convolution(slopes, cosine.c), _convolution(slopes, node.c)
+                node.c.append(rise / k)
+                cosine.c.append(-fall / k)
+
+        return sine
+    if kind == "divide":
+        if y.constant:
+            return lambda k: node.c.append(x.c[k] / y.c[0])
+
+        def divide(k: int) -> None:
+            known = x.c[k] if not x.constant else x.c[0] if k == 0 else 0
+            node.c.append((known - _convolution(y.c[1:], node.c)) / y.c[0])
+
+        return divide
+    if kind == "multiply":
+        if x.constant:
+            x, y = y, x
+        if y.constant:
+            return lambda k: node.c.append(x.c[k] * y.c[0])
+        if x is y:
+            return lambda k: node.c.append(_square(x.c, k))
+        return lambda k: node.c.append(_convolution(x.c, y.c))
+    sign = 1 if kind == "add" else -1
+    if y.constant:
+        return lambda k: node.c.append(x.c[k] if k else x.c[0] + sign * y.c[0])
+    if x.constant:
+        return lambda k: node.c.append(x.c[0] + sign * y.c[0] if k == 0 else sign * y.c[k])
+    if kind == "add":
+        return lambda k: node.c.append(x.c[k] + y.c[k])
+    return lambda k: node.c.append(x.c[k] - y.c[k])
+
+
+def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """a_0 b_n + … + a_n b_0 for two sequences of the same length (0 for none)."""
+    return sum(map(mul, a, reversed(b)))
+
+
+def _square(a: Sequence[Any], k: int) -> Any:
+    """Coefficient k of a's square: each product once, and twice what comes twice."""
+    half = 2 * sum(map(mul, a[: (k + 1) // 2], a[: k - (k + 1) // 2 : -1])) if k else 0
+    return half if k % 2 else half + a[k // 2] * a[k // 2]

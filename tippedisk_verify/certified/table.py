@@ -1,0 +1,384 @@
+"""Which of the paper's printed numbers can follow from its Table 1, for every disk that rounds to that table.
+
+The table's five quantities are known to half a unit of their last digit: a box of disks. mu = 0.3 and epsilon = 0.1 are
+choices and exact; g is not printed and enters as the exact value given. The numbers looked at are monotone in each of
+r, e, m, A and B over the box: the sign of each partial derivative is proved on balls that cover it. So each takes its
+extremes at two corners, which are exact disks, and, being continuous, every value between. The first Lyapunov
+coefficient is enclosed on balls that cover the box, bisected until each is negative.
+
+Where a ball becomes a point here: `measured` hands out midpoints with their radii; which side to bisect is decided in
+rational arithmetic and does not matter for what is proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+from flint import arb, arb_series, ctx
+
+from tippedisk_verify.certified import closed_forms
+from tippedisk_verify.certified.angles import NONINVERTED
+from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, negative, positive, working_precision
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+
+__all__ = [
+    "PRINTED_NUMBERS",
+    "TABLE",
+    "Follows",
+    "TableStudy",
+    "omega_h_statements",
+    "rounding_box",
+    "rounds_to",
+    "study_table",
+]
+
+#: Table tab:dim_mass, as printed.
+TABLE = {"r": "0.045", "e": "2.5e-3", "m": "0.435", "A": "0.249e-3", "B": "0.227e-3"}
+#: Section sec:shooting: where the branch of limit cycles ends [rad/s].
+OMEGA_H = "30.07"
+_BITS = 200  # far more than any printed digit needs, and not seen in the time
+_MOST_BOXES = 200_000
+
+Box = Mapping[str, tuple[Fraction, Fraction]]
+
+
+def _omega_crit(p: Any) -> Any:
+    """Eq. approx_omega_crit [rad/s]; Bbar / m = B / m - e^2."""
+    reach = p.r + p.e
+    return (reach * reach * p.g / (p.r * (p.B / p.m - p.e * p.e))).sqrt()
+
+
+def _period(p: Any) -> Any:
+    """2 pi / (Omega_crit sqrt(e / (r + e))) [s]: Eq. omega_sol at Omega_crit."""
+    return 2 * arb.pi() / (_omega_crit(p) * (p.e / (p.r + p.e)).sqrt())
+
+
+def _stiff(p: Any) -> Any:
+    """A33 = -mu g (r + e)^2 / (epsilon Bbar / m) [1/s] (Eq. closed_la3)."""
+    reach = p.r + p.e
+    return -1 * (p.mu * p.g * reach * reach / (p.epsilon * (p.B / p.m - p.e * p.e)))
+
+
+def _chi(p: Any) -> Any:
+    """chi [kg m^3] (below Eq. Csol)."""
+    return closed_forms.chi(SimpleNamespace(r=p.r, e=p.e, A=p.A, Bbar=p.B - p.m * p.e * p.e))
+
+
+#: What the paper prints of the model's closed forms: name, printed decimal, formula.
+PRINTED_NUMBERS: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
+    ("omega_crit", "30.92", _omega_crit),
+    ("period", "0.886", _period),
+    ("lambda_3", "-129.04", _stiff),
+    ("chi", "1.31e-7", _chi),
+)
+
+
+@dataclass(frozen=True)
+class Follows:
+    """One printed number against the table."""
+
+    name: str
+    printed: str
+    from_table: Measured  #: with Table 1 taken as exact
+    from_table_follows: bool  #: whether that rounds to the printed decimal
+    least: Measured  #: over all disks that round to the table; taken at a corner of the box
+    greatest: Measured
+    can_follow: bool  #: whether some disk that rounds to the table gives a number that rounds to the printed one
+    #: quantities whose rounding suffices, all others as printed, with the interval of values that round to the printed
+    #: number: at most 2^-60 of the rounding box too wide at either end
+    alone: Mapping[str, tuple[Fraction, Fraction]]
+
+    @property
+    def statement(self) -> str:
+        exactly = "rounds" if self.from_table_follows else "does not round"
+        if not self.can_follow:
+            return f"no disk that rounds to Table 1 gives {self.name} = {self.printed}."
+        alone = f"the rounding of {' or of '.join(self.alone)} alone" if self.alone else "no single quantity's rounding"
+        return (
+            f"{self.name} of Table 1 taken as exact {exactly} to {self.printed}; among the disks that round to Table 1 "
+            f"some give it, and {alone} suffices."
+        )
+
+    def json(self) -> dict[str, object]:
+        return {
+            "name": self.name,
+            "printed": self.printed,
+            "from_table": self.from_table.json(),
+            "from_table_follows": self.from_table_follows,
+            "least": self.least.json(),
+            "greatest": self.greatest.json(),
+            "can_follow": self.can_follow,
+            "alone": {
+                name: {"from": f"{float(low):.7g}", "to": f"{float(high):.7g}"}
+                for name, (low, high) in self.alone.items()
+            },
+            "statement": self.statement,
+        }
+
+
+@dataclass(frozen=True)
+class TableStudy:
+    """The printed numbers one by one and all at once, and what holds for every disk that rounds to the table."""
+
+    gravity: Fraction
+    numbers: tuple[Follows, ...]
+    witness: Parameters | None  #: a disk that rounds to the table and gives all printed numbers at once
+    alone: tuple[str, ...]  #: quantities whose rounding alone, all others as printed, can give all at once
+    always_supercritical: bool
+    boxes: int  #: that cover the rounding box in the proof of the line before
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        found = [number.statement for number in self.numbers]
+        if self.witness is not None:
+            found.append(
+                f"all {len(self.numbers)} at once follow from one disk that rounds to Table 1 ('{self.witness.name}'"
+                + (
+                    f"; so can the rounding of {' or of '.join(self.alone)} alone"
+                    if self.alone
+                    else "; the rounding of no single quantity, the others as printed, gives all"
+                )
+                + ")."
+            )
+        if self.always_supercritical:
+            found.append(
+                "for every disk that rounds to Table 1 the Hopf point is supercritical, and noninverted spinning is "
+                "unstable at every speed."
+            )
+        return tuple(found)
+
+    def json(self) -> dict[str, object]:
+        return {
+            "g": Measured(self.gravity, Fraction(0)).decimals()[0],
+            "numbers": [number.json() for number in self.numbers],
+            "all_at_once": None if self.witness is None else self.witness.decimals(),
+            "alone": list(self.alone),
+            "always_supercritical": self.always_supercritical,
+            "boxes": self.boxes,
+            "statements": list(self.statements),
+        }
+
+
+def omega_h_statements(
+    proved: Mapping[str, Measured], witness: Parameters | None = None, printed: str = OMEGA_H
+) -> tuple[str, ...]:
+    """Whether each proved Omega_h, by the name of its parameter set, rounds to the printed decimal.
+
+    ``witness`` is a disk that gives all of `PRINTED_NUMBERS`.
+    """
+    found = []
+    with working_precision(_BITS):
+        for name, omega_h in proved.items():
+            ends = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
+            answer = "rounds" if _decided(rounds_to(ends, printed)) else "does not round"
+            found.append(f"omega_h of '{name}' is {float(omega_h.value):.8g} rad/s and {answer} to {printed}.")
+            if answer == "rounds" and witness is not None and witness.name == name:
+                found.append(f"so all {len(PRINTED_NUMBERS) + 1} printed numbers at once follow from '{name}'.")
+    return tuple(found)
+
+
+def rounding_box(table: Mapping[str, str] = TABLE) -> dict[str, tuple[Fraction, Fraction]]:
+    """The interval of each tabled quantity: half a unit of the printed last digit to either side."""
+    return {name: _interval(text) for name, text in table.items()}
+
+
+def rounds_to(value: Any, printed: str) -> bool | None:
+    """Whether every number of a ball rounds to the decimal; False if none does, None if the ball cannot tell."""
+    low, high = map(ball, _interval(printed))
+    if value >= low and value <= high:
+        return True
+    return False if value < low or value > high else None
+
+
+def study_table(gravity: Fraction = PRINTED.g) -> TableStudy:
+    """The study for one value of g [m/s^2]. Raises Shortfall if something could not be decided."""
+    fixed = {"g": gravity, "mu": PRINTED.mu, "epsilon": PRINTED.epsilon}
+    box = rounding_box()
+    with working_precision(_BITS):
+        numbers = tuple(_follows(name, printed, formula, box, fixed) for name, printed, formula in PRINTED_NUMBERS)
+        witness = CALIBRATED if gravity == CALIBRATED.g and _gives_all(CALIBRATED, box) else None
+        alone = tuple(name for name in box if _all_with(name, numbers))
+    boxes = _cover_supercritical(box, fixed)
+    return TableStudy(gravity, numbers, witness, alone, True, boxes)
+
+
+def _follows(
+    name: str, printed: str, formula: Callable[[Any], Any], box: Box, fixed: Mapping[str, Fraction]
+) -> Follows:
+    signs = {quantity: _slope_sign(formula, quantity, box, fixed) for quantity in box}
+    middle = {quantity: Fraction(TABLE[quantity]) for quantity in box}
+
+    def value(**changed: Fraction) -> Any:
+        return formula(SimpleNamespace(**{key: ball(number) for key, number in {**fixed, **middle, **changed}.items()}))
+
+    least, greatest = (
+        value(**{quantity: box[quantity][(sign > 0) == upward] for quantity, sign in signs.items()})
+        for upward in (False, True)
+    )
+    alone = {
+        quantity: found
+        for quantity, sign in signs.items()
+        if sign and (found := _solutions(_of_one(value, quantity), sign, box[quantity], printed))
+    }
+    exactly = value()
+    return Follows(
+        name=name,
+        printed=printed,
+        from_table=measured(exactly),
+        from_table_follows=_decided(rounds_to(exactly, printed)),
+        least=measured(least),
+        greatest=measured(greatest),
+        can_follow=_meets(least, greatest, printed),
+        alone=alone,
+    )
+
+
+def _of_one(value: Callable[..., Any], quantity: str) -> Callable[[Fraction], Any]:
+    return lambda x: value(**{quantity: x})
+
+
+def _solutions(
+    value: Callable[[Fraction], Any], sign: int, ends: tuple[Fraction, Fraction], printed: str
+) -> tuple[Fraction, Fraction] | None:
+    """All x between the ends whose value rounds to the printed decimal, for a monotone function; None if none does.
+
+    An interval that holds them and is at most 2^-60 of the ends' distance too wide at either end.
+    """
+    low, high = ends
+    bottom, top = map(ball, _interval(printed)[::sign])
+
+    def before(x: Fraction) -> bool:  # the value has not come as far as the decimal's interval
+        return bool(value(x) < bottom if sign > 0 else value(x) > bottom)
+
+    def beyond(x: Fraction) -> bool:
+        return bool(value(x) > top if sign > 0 else value(x) < top)
+
+    if before(high) or beyond(low):
+        return None
+    step = (high - low) / 2**60
+    if before(low):
+        outside, inside = low, high
+        while inside - outside > step:
+            middle = (inside + outside) / 2
+            outside, inside = (middle, inside) if before(middle) else (outside, middle)
+        low = outside
+    if beyond(high):
+        outside, inside = high, low
+        while outside - inside > step:
+            middle = (inside + outside) / 2
+            outside, inside = (middle, inside) if beyond(middle) else (outside, middle)
+        high = outside
+    return low, high
+
+
+def _slope_sign(formula: Callable[[Any], Any], quantity: str, box: Box, fixed: Mapping[str, Fraction]) -> int:
+    """The sign of one partial derivative over the whole box: 1, -1, or 0 if the quantity does not enter."""
+    open_boxes, signs = [dict(box)], set()
+    for _ in range(_MOST_BOXES):
+        if not open_boxes:
+            break
+        here = open_boxes.pop()
+        slope = _slope(formula, quantity, here, fixed)
+        if slope.is_zero():
+            signs.add(0)
+        elif positive(slope) or negative(slope):
+            signs.add(1 if positive(slope) else -1)
+        else:
+            open_boxes += _halves(here)
+    if open_boxes or len(signs) != 1:
+        raise Shortfall(f"a number of the paper could not be proved monotone in {quantity} over the rounding box")
+    return signs.pop()
+
+
+def _slope(formula: Callable[[Any], Any], quantity: str, box: Box, fixed: Mapping[str, Fraction]) -> Any:
+    values = {name: ball(value) for name, value in fixed.items()} | {name: hull(*ends) for name, ends in box.items()}
+    before, ctx.cap = ctx.cap, 2
+    try:
+        series = {name: arb_series([value, 1 if name == quantity else 0], prec=2) for name, value in values.items()}
+        return formula(SimpleNamespace(**series))[1]
+    finally:
+        ctx.cap = before
+
+
+def _cover_supercritical(box: Box, fixed: Mapping[str, Fraction]) -> int:
+    """The number of balls that cover the box, on each of which the Hopf point is proved supercritical.
+
+    On each, too, noninverted spinning has a negative a0: a positive eigenvalue (a0 is a multiple of Omega^2).
+    """
+    exact = {name: ball(value) for name, value in fixed.items()}
+    open_boxes, done = [dict(box)], 0
+    with working_precision(64):
+        for _ in range(_MOST_BOXES):
+            if not open_boxes:
+                return done
+            here = open_boxes.pop()
+            constants = ball_constants(exact | {name: hull(*ends) for name, ends in here.items()})
+            found = closed_forms.hopf_balls(constants)
+            _, _, a0 = closed_forms.characteristic_polynomial(constants, arb(1), NONINVERTED)
+            if (
+                negative(found["first_lyapunov_coefficient"])
+                and negative(found["transversality"])
+                and negative(found["lambda_3"])
+                and negative(a0)
+            ):
+                done += 1
+            else:
+                open_boxes += _halves(here, weights={"r": 8})  # r weighs most in the coefficient
+    raise Shortfall("the sign of the first Lyapunov coefficient could not be decided over the rounding box")
+
+
+def _halves(box: Mapping[str, tuple[Fraction, Fraction]], weights: Mapping[str, int] | None = None) -> list[Any]:
+    weight = weights or {}
+    side = max(box, key=lambda name: (box[name][1] - box[name][0]) / box[name][0] * weight.get(name, 1))
+    low, high = box[side]
+    middle = (low + high) / 2
+    return [{**box, side: (low, middle)}, {**box, side: (middle, high)}]
+
+
+def _gives_all(parameters: Parameters, box: Box) -> bool:
+    inside = all(low <= getattr(parameters, name) <= high for name, (low, high) in box.items())
+    point = SimpleNamespace(
+        **{n: ball(getattr(parameters, n)) for n in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
+    )
+    return inside and all(rounds_to(formula(point), printed) for _, printed, formula in PRINTED_NUMBERS)
+
+
+def _all_with(quantity: str, numbers: tuple[Follows, ...]) -> bool:
+    """Whether one value of this quantity, the others as printed, gives every number."""
+    low, high = rounding_box()[quantity]
+    for number in numbers:
+        if quantity in number.alone:
+            low, high = max(low, number.alone[quantity][0]), min(high, number.alone[quantity][1])
+        elif not number.from_table_follows:
+            return False
+    # Intervals that only touch within what they are too wide by would leave the answer open.
+    if 0 <= high - low < Fraction(1, 2**50) * high:
+        raise Shortfall(f"the intervals of {quantity} meet in too short a piece to tell")
+    return low < high
+
+
+def _meets(least: Any, greatest: Any, printed: str) -> bool:
+    low, high = map(ball, _interval(printed))
+    if greatest < low or least > high:
+        return False
+    if greatest > low and least < high:
+        return True
+    raise Shortfall(f"{printed} lies too close to the end of what the table allows")
+
+
+def _decided(answer: bool | None) -> bool:
+    if answer is None:
+        raise Shortfall("a number lies too close to a rounding boundary")
+    return answer
+
+
+def _interval(text: str) -> tuple[Fraction, Fraction]:
+    half = Fraction(10) ** int(Decimal(text).as_tuple().exponent) / 2
+    return Fraction(text) - half, Fraction(text) + half

@@ -1,0 +1,134 @@
+"""The commands `certify equilibria|hopf|table|orbit|heteroclinic`: numbers with a proof by ball arithmetic.
+
+Exit status 0: proved; 1: not proved, and the status says where the proof stopped; 2: bad input.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from tippedisk_verify.commands.certify_orbit import orbit
+from tippedisk_verify.commands.common import (
+    Common,
+    common_options,
+    print_json,
+    print_result,
+    progress,
+    speed,
+    speed_options,
+)
+from tippedisk_verify.errors import InputError, NoConnectionError
+
+__all__ = ["COMMANDS"]
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def certify(context: click.Context) -> None:
+    """Prove numbers: enclosures by ball arithmetic, each with the statement proved."""
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+@certify.command()
+@speed_options
+@common_options
+def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
+    """Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws)."""
+    from tippedisk_verify.certified.closed_forms import proved_equilibrium
+
+    value = speed(common, omega, below_crit)
+    found = {name: proved_equilibrium(common.parameters, value, name, common.digits) for name in _EQUILIBRIA}
+    print_result(common, {"proved": True, **{name: proof.json() for name, proof in found.items()}})
+    return 0
+
+
+@certify.command()
+@common_options
+def hopf(common: Common) -> int:
+    """Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."""
+    from tippedisk_verify.certified.closed_forms import proved_hopf
+
+    if common.friction == "smooth":
+        raise InputError(
+            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
+        )
+    print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).json()})
+    return 0
+
+
+@certify.command()
+@click.option(
+    "--omega-h", is_flag=True, help="Omega_h too, of Table 1 as it stands and of `calibrated` (half a minute)."
+)
+@common_options
+def table(common: Common, omega_h: bool) -> int:
+    """Prove which of the paper's printed numbers can follow from its Table 1, as it is rounded.
+
+    Of the parameters only g is used: the paper prints none.
+    """
+    from tippedisk_verify.certified.table import omega_h_statements, study_table
+    from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+
+    if common.friction == "smooth":
+        raise InputError("the paper's printed numbers are of the linear friction law")
+    study = study_table(common.parameters.g)
+    result, statements = {"proved": True, **study.json()}, list(study.statements)
+    if omega_h:
+        proofs = {chosen.name: _connection(common, chosen, 6, None) for chosen in (PRINTED, CALIBRATED)}
+        result["omega_h"] = {name: proof.json() for name, proof in proofs.items()}
+        result["proved"] = all(proof.proved for proof in proofs.values())
+        given = {name: proof.omega_h for name, proof in proofs.items() if proof.proved}
+        statements += omega_h_statements(given, study.witness)
+        result["statements"] = statements
+    if common.json:
+        print_json(result)
+    elif not common.quiet:
+        for statement in statements:
+            click.echo(statement)
+    return 0 if result["proved"] else 1
+
+
+@certify.command()
+@click.option("--near", metavar="X", help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.")
+@common_options
+def heteroclinic(common: Common, near: str | None) -> int:
+    """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
+    from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
+
+    if common.friction == "smooth":
+        raise InputError("the connection is proved for the linear friction law")
+    if common.digits > MOST_DIGITS:
+        raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
+    proof = _connection(common, common.parameters, common.digits, near)
+    print_result(common, proof.json())
+    return 0 if proof.proved else 1
+
+
+def _connection(common: Common, parameters: Any, digits: int, near: str | None) -> Any:
+    """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
+    from tippedisk_verify.certified.heteroclinic import Status, not_proved, prove_connection
+
+    with progress(common, 2) as advance:
+        try:
+            if near is None:
+                from tippedisk_verify.flow import default_engine
+                from tippedisk_verify.orbits.heteroclinic import heteroclinic as connection
+
+                advance("an approximation", 0)
+                guess: object = connection(parameters, default_engine(), digits=digits + 5).omega_h.value
+            else:
+                guess = near
+            advance("proof", 1)
+            proof = prove_connection(parameters, guess, digits)
+        except NoConnectionError as fault:
+            proof = not_proved(Status.NO_SADDLE, detail=str(fault))
+        advance("proof", 1)
+    return proof
+
+
+_EQUILIBRIA = ("inverted", "noninverted")
+certify.add_command(orbit)
+COMMANDS = (certify,)
