@@ -19,7 +19,7 @@ ALLOWED = {
     "theory": {"errors", "model", "theory"},
     "flow": {"errors", "model", "flow"},
     "orbits": {"errors", "model", "theory", "flow", "orbits"},
-    "evidence": {"errors", "model", "theory", "flow", "orbits", "evidence"},
+    "evidence": {"errors", "model", "theory", "flow", "orbits", "certified", "evidence"},
     "figures": {"errors", "files", "model", "theory", "flow", "orbits", "evidence", "figures"},
     "report": {
         *("errors", "files", "cache", "fingerprint", "web", "__version__"),

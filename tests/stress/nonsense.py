@@ -164,6 +164,7 @@ SHAPES: dict[str, Shape] = {
             "--seed": ("0", st.sampled_from(["x", "", "1.5", "nan"])),
         },
     ),
+    "reference prove": Shape(("reference", "prove"), {**_JOBS, "--data": ("data", NOT_FOLDERS)}),
     "reference generate": Shape(
         ("reference", "generate"),
         {**_JOBS, "--only": ("hopf", NOT_NAMES), "--set": ("printed", NOT_NAMES), "--out": ("out", NOT_FOLDERS)},

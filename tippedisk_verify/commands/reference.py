@@ -1,4 +1,4 @@
-"""The commands `reference generate|check|list|show`."""
+"""The commands `reference generate|prove|check|list|show`."""
 
 from __future__ import annotations
 
@@ -40,6 +40,26 @@ def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, .
     elif not common.quiet:
         for path in written:
             click.echo(path)
+    return 0
+
+
+@reference.command()
+@click.argument("prefixes", nargs=-1, metavar="[PREFIX]...")
+@click.option("--data", default="reference_data", show_default=True, metavar="DIR", help="The folder to work on.")
+@click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
+@plain_options
+def prove(common: Common, prefixes: tuple[str, ...], data: str, jobs: int | None) -> int:
+    """Prove values by ball arithmetic (those whose id starts with PREFIX), and write enclosures and statements."""
+    from tippedisk_verify.evidence.reference.proofs import prove as proved
+
+    if not data or not Path(data).is_dir():
+        raise InputError(f"--data needs a folder with reference files, not '{data[:100]}'")
+    with progress(common, 0) as advance, processes(jobs) as pool:
+        count = proved(Path(data), prefixes=prefixes, executor=pool, advance=advance)
+    if common.json:
+        print_json({"proved": count})
+    elif not common.quiet:
+        click.echo(f"{count} entries proved")
     return 0
 
 
@@ -108,6 +128,10 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
             others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
             click.echo(f"  grade         {quantity.grade}: {', '.join(quantity.methods)}{' (' * bool(others)}{others}"
                        f"{')' * bool(others)}")  # fmt: skip
+            if quantity.proof is not None:
+                enclosure, width = quantity.proof["value"], quantity.proof["uncertainty"]
+                click.echo(f"  proved in     {enclosure} ± {width}")
+                click.echo(f"  by            {quantity.proof['command']}")
             slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
             click.echo(f"  condition     {slopes or 'depends on nothing'}")
     return 0

@@ -168,6 +168,7 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
     from rich.markup import escape
     from rich.table import Table
 
+    from tippedisk_verify.evidence.claim_proofs import proof_of
     from tippedisk_verify.report.results import shown
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
@@ -179,8 +180,11 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
         text = f"[{colours[verdict]}]{verdict}[/]" + (
             ": " + escape(", ".join(finding.sets)) if verdict == "holds-for" else ""
         )
+        verdict_text = text + (
+            " [dim](proved)[/]" if proof_of(claim.name, order.friction, order.parameters.name) else ""
+        )
         cells = [shown(finding.computed[name]) if name in finding.computed else "" for name in sets]
-        table.add_row(claim.name, claim.printed, *cells, text)
+        table.add_row(claim.name, claim.printed, *cells, verdict_text)
     console = Console()
     if not console.is_terminal:
         console = Console(width=160)  # a file has no width of its own; keep rows on one line

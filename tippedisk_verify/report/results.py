@@ -9,6 +9,7 @@ from shlex import quote
 from typing import Any
 
 from tippedisk_verify.evidence.catalogue import group_of
+from tippedisk_verify.evidence.claim_proofs import proof_of
 from tippedisk_verify.evidence.claims import Claim, Finding, Verdict, sets_with
 from tippedisk_verify.fingerprint import DRAWING, processor, versions
 from tippedisk_verify.model.measured import Measured
@@ -42,6 +43,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         for name, value in by_set.items()
         if isinstance(value, dict) and (digits := agreed_digits(value["value"], claim.printed)) is not None
     }
+    proof = proof_of(claim.name, order.friction, order.parameters.name)
     return {
         "name": claim.name,
         "group": group_of(claim.name),
@@ -57,6 +59,8 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         "sets": list(finding.sets),
         "note": finding.note,
         "methods": list(finding.methods),
+        "grade": "computed" if proof is None else "proved",
+        "proof": None if proof is None else proof._asdict(),
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
     }

@@ -74,6 +74,9 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
     said += ["", *(f"- {text}" for text in values), ""]
     if claim["note"]:
         said.append(f"Note: {_plain(claim['note'])}.")
+    if claim["proof"]:
+        theorem, command = claim["proof"]["theorem"], claim["proof"]["command"]
+        said += [f"Proved: {theorem} of docs/certified.md, by ball arithmetic. Prove again: `{command}`", ""]
     by = f"By {_plain(', '.join(claim['methods']))}. " if claim["methods"] else ""
     return [*said, f"{by}Recompute: `{_code(claim['command'])}`", ""]
 

@@ -106,6 +106,7 @@ def check(
         faults = ["there are no reference values"]
     if faults:
         return CheckReport(files, 0, 0, tuple(faults))
+    faults = [fault for entry in entries for fault in _outside_enclosures(entry)]
     numbers = sum(len(entry.quantities) * len(entry.item.readings) for entry in entries)
     chosen = _chosen(entries, sample, seed)
     redone = 0
@@ -122,6 +123,18 @@ def check(
             faults += found
             advance("", 1)
     return CheckReport(files, numbers, redone, tuple(faults))
+
+
+def _outside_enclosures(entry: StoredEntry) -> list[str]:
+    """Values that their own proved enclosures exclude."""
+    values = entry.values("decimals")
+    faults = []
+    for name, quantity in entry.quantities.items():
+        if told := quantity.get("enclosure"):
+            held = Measured(exact(told["value"]).rational, exact(told["uncertainty"]).rational)
+            if abs(held.value - values[name].value) > held.uncertainty + values[name].uncertainty:
+                faults.append(f"{entry.item.id}/{name} lies outside its proved enclosure")
+    return faults
 
 
 def _chosen(entries: list[StoredEntry], sample: int | None, seed: int) -> list[StoredEntry]:

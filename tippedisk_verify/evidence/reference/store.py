@@ -33,9 +33,10 @@ class Quantity:
     unit: str
     inputs: Mapping[str, str]  #: beside the parameters; decimals
     values: Mapping[Reading, tuple[str, str]]  #: (value, uncertainty) as decimals, for each reading
-    grade: str  #: two-method, agreed, or single
+    grade: str  #: proved, two-method, agreed, or single
     methods: Mapping[str, str]  #: how far each road's value lies from the one given
     condition: Mapping[str, str]  #: change of the value per relative change of a parameter or input
+    proof: Mapping[str, str] | None = None  #: the enclosure's value and uncertainty, the statement and the command
 
     def measured(self, reading: Reading = "decimals") -> Measured:
         """The value from the decimals as they stand, or from the doubles nearest to them.
@@ -65,6 +66,7 @@ class Quantity:
             "methods": dict(self.methods),
             "condition": dict(self.condition),
             "inputs": dict(self.inputs),
+            **({} if self.proof is None else {"proof": dict(self.proof)}),
         }
 
 
@@ -111,6 +113,7 @@ class Store(Mapping[str, Quantity]):
                     grade=found["grade"],
                     methods=MappingProxyType(found["methods"]),
                     condition=MappingProxyType(found["condition"]),
+                    proof=MappingProxyType(found["enclosure"] | entry["proof"]) if "enclosure" in found else None,
                 )
 
     def __getitem__(self, id_: str) -> Quantity:
