@@ -243,7 +243,8 @@ def _has_extended() -> bool:
 def heyoka_module() -> ModuleType:
     """heyoka, with the memory handler that is meant to free what arrays of its MPFR numbers point to.
 
-    In version 7.13.2 it has no effect: some 50 bytes are lost with each element (tests/stress/test_memory.py).
+    In version 7.13.2 it has no effect: arrays of more than some thirty elements lose what these point to
+    (tests/stress/test_memory.py).
     """
     from tippedisk_verify.model.code_cache import guarded
 
