@@ -153,7 +153,9 @@ SHAPES: dict[str, Shape] = {
     "certify table": Shape(("certify", "table"), _COMMON),
     "certify orbit": Shape(("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "certify heteroclinic": Shape(("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS)}),
-    "reference list": Shape(("reference", "list"), {}, (("printed", NOT_NAMES.filter(bool)),)),
+    "reference list": Shape(
+        ("reference", "list"), {}, (("printed", NOT_NAMES.filter(lambda text: text and not text.startswith("-"))),)
+    ),
     "reference show": Shape(("reference", "show"), {}, (("printed/linear/hopf/point/period", NOT_NAMES),)),
     "reference check": Shape(
         ("reference", "check"),

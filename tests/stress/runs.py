@@ -23,7 +23,11 @@ def environment(**changes: str | None) -> dict[str, str]:
 
 
 def run(
-    arguments: list[str], prefix: tuple[str, ...] = (), limits: dict[int, int] | None = None, **changes: str | None
+    arguments: list[str],
+    prefix: tuple[str, ...] = (),
+    limits: dict[int, int] | None = None,
+    errors: str = "strict",
+    **changes: str | None,
 ) -> subprocess.CompletedProcess[str]:
     def limited() -> None:
         for what, limit in (limits or {}).items():
@@ -33,6 +37,7 @@ def run(
         [*prefix, *PROGRAM, *arguments],
         capture_output=True,
         text=True,
+        errors=errors,
         timeout=LONGEST,
         env=environment(**changes),
         preexec_fn=limited if limits else None,
