@@ -6,7 +6,7 @@ import json
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from tests.problems import SETS, decimals, physical_parameters
 from tippedisk_verify.cli import main
@@ -121,7 +121,21 @@ def check_honest(parameters: Parameters, share: Fraction) -> None:
         assert getattr(rough, name).holds(getattr(truth, name).value), name
 
 
+#: With five harmonics the frequency's share in the correcting step is a hundredth of a rounding, by chance.
+LUCKY = Parameters(
+    r="0.016626",
+    e="0.002954041176",
+    m="0.01",
+    A="3.11759250360430020724851264e-6",
+    B="1.94062486802231462976e-6",
+    g="14.158424",
+    mu="1.059532",
+    epsilon="0.018066",
+)
+
+
 @settings(max_examples=25)
+@example(parameters=LUCKY, share=Fraction(13, 200))
 @given(parameters=physical_parameters(), share=decimals("0", "1", 3))
 def test_estimates_hold_for_random_disks(parameters, share) -> None:
     if abs(criticality_margin(parameters)) > parameters.A * parameters.r / 100:

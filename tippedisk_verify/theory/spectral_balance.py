@@ -33,6 +33,7 @@ _MOST_HARMONICS = 1024
 _FIRST_HARMONICS = 12
 _LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
 _COMPLEX_STEP = 1e-40
+_JACOBIAN = 1e-10  # the relative error of a Jacobian taken at the double solution
 # Near the connection a step brings the speed closer to Omega_h by a factor, so one that goes for a speed on the branch
 # covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
 # than this part of the way, the speed lies beyond the end.
@@ -395,10 +396,15 @@ def _measured(parameters: Parameters, omega: Fraction, found: Samples, digits: i
     if relative > _WORTHLESS:  # the estimate is the leading term of something small, or nothing
         raise NoSuchCycleError(_unconverged(count))
 
+    # What one step leaves: the square of the whole step, and what a Jacobian of the double solution misses of it. A
+    # number whose share in the step is small by chance has this error all the same.
+    size = beta_error / abs(sharp.beta).max() + relative
+    left = size * (4 * size + _JACOBIAN)
+
     def held(value: Any, error: Any) -> Measured:
-        # Twice the leading term of the error. One number's share in it may be small by chance: the frequency's relative
-        # error, which all of them follow, is the least that each has. The formulas here add a few roundings.
-        return Measured.of(value, 2 * error + abs(value) * (relative + 8 * ctx.eps))
+        # Twice the leading term of the error, and no less than the frequency's relative error, which all of them
+        # follow. The formulas here add a few roundings.
+        return Measured.of(value, 2 * error + abs(value) * (relative + left + 8 * ctx.eps))
 
     period = 2 * ctx.pi / sharp.frequency
     sizes = [
