@@ -87,6 +87,7 @@ def test_omega_h_of_the_smooth_law(taylor) -> None:
         assert abs(mine.value - other.re.value) <= mine.uncertainty + other.re.uncertainty
 
 
+@pytest.mark.slow
 def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
     manifolds, cycles = (
         heteroclinic(PRINTED, taylor, digits=20, method=method, friction="smooth").omega_h
