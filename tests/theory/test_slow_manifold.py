@@ -197,6 +197,22 @@ def test_study_and_command(capsys) -> None:
         assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_study_takes_the_point_it_is_given(capsys) -> None:
+    """h_0 is where the disk rolls: gamma_y = 0."""
+    found = study(PRINTED, "30.4", 3, at=("1.4", "-2.5"))
+    c = PRINTED.at(DOUBLE)
+    rolling = 30.4 * c.e * math.sin(1.4) * math.cos(-2.5) / (c.r + c.e * math.sin(-2.5))
+    assert float(found.h[0]) == pytest.approx(rolling, rel=1e-13)
+    assert study(PRINTED, "30.4", 3, digits=30, at=("1.4", "-2.5")).h[3].uncertainty < found.h[3].uncertainty
+    assert main(["slow-manifold", "--order", "3", "--beta", "1.4", "--gamma", "-2.5", "--omega", "30.4"]) == 0
+    said = capsys.readouterr()
+    assert "gamma [rad]: -2.5" in said.out
+    assert (said.out + said.err).count("too large for order 3") == 1
+    for wrong in (["--beta", "0"], ["--beta", "pi/2"], ["--gamma", "1e5"], ["--gamma", "x"]):
+        assert main(["slow-manifold", "--order", "1", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_equilibria_command(capsys) -> None:
     assert main(["equilibria", "--omega", "31.5", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)

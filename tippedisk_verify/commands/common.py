@@ -114,12 +114,15 @@ def speed_options(command: F) -> F:
 
 
 def print_result(common: Common, result: dict[str, Any]) -> None:
-    """One JSON object, or its entries as lines."""
+    """One JSON object, or its entries as lines, with units."""
     if common.json:
         print_json(result)
     elif not common.quiet:
+        from tippedisk_verify.commands.quantities import heading
+
         for name, value in result.items():
-            click.echo(f"{name}: {_said(value)}")
+            if value is not None:
+                click.echo(f"{heading(name)}: {_said(value)}")
 
 
 def _said(value: Any) -> str:
@@ -127,7 +130,9 @@ def _said(value: Any) -> str:
         text, width = str(value["value"]), str(value["uncertainty"])
         return text if width == "0" else f"{text} ± {width}"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
+        from tippedisk_verify.commands.quantities import heading
+
+        return ", ".join(f"{heading(name)} {_said(entry)}" for name, entry in value.items())
     if isinstance(value, list):
         return "; ".join(_said(entry) for entry in value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)

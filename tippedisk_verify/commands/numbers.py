@@ -13,11 +13,13 @@ from tippedisk_verify.commands.common import (
     speed,
     speed_options,
 )
+from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]
 
 
+@quantities_of("eigenvalues")
 @click.command()
 @speed_options
 @common_options
@@ -36,6 +38,10 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int
     return 0
 
 
+@quantities_of(
+    *("omega_crit", "period", "first_lyapunov_coefficient"),
+    *("transversality", "amplitude_squared_slope", "period_slope"),
+)
 @click.command()
 @common_options
 def hopf(common: Common) -> int:
@@ -50,24 +56,33 @@ def hopf(common: Common) -> int:
     return 0
 
 
+@quantities_of(
+    *("beta", "gamma", "h", "residual", "residual_slope"),
+    *("best_order", "smallest_term", "reduced_omega_crit"),
+)
 @click.command("slow-manifold")
 @click.option("--order", type=int, required=True, metavar="N", help="Highest order in epsilon, 0 to 40.")
 @click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
+@click.option("--beta", default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
+@click.option("--gamma", default="0.3", show_default=True, metavar="X", help="Where h is taken [rad].")
 @common_options
-def slow_manifold(common: Common, order: int, omega: str | None) -> int:
+def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> int:
     """Orders of the slow manifold, their residuals, and the reduced flow."""
     from tippedisk_verify.theory.slow_manifold import study
 
     if common.friction == "smooth":
         raise InputError("the slow manifold's expansion is for the linear friction law")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
-    found = study(common.parameters, omega_value, order, common.digits)
-    if found.warning and not common.quiet:
-        click.echo(f"tippedisk-verify: {found.warning}", err=True)
+    found = study(common.parameters, omega_value, order, common.digits, at=(beta, gamma))
     print_result(common, found.json())
     return 0
 
 
+@quantities_of(
+    *("omega", "period", "gamma_bar_0", "v_0", "beta_max"),
+    *("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "trivial_multiplier_defect"),
+    *("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega"),
+)
 @click.command()
 @speed_options
 @click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
@@ -135,6 +150,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     return 0
 
 
+@quantities_of("omega_h", "saddle_eigenvalues", "saddle_value", "splitting_derivative")
 @click.command()
 @click.option(
     "--method",
@@ -162,6 +178,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
     return 0
 
 
+@quantities_of("omega", "harmonics", "period", "gamma_bar_0", "v_0", "beta_max")
 @click.command("harmonic-balance")
 @speed_options
 @click.option("--harmonics", type=int, metavar="N", help="Number of odd harmonics; chosen for the digits if not given.")

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed, terms
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits, heyoka_module
@@ -47,6 +47,7 @@ __all__ = [
 ]
 
 _HIGHEST_ORDER = 40
+_LARGEST_ANGLE = 1000  # rad
 #: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi, spread by a Kronecker
 #: sequence of the plastic number's powers: no pattern of the field can hide from them.
 POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
@@ -298,12 +299,16 @@ def _trace_root(parameters: Parameters, order: int, working_bits: int) -> Any:
 # ------------------------------------------------------------------------------------------------------ the study
 @dataclass(frozen=True)
 class SlowManifold:
-    """What can be said of the truncated series at the twenty fixed points of the box."""
+    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones."""
 
     order: int
     omega: Fraction  #: [rad/s]
-    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) = (1.2, 0.3) [rad/s, rad/m, ...]
-    residual: tuple[Measured, ...]  #: largest |epsilon (dh/dx) f - g| of the orders 0 ... N at this set's epsilon
+    beta: Fraction  #: where h is taken [rad]
+    gamma: Fraction  #: where h is taken [rad]
+    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) [rad/s, rad/m, ...]
+    residual: tuple[
+        Measured, ...
+    ]  #: at the fixed points: largest |epsilon (dh/dx) f - g| of the orders 0 ... N at this set's epsilon
     residual_slope: tuple[Measured, ...]  #: exponent of epsilon in that as epsilon tends to 0, seen at 1e-5 ... 1e-6
     best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
     smallest_term: Measured  #: that size [rad/s]
@@ -314,6 +319,8 @@ class SlowManifold:
         return {
             "order": self.order,
             "omega": Measured(self.omega, Fraction(0)).json(),
+            "beta": Measured(self.beta, Fraction(0)).json(),
+            "gamma": Measured(self.gamma, Fraction(0)).json(),
             "h": [value.json() for value in self.h],
             "residual": [value.json() for value in self.residual],
             "residual_slope": [value.json() for value in self.residual_slope],
@@ -324,19 +331,20 @@ class SlowManifold:
         }
 
 
-def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -> SlowManifold:
-    """Orders, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
+def study(
+    parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
+) -> SlowManifold:
+    """Orders at a point, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
 
-    Raises InputError for an order out of range or a speed that is not positive.
+    ``at`` is the point (beta, gamma) [rad], as decimals. Raises InputError for an order out of range, a speed that is
+    not positive, or a point that is none or where the disk lies flat.
     """
     _checked_order(order)
     speed = checked_speed(omega)
     checked_digits(digits)
+    beta, gamma = _point(at)
     working = bits_for_digits(digits + 5)
-    rough, sharp = (
-        _at(parameters, speed, bits_used, Fraction("1.2"), Fraction("0.3"), order)
-        for bits_used in (working, working + 66)
-    )
+    rough, sharp = (_at(parameters, speed, bits_used, beta, gamma, order) for bits_used in (working, working + 66))
     ulp = Fraction(1, 2 ** (working - 1))
     h = tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True))
     residual = _largest_residuals(parameters, speed, order)
@@ -359,6 +367,8 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
     return SlowManifold(
         order,
         speed,
+        beta,
+        gamma,
         h,
         tuple(map(_from_sixty_digits, residual)),
         tuple(slopes),
@@ -367,6 +377,19 @@ def study(parameters: Parameters, omega: object, order: int, digits: int = 12) -
         hopf,
         warning,
     )
+
+
+def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
+    if not isinstance(at, tuple) or len(at) != 2:
+        raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
+    beta, gamma = map(exact, at)
+    if beta.pi_multiple or gamma.pi_multiple:
+        raise InputError("beta and gamma of a point of the slow manifold must be decimals")
+    if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
+        raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
+    if not beta.rational:
+        raise InputError("at beta = 0 the disk lies flat, and has no slow manifold: try 1.2")
+    return beta.rational, gamma.rational
 
 
 def _from_sixty_digits(value: float) -> Measured:

@@ -1,0 +1,71 @@
+"""Units and definitions of the quantities that commands print: one table for the output and for the help texts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import click
+
+__all__ = ["heading", "quantities_of"]
+
+
+class Quantity(NamedTuple):
+    unit: str  #: empty for what has none
+    meaning: str
+
+
+_QUANTITIES = {
+    "omega": Quantity("rad/s", "Omega, the spinning speed"),
+    "omega_crit": Quantity("rad/s", "Omega_crit, where inverted spinning loses its stability (the Hopf point)"),
+    "omega_h": Quantity("rad/s", "Omega_h, where the two noninverted saddles are connected"),
+    "reduced_omega_crit": Quantity("rad/s", "the Hopf speed of the flow on the truncated slow manifold"),
+    "eigenvalues": Quantity("1/s", "of the linearisation there; re and im"),
+    "period": Quantity("s", "T, the period of the limit cycle (of hopf: its limit at Omega_crit)"),
+    "gamma_bar_0": Quantity("rad", "gamma - pi/2 where beta = pi/2 and v < 0"),
+    "v_0": Quantity("rad/s", "v = beta' there"),
+    "beta_max": Quantity("rad", "largest |beta - pi/2| on the cycle"),
+    "multiplier_slow": Quantity("", "the larger nontrivial Floquet multiplier of a full period"),
+    "log_multiplier_slow": Quantity("", "its natural logarithm"),
+    "log_multiplier_fast": Quantity("", "natural logarithm of the smaller one, which may be below any double"),
+    "trivial_multiplier_defect": Quantity("", "distance from 1 of the computed multiplier along the flow: a check"),
+    "dperiod_domega": Quantity("s^2/rad", "dT/dOmega along the family of cycles"),
+    "dgamma_bar_0_domega": Quantity("s", "d(gamma_bar_0)/dOmega"),
+    "dv_0_domega": Quantity("", "d(v_0)/dOmega"),
+    "first_lyapunov_coefficient": Quantity("", "Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v)"),
+    "transversality": Quantity("1/rad", "d(Re lambda)/dOmega of the critical pair"),
+    "amplitude_squared_slope": Quantity("rad s", "limit of beta_max^2 / (Omega_crit - Omega)"),
+    "period_slope": Quantity("s^2/rad", "limit of (T - T_crit) / (Omega_crit - Omega)"),
+    "lambda_3": Quantity("1/s", "the third eigenvalue at the Hopf point"),
+    "chi": Quantity("kg m^3", "the constant of the one-harmonic amplitude law"),
+    "saddle_eigenvalues": Quantity("1/s", "at noninverted spinning and this speed: unstable, slow and fast stable"),
+    "saddle_value": Quantity("1/s", "sum of the unstable and the slow stable one; below 0 cycles attract"),
+    "splitting_derivative": Quantity("s/rad", "of the distance between the manifolds by Omega"),
+    "harmonics": Quantity("", "number of odd harmonics"),
+    "beta": Quantity("rad", "where h is taken"),
+    "gamma": Quantity("rad", "where h is taken"),
+    "h": Quantity("rad s^(n-1)/m^n", "the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... at (beta, gamma)"),
+    "residual": Quantity("m rad/s^3", "largest invariance residual of the orders 0, 1, ... over twenty fixed points"),
+    "residual_slope": Quantity("", "its exponent in epsilon as epsilon tends to 0"),
+    "best_order": Quantity("", "the order whose term is smallest, at its largest over those points"),
+    "smallest_term": Quantity("rad/s", "the size of that term"),
+}
+
+
+def heading(name: str) -> str:
+    """The quantity's name with its unit, if it has one."""
+    unit = _QUANTITIES[name].unit if name in _QUANTITIES else ""
+    return f"{name} [{unit}]" if unit else name
+
+
+def quantities_of(*names: str) -> Callable[[click.Command], click.Command]:
+    """Adds what these quantities are to the end of a command's help."""
+    width = max(len(heading(name)) for name in names)
+    lines = [f"  {heading(name):{width}}  {_QUANTITIES[name].meaning}" for name in names]
+
+    def added(command: click.Command) -> click.Command:
+        # The mark keeps click from filling the lines anew.
+        command.epilog = "\b\nQuantities (± is a half-width that holds the true value):\n" + "\n".join(lines)
+        return command
+
+    return added
