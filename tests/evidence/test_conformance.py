@@ -194,6 +194,36 @@ def test_answers_that_no_double_can_have_are_still_graded(tmp_path: Path, capsys
     assert "no answer could be graded" in capsys.readouterr().out
 
 
+def test_what_is_no_number_has_no_digits_and_no_cause(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/point/omega_crit,abc\n")
+    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    level = next(level for level in report["levels"] if level["level"] == 3)
+    assert (level["answered"], level["failed"], level["least_digits"], level["median_digits"]) == (1, 1, None, None)
+    (diagnosis,) = report["diagnoses"]
+    assert (diagnosis["status"], diagnosis["no_numbers"], diagnosis["causes"]) == ("no-numbers", 1, [])
+    assert main(["conformance", "grade", str(sheet)]) == 0
+    said = capsys.readouterr().out
+    assert "is the first that fails: 1 of 1 answer " in said
+    assert "-99" not in said
+    assert "unexplained" not in said
+
+
+def test_an_empty_sheet_is_counted_by_its_own_questions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    counts = []
+    for options in (["--set", "printed"], []):
+        sheet.unlink(missing_ok=True)
+        assert main(["conformance", "questions", str(sheet), "--levels", "1", "--quiet", *options]) == 0
+        assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+        levels = json.loads(capsys.readouterr().out)["levels"]
+        assert levels[0]["asked"] == len(sheet.read_text().splitlines()) - 1
+        assert levels[0]["answered"] == 0
+        counts.append(levels[0]["asked"])
+    assert counts[1] == 2 * counts[0]
+
+
 def test_near_the_connection_doubles_have_no_truth() -> None:
     grade = compare("printed/linear/near-heteroclinic/het+1e-30/period", 22.0)
     assert grade.verdict == "no-truth"

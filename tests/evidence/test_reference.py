@@ -391,6 +391,7 @@ def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "says"),
     [
         (["reference", "show", "nothing"], "no reference value"),
+        (["reference", "show", "omega_crit"], "did you mean printed/linear/hopf/point/omega_crit"),
         (["reference", "list", "nothing"], "starts with"),
         (["reference", "check", "--data", "nowhere"], "no reference data"),
         (["reference", "check", "--sample", "-1"], "negative"),

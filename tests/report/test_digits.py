@@ -16,9 +16,9 @@ from tippedisk_verify.report.digits import agreed_digits, marked, shortened
 @pytest.mark.parametrize(
     ("value", "uncertainty", "printed", "pieces"),
     [
-        ("30.886592", "1e-5", "30.92", "agreed 30.|differs 88|beyond 65|open 92"),
-        ("30.9169", "0", "30.92", "agreed 30.91|beyond 69"),
-        ("0.88668", "0", "0.886", "agreed 0.88|differs 6|beyond 68"),
+        ("30.886592", "1e-5", "30.92", "agreed 30.|differs 886|beyond 5|open 92"),
+        ("30.9169", "0", "30.92", "agreed 30.916|beyond 9"),
+        ("0.88668", "0", "0.886", "agreed 0.88|differs 66|beyond 8"),
         ("-128.7912", "0", "-129.04", "agreed -12|differs 8.79|beyond 12"),
         ("128.7912", "0", "-129.04", "differs 128.79|beyond 12"),
         ("1.3143e-7", "0", "1.31e-7", "agreed 1.31|beyond 43|agreed e-7"),

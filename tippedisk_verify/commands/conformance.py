@@ -83,7 +83,11 @@ def _levels(text: str | None) -> tuple[int, ...]:
 @click.option("--html", metavar="FILE.html", help="Write a page with all grades there.")
 @plain_options
 def grade(common: Common, file: str, reading: str | None, html: str | None) -> int:
-    """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails."""
+    """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
+
+    A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
+    whatever the grades: a poor one is a result.
+    """
     from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
     from tippedisk_verify.evidence.conformance.grading import graded, levels_of
     from tippedisk_verify.evidence.conformance.pages import Report, html_page, print_report
@@ -97,8 +101,7 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     store = stored()
     answers = read_answers(Path(file), store, reading)
     grades = graded(answers, store)
-    sets = {store[one.id].set for one in grades}
-    asked = [quantity for quantity in store.values() if not sets or quantity.set in sets]
+    asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
     report = Report(printable(Path(file).name), answers, grades, levels_of(grades, asked), diagnosed(grades, store))
     if target is not None:
         write_text(target, html_page(report))

@@ -169,7 +169,7 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
     from rich.table import Table
 
     from tippedisk_verify.evidence.claim_proofs import proof_of
-    from tippedisk_verify.report.results import shown
+    from tippedisk_verify.report.results import shown, summary, totals
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
     table = Table(title=escape(f"Claims ({order.parameters.name}, {order.friction} friction)"), title_justify="left")
@@ -189,6 +189,7 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
     if not console.is_terminal:
         console = Console(width=160)  # a file has no width of its own; keep rows on one line
     console.print(table)
+    console.print(totals(summary([*findings])) + ".", highlight=False)
 
 
 COMMANDS = (verify, scene)

@@ -49,7 +49,8 @@ def _branch(audit: Audit, name: str) -> tuple[str, bool]:
 def _table_2(audit: Audit, name: str) -> tuple[str, bool]:
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
     cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS, friction=audit.friction)
-    return f"{float(cycle.gamma_bar_0):.4f}, {float(cycle.v_0):.4f}, {float(cycle.period):.4f}", True
+    found = f"{float(cycle.gamma_bar_0):.4f}, {float(cycle.v_0):.4f}, {float(cycle.period):.4f}"
+    return f"converges to {found}", True
 
 
 def _contact(audit: Audit, name: str) -> tuple[str, bool]:
@@ -68,7 +69,8 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
             beta, gamma, v = state = orbit.states.T
             rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.friction)
             smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
-    return f"{min(smallest[:2]):.3g}; {min(smallest[2:]):.3g}", min(smallest) > 0
+    text = f"at least {min(smallest[:2]):.3g} of the weight in scene a, {min(smallest[2:]):.3g} in the others"
+    return text, min(smallest) > 0
 
 
 def _engines(audit: Audit) -> Finding:
@@ -99,7 +101,7 @@ def _engines(audit: Audit) -> Finding:
         f" its error, from a run in extended precision, is at most {float(claimed):.1e}"
     )
     return Finding(
-        {parameters.name: f"{float(worst):.1e}"}, {parameters.name: agreed}, note, ("taylor", "scipy-DOP853")
+        {parameters.name: f"within {float(worst):.1e}"}, {parameters.name: agreed}, note, ("taylor", "scipy-DOP853")
     )
 
 
@@ -116,7 +118,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "table_2",
         "Table tab:initail",
         "the guess at Omega_crit - 0.5 converges",
-        "1.69, -1.72, 1.10",
+        "guess 1.69, -1.72, 1.10",
         per_set(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
     ),
     Claim(

@@ -38,6 +38,12 @@ def _first_difference(value: Decimal, printed: Decimal) -> tuple[int, int]:
     return last - 1, last
 
 
+def _rounds_up(value: Decimal, last: int) -> bool:
+    """Whether rounding to that place changes the digits before it."""
+    size = abs(Fraction(value)) / Fraction(10) ** last
+    return round(size) > size
+
+
 def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
     """(significant digits that agree, significant digits printed), or None if one of them is no number."""
     mine, theirs = decimal_of(value), decimal_of(printed)
@@ -51,8 +57,9 @@ def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
 def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, str]]:
     """The value's text in pieces, each with what it is.
 
-    ``agreed``: agrees with the printed number to its places, after rounding; ``differs``: the places from where it
-    leaves it; ``beyond``: places that are not printed; ``open``: places at or below the uncertainty's leading one.
+    ``agreed``: agrees with the printed number to its places, after rounding (with the digit that rounds up, if it
+    does); ``differs``: the places from where it leaves it; ``beyond``: places that are not printed; ``open``: places at
+    or below the uncertainty's leading one.
     """
     theirs, width = decimal_of(printed), decimal_of(uncertainty)
     mine = decimal_of(value)
@@ -60,6 +67,8 @@ def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, s
         return [("beyond", value)]
     unsure = width.adjusted() if width else None
     place_of_difference, last = _first_difference(mine, theirs) if theirs is not None else (None, None)
+    # Where rounding goes up, the next digit is what says so: it goes with the last place that is printed.
+    end = None if theirs is None or last is None else last - _rounds_up(mine, last)
     mantissa, _, exponent = value.partition("e")
     power = int(exponent or 0)
     whole = len(mantissa.lstrip("-").partition(".")[0])
@@ -70,10 +79,10 @@ def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, s
             place -= 1
         if unsure is not None and place <= unsure and character.isdigit():
             kind = "open"
-        elif last is None or place_of_difference is None or place < last:
+        elif last is None or place_of_difference is None or end is None or place < end:
             kind = "beyond"
         else:
-            kind = "agreed" if place > place_of_difference else "differs"
+            kind = "agreed" if max(place, last) > place_of_difference else "differs"
         if not character.isdigit() and kinds:
             kind = kinds[-1][0]
         kinds.append((kind, character))

@@ -18,7 +18,7 @@ from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.formulas import FORMULAS
 from tippedisk_verify.report.work import Order
 
-__all__ = ["claim_json", "results_json", "shown", "summary"]
+__all__ = ["claim_json", "results_json", "shown", "summary", "totals"]
 
 Findings = Sequence[tuple[Claim, Finding]]
 
@@ -85,6 +85,19 @@ def summary(findings: Findings) -> dict[str, Any]:
         counts[finding.verdict.value] += 1
     failed = [claim.name for claim, finding in findings if claim.own_check and finding.verdict is not Verdict.HOLDS]
     return {"claims": len(findings), **counts, "own_checks_failed": failed}
+
+
+def totals(counts: dict[str, Any]) -> str:
+    """The summary as a sentence."""
+
+    def said(verdict: str, one: str, many: str) -> str:
+        return f"{counts[verdict]} {one if counts[verdict] == 1 else many}"
+
+    return (
+        f"{counts['claims']} {'claim' if counts['claims'] == 1 else 'claims'}: {said('holds', 'holds', 'hold')},"
+        f" {said('holds-for', 'holds', 'hold')} for some parameter sets,"
+        f" {said('does-not-follow', 'does', 'do')} not follow, {said('undecided', 'is', 'are')} undecided"
+    )
 
 
 def results_json(

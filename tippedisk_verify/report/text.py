@@ -8,6 +8,7 @@ from typing import Any
 
 from tippedisk_verify.report.digits import shortened
 from tippedisk_verify.report.page import grouped, headline, verdict_words, wrong
+from tippedisk_verify.report.results import totals
 
 __all__ = ["markdown_page"]
 
@@ -20,13 +21,18 @@ def markdown_page(results: dict[str, Any]) -> str:
         "# The tippedisk's claims, audited",
         "",
         f"Parameter set *{_plain(results['parameters']['name'])}*, {results['friction']} friction law."
-        f" {counts['claims']} claims: {counts['holds']} hold, {counts['holds-for']} hold for some parameter sets,"
-        f" {counts['does-not-follow']} do not follow, {counts['undecided']} are undecided.",
+        f" {totals(counts)}.",
     ]
     if counts["own_checks_failed"]:
         lines.append(f"**Own checks that fell short: {', '.join(counts['own_checks_failed'])}.**")
     if numbers := headline(results):
-        lines += ["", "## The paper's numbers", "", "Bold digits agree with the paper's, rounded to its places.", ""]
+        lines += [
+            "",
+            "## The paper's numbers",
+            "",
+            "Bold digits agree with the paper's, once rounded to its places (the digit that rounds up is bold too).",
+            "",
+        ]
         rows = [
             (claim["name"], claim["printed"], *_values(claim, sets), _plain(verdict_words(claim)))
             for claim in numbers

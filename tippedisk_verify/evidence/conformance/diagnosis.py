@@ -46,11 +46,16 @@ class Diagnosis:
     failed: frozenset[str]  #: ids
     causes: Causes  #: (name, what to look for); several if they cannot be told apart; () if none is known
     tried: frozenset[str]  #: the failed ones that the cause was tried on, and predicts
+    no_numbers: frozenset[str]  #: the failed ones that are no finite number, which no mistake predicts
 
     def says(self) -> str:
         laws = "both laws" if len(self.frictions) > 1 else f"{self.frictions[0]} friction"
         where = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
         where += f"{len(self.failed)} wrong"
+        if self.no_numbers:
+            where += f", {len(self.no_numbers)} of them no finite number"
+        if self.no_numbers == self.failed:
+            return where
         if not self.causes:
             return f"{where}; unexplained: none of the known mistakes alone gives these answers"
         causes = " or ".join(cause for _, cause in self.causes)
@@ -62,7 +67,8 @@ class Diagnosis:
             "sets": list(self.sets),
             "frictions": list(self.frictions),
             "failed": len(self.failed),
-            "status": "explained" if self.causes else "unexplained",
+            "no_numbers": len(self.no_numbers),
+            "status": "explained" if self.causes else "no-numbers" if self.no_numbers == self.failed else "unexplained",
             "causes": [{"name": name, "cause": cause} for name, cause in self.causes],
             "tried_on": len(self.tried),
         }
@@ -92,6 +98,7 @@ def _add(found: list[Diagnosis], new: Diagnosis) -> None:
                 old.failed | new.failed,
                 old.causes,
                 old.tried | new.tried,
+                old.no_numbers | new.no_numbers,
             )
             return
     found.append(new)
@@ -106,7 +113,7 @@ def _first_failure(group: list[Grade], store: Store, set_name: str, friction: st
     failed = frozenset(grade.id for grade in here if grade.failed)
     wrong = {grade.id for grade in usable if grade.failed}
     causes, tried = _causes(usable, wrong, group, store, level) if wrong else ((), frozenset[str]())
-    return Diagnosis(level, (set_name,), (friction,), failed, causes, tried)
+    return Diagnosis(level, (set_name,), (friction,), failed, causes, tried, failed - wrong)
 
 
 def _causes(

@@ -80,7 +80,7 @@ class LevelGrade:
     level: int
     asked: int
     answered: int
-    least: float  #: digits
+    least: float  #: digits; NaN where no answer is a number
     middle: float  #: median of the digits
     failed: int
     rounded: int = 0  #: answers as far off as rounding the inputs explains
@@ -95,8 +95,8 @@ class LevelGrade:
             "name": self.name,
             "asked": self.asked,
             "answered": self.answered,
-            "least_digits": round(self.least, 1) if self.answered else None,
-            "median_digits": round(self.middle, 1) if self.answered else None,
+            "least_digits": None if math.isnan(self.least) else round(self.least, 1),
+            "median_digits": None if math.isnan(self.middle) else round(self.middle, 1),
             "failed": self.failed,
             "rounding": self.rounded,
         }
@@ -207,7 +207,7 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelG
     found = []
     for level in sorted(by_level):
         here = by_level[level]
-        digits = [max(grade.digits, -99.0) for grade in here]
+        digits = [grade.digits for grade in here if math.isfinite(grade.digits)]
         found.append(
             LevelGrade(
                 level=level,

@@ -44,33 +44,40 @@ class Report:
             if not reached:
                 return "no answer could be graded"
             least = min(level.least for level in reached)
-            said = f"{sum(level.answered for level in reached)} answers agree, the least with {least:.1f} digits"
+            answers = counted(sum(level.answered for level in reached), "answer agrees", "answers agree")
             rounded = sum(level.rounded for level in reached)
-            return said + (f"; {rounded} of them are off by what rounding the inputs does" if rounded else "")
-        return f"level {first.level}, {first.name}, is the first that fails: {first.failed} of {first.answered} answers"
+            said = f"{answers}, the least with {least:.1f} digits"
+            return said + (f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does" if rounded else "")
+        answers = counted(first.answered, "answer", "answers")
+        return f"level {first.level}, {first.name}, is the first that fails: {first.failed} of {answers}"
 
     def remarks(self) -> list[str]:
         """What was noticed about the sheet itself."""
         said = []
         if self.answers.undeclared:
-            said.append(
-                f"{self.answers.undeclared} answers do not say what they were computed from; graded as from doubles"
-            )
+            answers = counted(self.answers.undeclared, "answer does", "answers do")
+            said.append(f"{answers} not say from which inputs; graded as from doubles")
         if self.answers.unknown:
-            said.append(f"{len(self.answers.unknown)} unknown ids, such as {self.answers.unknown[0]}")
+            said.append(
+                f"{counted(len(self.answers.unknown), 'unknown id', 'unknown ids')}, such as {self.answers.unknown[0]}"
+            )
         if self.answers.repeated:
             said.append(
-                f"{len(self.answers.repeated)} ids answered more than once, such as {self.answers.repeated[0]}; "
+                f"{counted(len(self.answers.repeated), 'id', 'ids')} answered more than once, such as"
+                f" {self.answers.repeated[0]}; "
                 "the first answer counts"
             )
         if self.answers.short:
-            said.append(f"{self.answers.short} rows end before the column answer")
+            said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         if rounded:
-            said.append(f"{rounded} answers said to be from decimals are the exact answers from doubles")
+            said.append(f"{counted(rounded, 'answer', 'answers')} said to be from decimals: exactly what doubles give")
         untold = sum(grade.verdict == "no-truth" for grade in self.grades)
         if untold:
-            said.append(f"{untold} answers from doubles where doubles cannot tell the inputs apart: not graded")
+            said.append(
+                f"{counted(untold, 'answer', 'answers')} from doubles where doubles cannot tell the inputs apart:"
+                " not graded"
+            )
         return said
 
     def json(self) -> dict[str, Any]:
@@ -91,6 +98,11 @@ class Report:
         """Failures of the first failing level first, then by digits."""
         graded = [grade for grade in self.grades if grade.verdict != "no-truth"]
         return sorted(graded, key=lambda grade: (not grade.failed, grade.failed and grade.level, grade.digits))[:_WORST]
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """A number of things, in words that agree with it."""
+    return f"{number} {one if number == 1 else many}"
 
 
 def shade(digits: float) -> str:

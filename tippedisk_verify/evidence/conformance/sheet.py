@@ -40,6 +40,7 @@ class Answers:
     """What a sheet says: id -> (reading, text), and what could not be used."""
 
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
+    sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
     unknown: list[str] = field(default_factory=list)  #: ids that are no question
     repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
     undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
@@ -202,6 +203,8 @@ def _collected(
 ) -> Answers:
     for id_, reading, answer in rows:
         id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
+        if id_ in store:
+            answers.sets.add(store[id_].set)
         if not answer:
             continue
         if id_ not in store:

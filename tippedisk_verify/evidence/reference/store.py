@@ -159,7 +159,9 @@ def reference(id_: str) -> Quantity:
     if found is None:
         from difflib import get_close_matches
 
-        near = get_close_matches(id_[:200], list(stored()), 3, 0.5)
+        asked = id_[:200]
+        near = [known for known in stored() if asked and f"/{known}".endswith(f"/{asked}")][:3]
+        near = near or get_close_matches(asked, list(stored()), 3, 0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
     return found
