@@ -40,6 +40,7 @@ def all_cycle_scores(cycle_scores: list[Score]) -> list[Score]:
     return [*cycle_scores, *raced([PERIOD], [method for method in METHODS if method.name not in done])]
 
 
+@pytest.mark.slow
 def test_the_truth_is_that_of_another_integrator_and_transcription() -> None:
     """mpmath's Taylor series method on the tests' own equations, to the first sample."""
     truth = truth_of(TRANSIENT)

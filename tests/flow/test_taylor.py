@@ -22,8 +22,18 @@ def test_the_factored_form_is_small() -> None:
     assert engine.builds[0].u_variables <= 45
 
 
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("variations", [(), ("beta", "gamma", "v"), ("gamma", "Omega"), ("e", "v"), ("Omega", "b")])
+@pytest.mark.parametrize(
+    ("variations", "friction"),
+    [
+        (("beta", "gamma", "v"), "linear"),
+        (("e", "v"), "smooth"),
+        *(
+            pytest.param(variations, friction, marks=pytest.mark.slow)
+            for variations in ((), ("gamma", "Omega"), ("Omega", "b"))
+            for friction in ("linear", "smooth")
+        ),
+    ],
+)
 def test_products_given_as_numbers_change_no_derivative(variations, friction) -> None:
     """Which products are runtime numbers depends on the derivatives asked for; values and derivatives must not."""
     engine = Taylor()

@@ -28,6 +28,7 @@ def test_the_half_width_holds_at_200_bits(taylor, parameters) -> None:
     assert names == ["passes", "turns back"]
 
 
+@pytest.mark.slow
 def test_scipy_finds_the_same_speed(taylor) -> None:
     mine = bisect_omega_h(PRINTED, taylor).omega_h
     theirs = bisect_omega_h(PRINTED, Baseline("DOP853")).omega_h

@@ -39,7 +39,7 @@ def check_closed(taylor, parameters, distance: str) -> None:
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + moved
 
 
-@pytest.mark.parametrize("distance", ["1e-3", "1e-10"])
+@pytest.mark.parametrize("distance", ["1e-3", pytest.param("1e-10", marks=pytest.mark.slow)])
 def test_cycles_close(taylor, distance) -> None:
     check_closed(taylor, PRINTED, distance)
 

@@ -190,7 +190,7 @@ def test_table_2_converges_quadratically(taylor) -> None:
     assert len(residuals) <= 8
 
 
-@pytest.mark.parametrize("method", ["DOP853", "Radau"])
+@pytest.mark.parametrize("method", ["DOP853", pytest.param("Radau", marks=pytest.mark.slow)])
 def test_scipy_shoots_to_the_same_cycle(taylor, method) -> None:
     speed, guess = below(PRINTED, "0.5"), (1.69, -1.72)
     mine, theirs = shoot(PRINTED, speed, guess, taylor), shoot(PRINTED, speed, guess, Baseline(method))
