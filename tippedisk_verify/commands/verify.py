@@ -183,8 +183,9 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
         verdict_text = text + (
             " [dim](proved)[/]" if proof_of(claim.name, order.friction, order.parameters.name) else ""
         )
-        cells = [shown(finding.computed[name]) if name in finding.computed else "" for name in sets]
-        table.add_row(claim.name, claim.printed, *cells, verdict_text)
+        cells = [escape(shown(finding.computed[name])) if name in finding.computed else "" for name in sets]
+        label = f"{claim.name} [{claim.unit}]" if claim.unit else claim.name
+        table.add_row(escape(label), escape(claim.printed), *cells, verdict_text)
     console = Console()
     if not console.is_terminal:
         console = Console(width=160)  # a file has no width of its own; keep rows on one line

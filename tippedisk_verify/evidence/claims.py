@@ -115,6 +115,7 @@ class Claim:
     printed: str  #: what the paper prints
     examine: Callable[[Audit], Finding]
     own_check: bool = False
+    unit: str = ""  #: of what is printed and computed, where that is a number
 
 
 @dataclass

@@ -101,6 +101,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             "where the saddles' unstable and stable manifolds meet",
             ("manifolds",),
         ),
+        unit="rad/s",
     ),
     Claim(
         "infinite_period",
@@ -146,5 +147,6 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "",
         _two_roads,
         own_check=True,
+        unit="rad/s",
     ),
 )

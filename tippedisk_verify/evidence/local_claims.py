@@ -228,6 +228,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
         number("30.92", _crit, "Table 1 as rounded gives less; a set inside its rounding gives it", _CLOSED),
+        unit="rad/s",
     ),
     Claim(
         "omega_crit_friction",
@@ -244,6 +245,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         number(
             "-129.04", _stiff, "the number is A_33, the leading term; the eigenvalue itself depends on Omega", _CLOSED
         ),
+        unit="1/s",
     ),
     Claim(
         "lambda_3_order",
@@ -343,6 +345,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
         number("1.31e-7", _chi, "the printed formula", _CLOSED),
+        unit="kg m^3",
     ),
     Claim(
         "amplitude_law",
@@ -376,5 +379,6 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "the period at the Hopf point is 0.886 s",
         "0.886",
         number("0.886", _period, "0.8867 for Table 1 as rounded", _CLOSED),
+        unit="s",
     ),
 )

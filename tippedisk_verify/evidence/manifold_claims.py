@@ -140,5 +140,6 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         per_set(
             _order_1_hopf, "the reduced flow's Hopf speed of order 1 is Omega_crit itself", ("jets", "closed form")
         ),
+        unit="rad/s",
     ),
 )

@@ -50,6 +50,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         "source": claim.source,
         "statement": claim.statement,
         "formula": FORMULAS.get(claim.name, ""),
+        "unit": claim.unit,
         "printed": claim.printed,
         "computed": by_set.get(order.parameters.name),
         "computed_by_set": by_set,

@@ -34,7 +34,7 @@ def markdown_page(results: dict[str, Any]) -> str:
             "",
         ]
         rows = [
-            (claim["name"], claim["printed"], *_values(claim, sets), _plain(verdict_words(claim)))
+            (_named(claim), claim["printed"], *_values(claim, sets), _plain(verdict_words(claim)))
             for claim in numbers
         ]  # fmt: skip
         lines += _table(("claim", "paper", *map(_plain, sets), "verdict"), rows)
@@ -65,6 +65,10 @@ def markdown_page(results: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _named(claim: dict[str, Any]) -> str:
+    return f"{claim['name']} \\[{claim['unit']}\\]" if claim["unit"] else str(claim["name"])
+
+
 def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
     said = [
         f"### {claim['name']}: {_plain(verdict_words(claim))}",
@@ -73,9 +77,10 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
     ]
     if claim["formula"]:
         said += ["", f"$${claim['formula']}$$"]
-    values = [f"paper: {_plain(claim['printed'])}"] if claim["printed"] else []
+    unit = f" {claim['unit']}" if claim["unit"] else ""
+    values = [f"paper: {_plain(claim['printed'])}{unit if claim['printed_digits'] else ''}"] if claim["printed"] else []
     values += [
-        f"{_plain(name)}: {text}" for name, text in zip(sets, _values(claim, sets), strict=True) if text
+        f"{_plain(name)}: {text}{unit}" for name, text in zip(sets, _values(claim, sets), strict=True) if text
     ]  # fmt: skip
     said += ["", *(f"- {text}" for text in values), ""]
     if claim["note"]:
