@@ -224,6 +224,26 @@ def test_an_empty_sheet_is_counted_by_its_own_questions(tmp_path: Path, capsys: 
     assert counts[1] == 2 * counts[0]
 
 
+def test_what_the_page_is_written_over_is_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.9\n")
+    before = sheet.read_text()
+    for name in ("sheet.csv", "other.txt"):
+        assert main(["conformance", "grade", str(sheet), "--html", str(tmp_path / name)]) == 2
+        assert "must end in .html" in capsys.readouterr().err
+    assert sheet.read_text() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.csv"]
+
+
+def test_a_sheet_of_unknown_ids_only_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/omega_crit,30.9\n")
+    assert main(["conformance", "grade", str(sheet)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "printed/linear/hopf/omega_crit" in said
+
+
 def test_near_the_connection_doubles_have_no_truth() -> None:
     grade = compare("printed/linear/near-heteroclinic/het+1e-30/period", 22.0)
     assert grade.verdict == "no-truth"

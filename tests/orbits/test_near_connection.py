@@ -9,7 +9,8 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.evidence.near_omega_h import near_omega_h
+from tippedisk_verify.evidence.near_omega_h import limit_of_powers, near_omega_h
+from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -105,9 +106,19 @@ def test_far_from_omega_h_it_is_the_ordinary_cycle(taylor) -> None:
             assert getattr(near, name).holds(getattr(plain, name).value), name
 
 
+def test_the_limit_of_powers() -> None:
+    points = [(x, 3 + 2 * x**0.2 - 5 * x**0.4 + x**0.6) for x in (1e-3, 1e-5, 1e-8, 1e-10)]
+    assert abs(limit_of_powers(points, 0.2) - 3) < 1e-13
+
+
 @pytest.mark.slow
 def test_what_a_double_sees(taylor) -> None:
-    _, sights = near_omega_h(PRINTED, taylor)
+    connection, constant, sights = near_omega_h(PRINTED, taylor)
+    unstable, slow, _ = map(float, connection.saddle_eigenvalues)
+    # Sixteen powers of ten closer, by another road: what the law leaves there follows from the closest one here.
+    far = float(reference("printed/linear/near-heteroclinic/het+1e-30/period")) + 2 / unstable * math.log(1e-30)
+    left = sights[-1].remainder * (1e-30 / sights[-1].distance) ** (-slow / unstable - 1)
+    assert abs(far - left - constant) < 1e-9
     assert sights[0].period_error < 1e-14
     for sight in sights:
         if sight.period_error is not None:

@@ -27,6 +27,9 @@ ODD_NUMBERS = (
 NOT_SPEEDS = st.one_of(
     st.sampled_from(ODD_NUMBERS), WORDS, st.integers(10**6).map(str), st.integers(max_value=0).map(str)
 )
+NOT_ANGLES = st.one_of(
+    WORDS, st.integers(10**6).map(str), st.sampled_from(["", "nan", "inf", "pi/2", "1e999", "1\x00"])
+)
 NOT_COUNTS = st.one_of(
     st.sampled_from(["", "0", "-1", "1e3", "3.5", "nan", "0x10", "1" * 5000, "99999999999999999999", "1\x00", "½"]),
     WORDS,
@@ -132,6 +135,8 @@ SHAPES: dict[str, Shape] = {
             **_COMMON,
             "--order": ("1", NOT_COUNTS.filter(lambda text: text not in ("0",))),
             "--omega": ("30.4", NOT_SPEEDS),
+            "--beta": ("1.2", NOT_ANGLES),
+            "--gamma": ("0.3", NOT_ANGLES),
         },
     ),
     "basin": Shape(

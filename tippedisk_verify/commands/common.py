@@ -92,13 +92,18 @@ def plain_options(command: F) -> F:
     return wrapped  # type: ignore[return-value]
 
 
-def speed(common: Common, omega: str | None, below_crit: str | None) -> Any:
-    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
+def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Any:
+    """Omega as an exact rational [rad/s], from --omega or --below-crit.
+
+    ``others`` are the options that the command has for the same purpose.
+    """
     from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.model.exact import exact
     from tippedisk_verify.theory.hopf import omega_crit_decimal
 
     if (omega is None) == (below_crit is None):
+        if others:
+            raise InputError(f"give the speed with one of --omega, --below-crit and {' and '.join(others)}")
         raise InputError("give the speed with either --omega or --below-crit")
     if omega is not None:
         return checked_speed(omega)
@@ -118,23 +123,39 @@ def print_result(common: Common, result: dict[str, Any]) -> None:
     if common.json:
         print_json(result)
     elif not common.quiet:
-        from tippedisk_verify.commands.quantities import heading
+        for line in _lines(result, ""):
+            click.echo(line)
 
-        for name, value in result.items():
-            if value is not None:
-                click.echo(f"{heading(name)}: {_said(value)}")
+
+def _lines(entries: dict[str, Any], indent: str) -> Iterator[str]:
+    """A line for each number and sentence; what consists of several goes below its name."""
+    from tippedisk_verify.commands.quantities import heading
+
+    for name, value in entries.items():
+        if isinstance(value, dict) and not _measured(value):
+            yield f"{indent}{heading(name)}:"
+            yield from _lines(value, indent + "  ")
+        elif isinstance(value, list) and len(value) > 1:
+            yield f"{indent}{heading(name)}:"
+            yield from (f"{indent}  {_said(entry)}" for entry in value)
+        elif value is not None:
+            yield f"{indent}{heading(name)}: {_said(value)}"
+
+
+def _measured(value: Any) -> bool:
+    return isinstance(value, dict) and set(value) == {"value", "uncertainty"}
 
 
 def _said(value: Any) -> str:
-    if isinstance(value, dict) and set(value) == {"value", "uncertainty"}:
+    if _measured(value):
         text, width = str(value["value"]), str(value["uncertainty"])
         return text if width == "0" else f"{text} ± {width}"
     if isinstance(value, dict):
-        from tippedisk_verify.commands.quantities import heading
-
-        return ", ".join(f"{heading(name)} {_said(entry)}" for name, entry in value.items())
+        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
     if isinstance(value, list):
         return "; ".join(_said(entry) for entry in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

@@ -98,8 +98,15 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
     target = None if html is None else output_file(html)
+    if target is not None and target.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"'{str(html)[:60]}' must end in .html: --html writes a page there, over what it holds")
     store = stored()
     answers = read_answers(Path(file), store, reading)
+    if answers.unknown and not answers.given:
+        raise InputError(
+            f"{printable(Path(file).name)}: none of its ids is a question, such as {answers.unknown[0][:80]}: "
+            "`conformance questions` writes a sheet that has them"
+        )
     grades = graded(answers, store)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
     report = Report(printable(Path(file).name), answers, grades, levels_of(grades, asked), diagnosed(grades, store))

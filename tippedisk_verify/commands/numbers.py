@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError
 __all__ = ["COMMANDS"]
 
 
-@quantities_of("eigenvalues")
+@quantities_of("beta", "gamma", "v", "eigenvalues")
 @click.command()
 @speed_options
 @common_options
@@ -102,7 +102,7 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
     else:
         from tippedisk_verify.orbits.continuation import followed_cycle
 
-        omega_value = speed(common, omega, below_crit)
+        omega_value = speed(common, omega, below_crit, ("--above-het",))
         options = {"digits": common.digits, "friction": common.friction}
         cycle = followed_cycle(common.parameters, omega_value, default_engine(), **options)
     found = cycle.json()
@@ -144,13 +144,13 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     elif not common.quiet:
         for cycle in cycles:
             click.echo(
-                f"Omega {float(cycle.omega):.10f}  T {float(cycle.period):.12f} s"
-                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier {float(cycle.multiplier_slow):.6g}"
+                f"Omega {float(cycle.omega):.10f} rad/s  T {float(cycle.period):.12f} s"
+                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
             )
     return 0
 
 
-@quantities_of("omega_h", "saddle_eigenvalues", "saddle_value", "splitting_derivative")
+@quantities_of("omega_h", "saddle_eigenvalues", "saddle_value", "splitting_derivative", "budget")
 @click.command()
 @click.option(
     "--method",

@@ -17,6 +17,7 @@ class Quantity(NamedTuple):
 
 _QUANTITIES = {
     "omega": Quantity("rad/s", "Omega, the spinning speed"),
+    "Omega": Quantity("rad/s", "the spinning speed"),
     "omega_crit": Quantity("rad/s", "Omega_crit, where inverted spinning loses its stability (the Hopf point)"),
     "omega_h": Quantity("rad/s", "Omega_h, where the two noninverted saddles are connected"),
     "reduced_omega_crit": Quantity("rad/s", "the Hopf speed of the flow on the truncated slow manifold"),
@@ -41,10 +42,12 @@ _QUANTITIES = {
     "saddle_eigenvalues": Quantity("1/s", "at noninverted spinning and this speed: unstable, slow and fast stable"),
     "saddle_value": Quantity("1/s", "sum of the unstable and the slow stable one; below 0 cycles attract"),
     "splitting_derivative": Quantity("s/rad", "of the distance between the manifolds by Omega"),
+    "budget": Quantity("rad/s", "what the half-width of Omega_h is made of"),
     "harmonics": Quantity("", "number of odd harmonics"),
-    "beta": Quantity("rad", "where h is taken"),
-    "gamma": Quantity("rad", "where h is taken"),
-    "h": Quantity("rad s^(n-1)/m^n", "the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... at (beta, gamma)"),
+    "beta": Quantity("rad", "the disk's inclination"),
+    "gamma": Quantity("rad", "the angle of the centre of mass in the disk's plane"),
+    "v": Quantity("rad/s", "beta'"),
+    "h": Quantity("rad s^(n-1)/m^n", "the orders h_0, h_1, ... of v = h_0 + epsilon h_1 + ... there"),
     "residual": Quantity("m rad/s^3", "largest invariance residual of the orders 0, 1, ... over twenty fixed points"),
     "residual_slope": Quantity("", "its exponent in epsilon as epsilon tends to 0"),
     "best_order": Quantity("", "the order whose term is smallest, at its largest over those points"),

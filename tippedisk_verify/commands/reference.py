@@ -112,7 +112,11 @@ def listed(common: Common, prefix: str) -> int:
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
 @plain_options
 def show(common: Common, ids: tuple[str, ...]) -> int:
-    """Values with all that is known of them."""
+    """Values with all that is known of them.
+
+    The condition says by how much a value changes per relative change of each parameter or input.
+    """
+    from tippedisk_verify.commands.quantities import heading
     from tippedisk_verify.evidence.reference.store import reference as value_of
 
     found = [value_of(id_) for id_ in ids]
@@ -123,7 +127,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
             click.echo(f"{quantity.id} [{quantity.unit}]")
             for reading, (value, uncertainty) in quantity.values.items():
                 click.echo(f"  from {reading:8s} {value} ± {uncertainty}")
-            inputs = ", ".join(f"{name} {text}" for name, text in quantity.inputs.items())
+            inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
             click.echo(f"  inputs        {inputs or 'the parameters only'}")
             others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
             click.echo(f"  grade         {quantity.grade}: {', '.join(quantity.methods)}{' (' * bool(others)}{others}"

@@ -26,12 +26,19 @@ _MOST_PROCESSES = 8  # there is no more to do at once
 @click.command()
 @click.option("--out", metavar="DIR", help="Write report, figures and data there.")
 @click.option("--only", multiple=True, metavar="CLAIM...", help="Examine these claims only.")
+@click.option("--list", "listing", is_flag=True, help="Say which claims there are, and examine none.")
 @click.option("--fresh", is_flag=True, help="Compute everything anew, also what was kept from earlier runs.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores, at most 8, if not given.")
 @click.argument("more", nargs=-1, metavar="")
 @common_options
 def verify(
-    common: Common, out: str | None, only: Sequence[str], fresh: bool, jobs: int | None, more: Sequence[str]
+    common: Common,
+    out: str | None,
+    only: Sequence[str],
+    listing: bool,
+    fresh: bool,
+    jobs: int | None,
+    more: Sequence[str],
 ) -> int:
     """Audit every claim of the paper; write the report, figures and data."""
     import time
@@ -42,6 +49,11 @@ def verify(
     checked_jobs(jobs)
     from tippedisk_verify.cache import Cache, default_folder
     from tippedisk_verify.evidence.catalogue import selected
+
+    if listing:
+        if out is not None or only or fresh:
+            raise InputError("--list stands alone")
+        return _listed(common)
     from tippedisk_verify.evidence.claims import Finding
     from tippedisk_verify.report.results import results_json, summary
     from tippedisk_verify.report.work import Order, done, tasks_for
@@ -161,6 +173,19 @@ def _folder(out: str | None) -> Any:
     from tippedisk_verify.files import output_folder
 
     return output_folder(out)
+
+
+def _listed(common: Common) -> int:
+    from tippedisk_verify.evidence.catalogue import selected
+
+    claims = selected(())
+    if common.json:
+        print_json({"claims": [{"name": claim.name, "statement": claim.statement} for claim in claims]})
+    elif not common.quiet:
+        width = max(len(claim.name) for claim in claims)
+        for claim in claims:
+            click.echo(f"{claim.name:{width}}  {claim.statement}")
+    return 0
 
 
 def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any, Any]]) -> None:

@@ -44,6 +44,7 @@ def selected(names: Sequence[str]) -> tuple[Claim, ...]:
     """The claims of those names, in the table's order; all if none is named. Raises InputError for unknown names."""
     known = {claim.name for claim in CLAIMS}
     if unknown := [name for name in names if name not in known]:
-        near = get_close_matches(unknown[0], known, n=3, cutoff=0.4) or ["omega_crit"]
-        raise InputError(f"claim '{unknown[0][:40]}' is not known: did you mean {' or '.join(near)}? verify lists all")
+        near = get_close_matches(unknown[0], known, n=3, cutoff=0.6)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        raise InputError(f"claim '{unknown[0][:40]}' is not known: {hint}verify --list names all")
     return tuple(claim for claim in CLAIMS if not names or claim.name in names)

@@ -25,7 +25,10 @@ def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
     ratio = 2 * above / float(here.slopes[2]) * growth / -2
     # The law's remainder falls like a power of D as small as 0.2, which leaves about a hundredth at D = 1e-8.
-    return f"T = {2 * float(here.half_period):.2f} s at D = {above:.0e}, {ratio:.4f} of the law", abs(ratio - 1) < 0.05
+    return (
+        f"T = {2 * float(here.half_period):.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's",
+        abs(ratio - 1) < 0.05,
+    )
 
 
 def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:

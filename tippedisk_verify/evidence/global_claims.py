@@ -30,7 +30,7 @@ def _scene(name: str, expected: tuple[str, ...], note: str) -> Callable[[Audit],
 
 def _said(ending: Any) -> str:
     if ending.time is not None:
-        return f"flat at {float(ending.time):.3f} s after {ending.wells_passed} wells"
+        return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
     if ending.amplitude is not None:
         return f"limit cycle, {float(ending.amplitude):.4f} rad"
     return str(ending.kind)
@@ -126,7 +126,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "Figure sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        _scene("a", ("flat",), "and go from well to well until the disk lies flat, where the model ends"),
+        _scene("a", ("flat",), "and go on past noninverted states until the disk lies flat, where the model ends"),
     ),
     *(
         Claim(

@@ -8,6 +8,7 @@ each digit of D costs a digit of T, until the answer is noise.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -21,9 +22,10 @@ from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Sight", "near_omega_h"]
+__all__ = ["Sight", "limit_of_powers", "near_omega_h"]
 
 _DIGITS = 28
+_FITTED = 6  # cycles, the closest ones, that the law's constant is taken from
 _LONGEST = 10.2  # s; Omega_h + 1e-13 for the named sets, the last that quadruple precision resolves well
 
 
@@ -33,16 +35,27 @@ class Sight:
 
     distance: float  #: D = Omega - Omega_h [rad/s]
     period: float  #: T [s]
-    remainder: float  #: T + (2 / lambda_u) log(D) minus its value at the closest cycle [s]
+    remainder: float  #: T + (2 / lambda_u) log(D) - c, with D in rad/s [s]
     period_error: float | None  #: |T in double - T| [s]; None where double finds no cycle
     state_error: float | None  #: of pi - gamma_bar_0, relative
     expected_error: float  #: what rounding Omega to a double does to T [s]
 
 
-def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, list[Sight]]:
-    """The connection, and cycles from the middle of the branch down to Omega_h + 1e-13.
+def limit_of_powers(points: Sequence[tuple[float, float]], power: float) -> float:
+    """The limit at x = 0 of y(x) = c + c_1 x^p + c_2 x^(2p) + ..., by as many terms as there are points (x, y)."""
+    import numpy
 
-    Raises NoSuchCycleError or Shortfall where the family cannot be followed.
+    x, y = numpy.array(points).T
+    # In units of the farthest point, so that the columns are of one size.
+    columns = numpy.vander((x / x[0]) ** power, increasing=True)
+    return float(numpy.linalg.solve(columns, y)[0])
+
+
+def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, float, list[Sight]]:
+    """The connection, the constant c [s] of the period's law, and cycles from mid-branch down to Omega_h + 1e-13.
+
+    The law is T = c - (2 / lambda_u) log(D) + O(D^p), p = |lambda_s| / lambda_u - 1, with D in rad/s. Raises
+    NoSuchCycleError or Shortfall where the family cannot be followed.
     """
     connection = heteroclinic(parameters, engine, digits=_DIGITS)
     omega_h = connection.omega_h.value
@@ -67,8 +80,14 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
         except NoSuchCycleError:
             pass
         found.append((float(above), float(period), errors, 2 / growth / float(above) * 2.0**-53 * omega))
-    constant = found[-1][1] + 2 / growth * math.log(found[-1][0])
-    return connection, [
-        Sight(above, period, period + 2 / growth * math.log(above) - constant, *errors, expected)
-        for above, period, errors, expected in found
-    ]
+    power = -float(connection.saddle_eigenvalues[1]) / growth - 1
+    logarithmic = [(above, period + 2 / growth * math.log(above)) for above, period, _, _ in found]
+    constant = limit_of_powers(logarithmic[-_FITTED:], power)
+    return (
+        connection,
+        constant,
+        [
+            Sight(above, period, period + 2 / growth * math.log(above) - constant, *errors, expected)
+            for above, period, errors, expected in found
+        ],
+    )

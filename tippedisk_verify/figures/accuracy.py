@@ -19,32 +19,31 @@ _DISTANCE = r"$\Omega - \Omega_\mathrm{h}$ [rad/s]"
 _LEAST = 1e-17  # an error of zero has no logarithm: it sits on the lower edge
 
 
-def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic, columns: int = 3) -> Any:
+def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic, constant: float, columns: int = 3) -> Any:
     """Close to Omega_h: the period and what its law leaves, and what double precision loses."""
     near = sorted(sights, key=lambda sight: -sight.distance)
     distance = [sight.distance for sight in near]
     unstable, slow, _ = (float(value) for value in connection.saddle_eigenvalues)
     figure, axes = grid(3, columns, (3.9, 3.5))
-    last = near[-1]
-    law = [last.period - 2 / unstable * math.log(value / last.distance) for value in distance]
+    law = [constant - 2 / unstable * math.log(value) for value in distance]
     axes[0].semilogx(distance, [sight.period for sight in near], "o", ms=4, color=GREEN, label="limit cycles")
     label = r"$-(2/\lambda_u)\,\log(\Omega - \Omega_\mathrm{h}) + c$"
     axes[0].semilogx(distance, law, "--", color=BLACK, lw=1.0, label=label)
     axes[0].set_ylabel("period T [s]")
-    falling = [(sight.distance, abs(sight.remainder)) for sight in near[:-4] if sight.distance < 0.1]
+    falling = [(sight.distance, abs(sight.remainder)) for sight in near if sight.distance < 0.1]
     power = -slow / unstable - 1
     through = falling[-1][1] / falling[-1][0] ** power
     label = rf"power {power:.3f} = $|\lambda_s|/\lambda_u - 1$"
-    axes[1].loglog(*zip(*falling, strict=True), "o", ms=4, color=GREEN, label="T − law")
+    axes[1].loglog(*zip(*falling, strict=True), "o", ms=4, color=GREEN, label="law − T")
     axes[1].loglog(
         [x for x, _ in falling], [through * x**power for x, _ in falling], "--", color=BLACK, lw=1.0, label=label
     )
     axes[1].set_ylabel("what the law leaves of T [s]")
     seen = [(s.distance, max(s.period_error, _LEAST)) for s in near if s.period_error is not None]
     lost = [sight.distance for sight in near if sight.period_error is None]
-    axes[2].loglog(*zip(*seen, strict=True), "o", ms=4, color=GREEN, label="T in double")
+    axes[2].loglog(*zip(*seen, strict=True), "o", ms=4, color=GREEN, label="T in double (no error: lower edge)")
     if lost:
-        axes[2].loglog(lost, [1.0] * len(lost), "x", ms=6, color=BLACK, label="double finds no cycle")
+        axes[2].loglog(lost, [1.0] * len(lost), "x", ms=6, color=BLACK, label="double finds no cycle (upper edge)")
     axes[2].loglog(distance, [s.expected_error for s in near], "--", color=BLACK, lw=1.0, label="rounding of Ω alone")
     axes[2].set_ylabel("error of T [s]")
     for axis in axes:
@@ -55,7 +54,7 @@ def draw_near_omega_h(sights: Sequence[Sight], connection: Heteroclinic, columns
 
 
 def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
-    connection, sights = near_omega_h(audit.parameters, audit.engine)
+    connection, constant, sights = near_omega_h(audit.parameters, audit.engine)
     near = sorted(sights, key=lambda sight: -sight.distance)
     rows = [(s.distance, s.period, s.remainder, s.period_error, s.state_error, s.expected_error) for s in near]
     header = (
@@ -69,7 +68,7 @@ def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
     last = [sight for sight in near if sight.period_error is not None][-1]
     decade = 2 * math.log(10) / float(connection.saddle_eigenvalues[0])
     return Drawing(
-        figure=lambda columns: draw_near_omega_h(sights, connection, columns),
+        figure=lambda columns: draw_near_omega_h(sights, connection, constant, columns),
         columns=3,
         reading=f"Each tenth of the distance adds {decade:.3g} s to the period and takes a digit from it in "
         f"double, whose last cycle is at {last.distance:.1g} rad/s; quadruple precision goes on to "
@@ -77,13 +76,15 @@ def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
         data={"near_omega_h.csv": (header, [["" if cell is None else cell for cell in row] for row in rows])},
         tables=(
             Table.of(
-                "Limit cycles close to Omega_h, in quadruple precision, and what double precision makes of them. An "
-                "empty cell: double finds no cycle.",
+                "Limit cycles close to Omega_h, in quadruple precision, and what double precision makes of them. The "
+                f"law: T = c - (2 / lambda_u) log(Omega - Omega_h), c = {constant:.8f} s, with natural logarithms of "
+                "rad/s and the unstable eigenvalue lambda_u of noninverted spinning; it leaves a power of the "
+                "distance. An empty cell: double finds no cycle.",
                 header,
                 rows,
             ),
         ),
-        facts={"connection": connection.json()},
+        facts={"connection": connection.json(), "law_constant": constant},
     )
 
 

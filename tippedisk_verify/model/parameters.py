@@ -106,7 +106,7 @@ class Parameters:
         if self.Bbar <= 0:
             faults.append("Bbar = B - m e^2 must be positive: B is too small for this m and e")
         if self.B > self.A:
-            faults.append("B must not exceed A: the offset mass adds to neither but is taken from B")
+            faults.append("B must not exceed A, the inertia about the axis through both centres")
         if self.C is not None and self.A > self.C:
             faults.append("A must not exceed C, the moment about the disk's normal")
         return faults

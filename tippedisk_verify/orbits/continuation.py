@@ -92,15 +92,16 @@ def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine, fr
     crit = omega_crit(parameters, 20).value
     if omega > crit and criticality(parameters) == "supercritical":
         raise NoSuchCycleError(
-            f"no limit cycle at {float(omega):.10g} rad/s: they are born below Omega_crit = {float(crit):.10g} rad/s"
+            f"no limit cycle at {float(omega):.10g} rad/s: they are born below Omega_crit = {float(crit):.10g} rad/s,"
+            f" which is less by {float(omega - crit):.2g}"
         ) from None
     omega_h = Fraction(0)
     with suppress(NoConnectionError, Shortfall):
         omega_h = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
     if omega < omega_h:
         raise NoSuchCycleError(
-            f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g} and"
-            f" below Omega_crit = {float(crit):.10g} rad/s"
+            f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g}, which is"
+            f" more by {float(omega_h - omega):.2g}, and below Omega_crit = {float(crit):.10g} rad/s"
         ) from None
 
 

@@ -93,8 +93,8 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
 
 
 def _figure(figure: dict[str, Any]) -> list[str]:
-    source = f" ({figure['source']})" if figure["source"] else ""
-    lines = [f"### {figure['title']}{_plain(source)}", ""]
+    source = f" ({_plain(figure['source'])})" if figure["source"] else ""
+    lines = [f"### {figure['title']}{source}", ""]
     if "missing" in figure:
         return [*lines, f"Not drawn: {_plain(figure['missing'])}", ""]
     lines += [f"![{figure['alternative']}]({figure['name']}.png)", "", _plain(figure["reading"]), ""]

@@ -68,7 +68,11 @@ class Equilibrium:
     stable: bool  #: all eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
 
     def json(self) -> dict[str, object]:
-        return {"eigenvalues": [value.json() for value in self.eigenvalues], "stable": self.stable}
+        return {
+            "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
+            "eigenvalues": [value.json() for value in self.eigenvalues],
+            "stable": self.stable,
+        }
 
 
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:

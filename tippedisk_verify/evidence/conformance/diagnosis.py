@@ -49,7 +49,8 @@ class Diagnosis:
     no_numbers: frozenset[str]  #: the failed ones that are no finite number, which no mistake predicts
 
     def says(self) -> str:
-        laws = "both laws" if len(self.frictions) > 1 else f"{self.frictions[0]} friction"
+        both = len(self.frictions) > 1 or self.frictions == ("both",)
+        laws = "both laws" if both else f"{self.frictions[0]} friction"
         where = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
         where += f"{len(self.failed)} wrong"
         if self.no_numbers:

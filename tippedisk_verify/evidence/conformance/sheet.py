@@ -181,7 +181,10 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
     try:
         header = [name.strip() for name in next(table, [])]
         if "id" not in header or "answer" not in header:
-            raise InputError("neither a CSV nor a JSON sheet: the first line must name the columns id and answer")
+            raise InputError(
+                "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, "
+                "separated by commas"
+            )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
         for row in table:
