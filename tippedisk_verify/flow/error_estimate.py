@@ -20,19 +20,20 @@ def compared(precision: Precision, wider: Precision, result: Result, check: Resu
     """
     import numpy
 
-    ulp = wider.number(precision.epsilon)
+    # An array of one: numpy would make one of a number, and lose its digits' memory if it is MPFR's.
+    ulp = wider.array([precision.epsilon])
 
     def widths(values: Any, truths: Any) -> Any:
         exact = _widened(values, wider)
         away = abs(exact - truths)
         rows = away if away.ndim > 1 else away[None, :]
         largest = numpy.array([max(row, default=0) for row in rows], dtype=rows.dtype)
-        bound = away + (largest[:, None] if away.ndim > 1 else largest[0]) / 8 + abs(exact) * ulp
+        bound = away + (largest[:, None] if away.ndim > 1 else largest) / 8 + abs(exact) * ulp
         return bound.astype(float) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any, state: Any, truth: Any) -> float:
-        own = float(widths(_alone(mine), _alone(theirs))[0])
-        turning = numpy.sin(state[0]) if shift else numpy.cos(state[0])
+        own = float(widths(precision.array([mine]), wider.array([theirs]))[0])
+        turning = (numpy.sin if shift else numpy.cos)(float(state[0]))
         speed = max(abs(float(state[2])), abs(float(turning)), 1e-300)
         return own + float(max(abs(_widened(state, wider) - truth))) / 8 / speed
 
@@ -53,17 +54,10 @@ def compared(precision: Precision, wider: Precision, result: Result, check: Resu
     )
 
 
-def _alone(value: Any) -> Any:
-    import numpy
-
-    return numpy.array([value], dtype=type(value))
-
-
 def _widened(values: Any, wider: Precision) -> Any:
     """An array in a wider arithmetic, exactly."""
     import numpy
 
     if wider.kind == "extended":
         return values.astype(numpy.longdouble)
-    flat = [wider.number(entry) for entry in values.ravel()]
-    return numpy.array(flat, dtype=wider.type).reshape(values.shape)
+    return wider.array(values.ravel().tolist()).reshape(values.shape)

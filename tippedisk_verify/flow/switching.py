@@ -31,7 +31,7 @@ class Branch:
         self._ops, self._place = ops, place
         self._watched, self._records = watched, records
         self.ended = False  #: by a terminal event of sliding reversal
-        self._one = precision.number(1)
+        self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
         #: After a switch the branches differ by gamma_y squared: so long that this is below rounding, and no longer.
@@ -93,7 +93,7 @@ class Branch:
             return False  # the start itself
         asking = [event for event in self._watched if event.direction in (0, sign)]
         for event in asking:
-            self._records.append(EventRecord(event.name, time, self.stepper.state[:3].copy()))
+            self._records.append(EventRecord(event.name, time, self._owned(self.stepper.state[:3])))
         return any(event.terminal for event in asking)
 
     def look(self) -> None:

@@ -28,6 +28,7 @@ from tippedisk_verify.flow.contract import (
     starts_on,
 )
 from tippedisk_verify.flow.error_estimate import compared
+from tippedisk_verify.flow.recording import Recording
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import checked_friction, products, shifted
@@ -242,8 +243,15 @@ class _Integrator:
         if self._smooth:
             self._branch.begin(request, omega, state, duration)
         samples = dense = None
+        recorded = self.precision.kind == "real" and (request.times is not None or request.dense)
         on_surface = self._leave_surfaces(request, omega, state, duration) if request.events else ()
-        if request.times is not None and not request.dense:
+        if recorded:
+            recording = self._recording(request, duration)
+            outcome, low, _, steps, _, _ = stepper.propagate_until(
+                duration, max_steps=request.max_steps, callback=recording.callback(), write_tc=True
+            )
+            samples, dense = recording.kept(request)
+        elif request.times is not None and not request.dense:
             times = self._grid(request.times)
             outcome, low, _, steps, _, samples = stepper.propagate_grid(times, max_steps=request.max_steps)
             samples = samples[len(times) - len(request.times) :, :3]
@@ -254,6 +262,7 @@ class _Integrator:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, c_output=request.dense
             )
+            dense = _copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
             outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
         status = Status.REACHED if outcome == self._finished else self._status(outcome, low)
@@ -262,7 +271,7 @@ class _Integrator:
                 record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
             ]
         result = self._result(status, steps, samples, dense)
-        if request.dense and request.times is not None and result.dense is not None:
+        if request.dense and request.times is not None and result.dense is not None and not recorded:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return replace(result, samples=result.dense(reached))
         return result
@@ -280,14 +289,21 @@ class _Integrator:
         if request.events:
             self._leave_surfaces(request, omega, state, duration)
         wanted = request.times is not None or request.dense
+        recorded = wanted and self.precision.kind == "real"
+        recording = self._recording(request, duration) if recorded else None
+        options: dict[str, Any] = {"c_output": wanted}
+        if recording is not None:
+            options = {"callback": recording.callback(), "write_tc": True}
         pieces: list[tuple[Any, Any]] = []
         steps, low = 0, None
         while True:
             branch.stops = True
             outcome, low, _, more, piece, _ = stepper.propagate_until(
-                duration, max_steps=request.max_steps - steps, c_output=wanted
+                duration, max_steps=request.max_steps - steps, **options
             )
             branch.stops = False
+            if recording is not None:
+                recording.take()
             steps += more
             pieces.append((stepper.time, piece))
             if branch.ended or not branch.stopped or steps >= request.max_steps:
@@ -297,8 +313,10 @@ class _Integrator:
             if (ahead >= duration) == (duration > 0):
                 ahead = duration
             branch.asleep = True
-            outcome, low, _, more, piece, _ = stepper.propagate_until(ahead, c_output=wanted)
+            outcome, low, _, more, piece, _ = stepper.propagate_until(ahead, **options)
             branch.asleep = False
+            if recording is not None:
+                recording.take()
             steps += more + 1
             pieces.append((stepper.time, piece))
             if outcome != self._finished or stepper.time == duration:
@@ -306,6 +324,8 @@ class _Integrator:
             branch.look()
         if branch.stopped and not branch.ended and steps >= request.max_steps:
             outcome = heyoka_module().taylor_outcome.step_limit
+        if recording is not None:
+            return outcome, low, steps, *recording.kept(request)
         if not wanted:
             return outcome, low, steps, None, None
         dense = Pieces(pieces, bool(duration > 0))
@@ -314,7 +334,11 @@ class _Integrator:
             times = self.precision.array(request.times)
             reached = [t for t in times if abs(t) <= abs(stepper.time)]
             samples = dense(reached)[:, :3]
-        return outcome, low, steps, samples, dense if request.dense else None
+        return outcome, low, steps, samples, _copied(dense, self.precision) if request.dense else None
+
+    def _recording(self, request: Request, duration: Any) -> Recording:
+        times = () if request.times is None else self.precision.array(request.times).tolist()
+        return Recording(self._stepper, times, request.dense, bool(duration > 0))
 
     def _grid(self, times: Any) -> Any:
         """The sample times in this arithmetic, from the present time on, which heyoka wants in front."""
@@ -349,7 +373,7 @@ class _Integrator:
 
     def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
         stepper = self._stepper
-        final = stepper.state.copy()
+        final = self.precision.owned(stepper.state)
         derivatives = divergence = None
         if self._identity is not None:
             if self._divergence:
@@ -366,7 +390,7 @@ class _Integrator:
             state=final,
             steps=steps,
             samples=samples,
-            dense=None if dense is None else _copied(dense, self.precision),
+            dense=dense,
             derivatives=derivatives,
             divergence=divergence,
             events=events,
@@ -383,15 +407,15 @@ class _Integrator:
             resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
             return Status.STEP_TOO_SMALL if abs(float(smallest_step)) <= resolved else Status.STEP_LIMIT
         event = self._terminal[index]
-        self._records.append(EventRecord(event.name, self._stepper.time, self._stepper.state[:3].copy()))
+        self._records.append(EventRecord(event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])))
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
     def _recorder(self, name: str) -> Callable[[Any, Any, int], None]:
-        records = self._records
+        records, owned = self._records, self.precision.owned
 
         def record(stepper: Any, when: Any, sign: int) -> None:
             stepper.update_d_output(when)
-            records.append(EventRecord(name, when, stepper.d_output[:3].copy()))
+            records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
 
         return record
 
@@ -414,9 +438,9 @@ def _outside(result: Result, shift: bool) -> bool:
     """Whether the end or a sample has sin(beta) <= 0."""
     import numpy
 
-    sine = numpy.cos if shift else numpy.sin
     if not result.status.usable or result.status is Status.FLAT:
         return False
-    if sine(result.state[0]) <= 0:
-        return True
-    return result.samples is not None and bool(numpy.any(sine(result.samples[:, 0]) <= 0))
+    angles = [result.state[0], *(() if result.samples is None else result.samples[:, 0])]
+    # Far from rounding, for an event to be seen: the float's sign is the number's.
+    sine = numpy.cos if shift else numpy.sin
+    return bool((sine([float(angle) for angle in angles]) <= 0).any())

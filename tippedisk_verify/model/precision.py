@@ -87,11 +87,11 @@ class Precision:
         return hy.real128 if self.kind == "quadruple" else hy.real
 
     @cached_property
-    def ops(self) -> ModuleType:
-        """Namespace with sin and cos for scalars of this precision."""
+    def ops(self) -> Any:
+        """Namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
         import numpy
 
-        return math if self.kind == "double" else numpy
+        return _MpfrFunctions(self) if self.kind == "real" else math if self.kind == "double" else numpy
 
     @cached_property
     def _lowest(self) -> int:
@@ -128,10 +128,24 @@ class Precision:
         return self._from_mantissa(*pair)
 
     def array(self, values: Sequence[object]) -> Any:
-        """A one-dimensional numpy array of `number` of each value."""
+        """A one-dimensional numpy array of `number` of each value (of objects, where they are MPFR's)."""
         import numpy
 
-        return numpy.array([self.number(value) for value in values], dtype=self.type)
+        return numpy.array([self.number(value) for value in values], dtype=self._element)
+
+    def owned(self, view: Any) -> Any:
+        """A copy of memory that heyoka will write over: of objects, where the numbers are MPFR's.
+
+        heyoka does not free what the elements of its own arrays of these point to (tests/stress/test_memory.py).
+        """
+        import numpy
+
+        return numpy.array(view.tolist(), dtype=object) if self.kind == "real" else view.copy()
+
+    @cached_property
+    def _element(self) -> Any:
+        """What an array's elements are."""
+        return object if self.kind == "real" else self.type
 
     def mpf(self, value: object) -> Any:
         """The same number as an mpmath mpf, exactly (a native number of this precision or wider)."""
@@ -153,7 +167,7 @@ class Precision:
             ctx.matrix([[self.mpf(entry) for entry in row] for row in matrix]),
             ctx.matrix([self.mpf(entry) for entry in right]),
         )
-        return numpy.array([self.number(entry) for entry in solution], dtype=self.type)
+        return numpy.array([self.number(entry) for entry in solution], dtype=self._element)
 
     def eigenvalues(self, matrix: Any) -> list[Any]:
         """Eigenvalues of a small dense matrix: Python complex in double, mpmath mpc above."""
@@ -181,6 +195,22 @@ class Precision:
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
         # The exponent too as a number of these bits: heyoka would take a plain integer for one of 64.
         return self.type(mantissa, self.bits) * self.type(2, self.bits) ** self.type(exponent, self.bits)
+
+
+class _MpfrFunctions:
+    """Functions of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory."""
+
+    def __init__(self, precision: Precision) -> None:
+        for name in ("sin", "cos", "exp", "log", "sqrt"):
+            setattr(self, name, self._function(precision, getattr(precision.context, name)))
+
+    @staticmethod
+    def _function(precision: Precision, function: Any) -> Any:
+        def applied(value: Any) -> Any:
+            # NaN and infinities have no mpmath number here; what is made of them is no number either.
+            return precision.number(function(precision.mpf(value))) if value - value == 0 else value - value
+
+        return applied
 
 
 DOUBLE = Precision("double", 53)
@@ -241,18 +271,13 @@ def _has_extended() -> bool:
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """heyoka, with the memory handler that is meant to free what arrays of its MPFR numbers point to.
-
-    In version 7.13.2 it has no effect: arrays of more than some thirty elements lose what these point to
-    (tests/stress/test_memory.py).
-    """
+    """heyoka, with its code cache guarded and its log silenced."""
     from tippedisk_verify.model.code_cache import guarded
 
     with _interrupts_deferred():
         import heyoka
 
         guarded(heyoka.llvm_state)
-        heyoka.install_custom_numpy_mem_handler()
         # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
         heyoka.set_logger_level_critical()
     return heyoka  # type: ignore[no-any-return]

@@ -1,0 +1,89 @@
+"""Samples and continuous output in MPFR numbers, taken step by step as Python objects.
+
+heyoka does not free what the elements of its own arrays of such numbers point to, so a run must not have it make any:
+its views are read element by element instead, while the series of the step is still there.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Callable, Sequence
+from operator import neg
+from typing import Any
+
+from tippedisk_verify.flow.contract import Request
+
+__all__ = ["Recording"]
+
+
+class Recording:
+    """What a run is asked to keep of its steps: the state at given times, and the series of every step."""
+
+    def __init__(self, stepper: Any, times: Sequence[Any], dense: bool, forward: bool) -> None:
+        self._stepper = stepper
+        self._times = times
+        self._forward = forward
+        self._from = stepper.time
+        self._rows: list[list[Any]] = []
+        self._starts: list[Any] = []
+        self._series: list[list[list[Any]]] | None = [] if dense else None
+        # What is asked for at or before the start is the start.
+        while self._due(self._from):
+            self._rows.append(stepper.state[:3].tolist())
+
+    def callback(self) -> Callable[[Any], bool]:
+        """For heyoka, as a plain function: it copies whatever else it is given."""
+        return lambda stepper: self.take()
+
+    def take(self) -> bool:
+        """Keep what is asked for of the last step; nothing if it has been taken. True: the run goes on."""
+        stepper = self._stepper
+        now = stepper.time
+        if now == self._from:
+            return True
+        while self._due(now):
+            stepper.update_d_output(self._times[len(self._rows)])
+            self._rows.append(stepper.d_output[:3].tolist())
+        if self._series is not None:
+            self._starts.append(self._from)
+            self._series.append(stepper.tc[:3].tolist())
+        self._from = now
+        return True
+
+    def _due(self, now: Any) -> bool:
+        """Whether the next sample lies at or before the present time."""
+        if len(self._rows) == len(self._times):
+            return False
+        wanted = self._times[len(self._rows)]
+        return bool(wanted <= now if self._forward else wanted >= now)
+
+    def kept(self, request: Request) -> tuple[Any, Any]:
+        """Samples and continuous output of the run, now that it is over; None for what was not asked for."""
+        import numpy
+
+        self.take()
+        samples = None if request.times is None else numpy.array(self._rows, dtype=object).reshape(-1, 3)
+        return samples, self._dense() if request.dense else None
+
+    def _dense(self) -> Callable[[Sequence[Any]], Any]:
+        import numpy
+
+        starts, series = self._starts, self._series or []
+        key = None if self._forward else neg
+
+        def states(times: Sequence[Any]) -> Any:
+            rows = []
+            for time in times:
+                step = max(bisect_left(starts, time if self._forward else -time, key=key) - 1, 0)
+                away = time - starts[step]
+                rows.append([_summed(coefficients, away) for coefficients in series[step]])
+            return numpy.array(rows, dtype=object).reshape(-1, 3)
+
+        return states
+
+
+def _summed(coefficients: Sequence[Any], away: Any) -> Any:
+    total = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * away + coefficient
+    return total
