@@ -136,14 +136,16 @@ def _symbolic(case: Case, working: int) -> dict[str, Any]:
     precision = bits(working)
     function, names = _compiled(case.friction, working)
     constants = case.parameters.at(precision)
-    state = precision.array([case.inputs[name] for name in ("beta", "gamma", "v")])
+    state = [precision.number(case.inputs[name]) for name in ("beta", "gamma", "v")]
     ctx = precision.context
     sliding = terms(ctx, _constants(case.parameters, ctx), *_state(case, ctx)).sliding_velocity
     given = {"omega": precision.number(case.inputs["Omega"]), "side": precision.number(1 if sliding >= 0 else -1)}
     values = [given[name] if name in given else getattr(constants, name) for name in names]
     import numpy
 
-    outputs = function(state, pars=numpy.array(values, dtype=precision.type))
+    # heyoka's own arrays, which is all that compiled functions take.
+    inputs, pars = (numpy.array(numbers, dtype=precision.type) for numbers in (state, values))
+    outputs = function(inputs, pars=pars)
     return dict(zip(("v_rate", "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), outputs, strict=True))
 
 
