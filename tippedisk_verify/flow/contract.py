@@ -177,7 +177,7 @@ class ErrorEstimate:
 
 @dataclass(frozen=True)
 class Result:
-    """What an engine computed. Arrays are in the request's precision."""
+    """What an engine computed. Arrays are in the request's precision, of objects where its numbers are MPFR's."""
 
     status: Status
     time: Any  #: where the run ended [s]
@@ -239,7 +239,8 @@ def _check_times(times: Any, duration: float) -> None:
     if not len(times):
         raise InputError("sample times are given but there are none: leave them out instead")
     try:
-        plain = times.astype(float) if hasattr(times, "dtype") else DOUBLE.array(list(times))
+        native = hasattr(times, "dtype") and times.dtype.kind in "iuf"
+        plain = times.astype(float) if native else DOUBLE.array(list(times))
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if plain.ndim != 1:
