@@ -64,7 +64,6 @@ def test_half_widths_hold_at_a_thousand_speeds(taylor, parameters) -> None:
     check_half_widths(branch_of(parameters, taylor), taylor, 1000, 2)
 
 
-@pytest.mark.slow
 def test_half_widths_hold_close_to_omega_h(taylor) -> None:
     omega_h = float(bisect_omega_h(PRINTED, taylor).omega_h)
     check_half_widths(branch_of(PRINTED, taylor, lowest=omega_h + 1e-5), taylor, 200, 3)

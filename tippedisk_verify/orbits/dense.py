@@ -296,9 +296,8 @@ class DenseBranch:
         wrong = [self._scale(name, cycles) for name in ("gamma_bar_0", "v_0", "period")]
         widths = {}
         for name in _NUMBERS:
-            parameters, flow, *by_start = (
-                numpy.exp(numpy.interp(s, s_known, _log(source))) for source in sources[name]
-            )
+            # Chords: these lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+            parameters, flow, *by_start = (numpy.interp(s, s_known, source) for source in sources[name])
             # The twins' spread is already four times the largest of five neighbours.
             own = (flow + 1) * self._scale(name, cycles) + 2 * _UNIT * numpy.abs(getattr(cycles, name))
             if name not in ("period", "gamma_bar_0", "v_0", "beta_max"):  # those are taken after the last step
