@@ -65,7 +65,7 @@ def common_options(command: F) -> F:
             click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
                          help="The friction law."),
             click.option("--digits", type=int, default=12, show_default=True, metavar="N",
-                         help="Significant digits of each main result."),
+                         help="Significant digits of each main result, at least."),
             *_OUTPUT_OPTIONS,
         )
     ):  # fmt: skip

@@ -61,7 +61,13 @@ def hopf(common: Common) -> int:
     *("best_order", "smallest_term", "reduced_omega_crit"),
 )
 @click.command("slow-manifold")
-@click.option("--order", type=int, required=True, metavar="N", help="Highest order in epsilon, 0 to 40.")
+@click.option(
+    "--order",
+    type=int,
+    required=True,
+    metavar="N",
+    help="Highest order in epsilon, 0 to 40. Above 5 it takes long: 8 some ten seconds, 12 half a minute.",
+)
 @click.option("--omega", metavar="X", help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.")
 @click.option("--beta", default="1.2", show_default=True, metavar="X", help="Where h is taken [rad].")
 @click.option("--gamma", default="0.3", show_default=True, metavar="X", help="Where h is taken [rad].")
@@ -111,6 +117,7 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
     return 0
 
 
+@quantities_of("omega", "period", "beta_max", "multiplier_slow")
 @click.command()
 @click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
 @click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
@@ -144,7 +151,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     elif not common.quiet:
         for cycle in cycles:
             click.echo(
-                f"Omega {float(cycle.omega):.10f} rad/s  T {float(cycle.period):.12f} s"
+                f"omega {float(cycle.omega):.10f} rad/s  period {float(cycle.period):.12f} s"
                 f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
             )
     return 0

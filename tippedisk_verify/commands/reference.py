@@ -114,7 +114,8 @@ def listed(common: Common, prefix: str) -> int:
 def show(common: Common, ids: tuple[str, ...]) -> int:
     """Values with all that is known of them.
 
-    The condition says by how much a value changes per relative change of each parameter or input.
+    The condition says by how much a value changes, in its own unit, per relative change of
+    each parameter or input.
     """
     from tippedisk_verify.commands.quantities import heading
     from tippedisk_verify.evidence.reference.store import reference as value_of

@@ -87,7 +87,11 @@ def _two_roads(audit: Audit) -> Finding:
         return Finding({name: "no connection"}, {name: True}, str(reason))
     apart = abs(one.value - two.value)
     agreed = apart <= one.uncertainty + two.uncertainty
-    note = f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart"
+    widths = f"{float(one.uncertainty):.1e} and {float(two.uncertainty):.1e}"
+    note = (
+        f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart, with"
+        f" half-widths of {widths}"
+    )
     return Finding({name: one}, {name: agreed}, note, ("manifolds", "limit-cycles"))
 
 

@@ -92,7 +92,10 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     found = basins(parameters, omega, friction=audit.friction, count=_STATES)
     shares = found.fractions()
     flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
-    text = f"of starts with v = 0, {100 * inverted[0]:.0f} % end inverted, {100 * flat[0]:.0f} % lie flat"
+    text = (
+        f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
+        f" {100 * flat[0]:.0f} % lie flat"
+    )
     return text, flat[0] < flat[1]
 
 

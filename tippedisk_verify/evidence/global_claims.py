@@ -101,7 +101,10 @@ def _engines(audit: Audit) -> Finding:
         f" its error, from a run in extended precision, is at most {float(claimed):.1e}"
     )
     return Finding(
-        {parameters.name: f"within {float(worst):.1e}"}, {parameters.name: agreed}, note, ("taylor", "scipy-DOP853")
+        {parameters.name: f"within {float(worst):.1e} rad, rad/s"},
+        {parameters.name: agreed},
+        note,
+        ("taylor", "scipy-DOP853"),
     )
 
 
@@ -112,7 +115,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "Section sec:shooting",
         "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
         "stable, monotone",
-        per_set(_branch, "at 41 speeds, each multiplier's half-width below 1", ("shooting",)),
+        per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
     ),
     Claim(
         "table_2",

@@ -38,7 +38,7 @@ class Sight:
     remainder: float  #: T + (2 / lambda_u) log(D) - c, with D in rad/s [s]
     period_error: float | None  #: |T in double - T| [s]; None where double finds no cycle
     state_error: float | None  #: of pi - gamma_bar_0, relative
-    expected_error: float  #: what rounding Omega to a double does to T [s]
+    expected_error: float  #: what rounding Omega to a double does to T at most [s]
 
 
 def limit_of_powers(points: Sequence[tuple[float, float]], power: float) -> float:
@@ -79,7 +79,7 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
             )
         except NoSuchCycleError:
             pass
-        found.append((float(above), float(period), errors, 2 / growth / float(above) * 2.0**-53 * omega))
+        found.append((float(above), float(period), errors, 2 / growth / float(above) * math.ulp(omega) / 2))
     power = -float(connection.saddle_eigenvalues[1]) / growth - 1
     logarithmic = [(above, period + 2 / growth * math.log(above)) for above, period, _, _ in found]
     constant = limit_of_powers(logarithmic[-_FITTED:], power)

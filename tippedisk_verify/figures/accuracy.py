@@ -63,7 +63,7 @@ def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
         "T - law [s]",
         "error of T in double [s]",
         "relative error of pi - gamma_bar_0 in double",
-        "error of T from rounding Omega [s]",
+        "error of T from rounding Omega, at most [s]",
     )
     last = [sight for sight in near if sight.period_error is not None][-1]
     decade = 2 * math.log(10) / float(connection.saddle_eigenvalues[0])
@@ -71,15 +71,16 @@ def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
         figure=lambda columns: draw_near_omega_h(sights, connection, constant, columns),
         columns=3,
         reading=f"Each tenth of the distance adds {decade:.3g} s to the period and takes a digit from it in "
-        f"double, whose last cycle is at {last.distance:.1g} rad/s; quadruple precision goes on to "
-        f"{near[-1].distance:.1g}.",
+        f"double, which finds none of the cycles closer than {last.distance:.1g} rad/s; quadruple precision goes on "
+        f"to {near[-1].distance:.1g}.",
         data={"near_omega_h.csv": (header, [["" if cell is None else cell for cell in row] for row in rows])},
         tables=(
             Table.of(
                 "Limit cycles close to Omega_h, in quadruple precision, and what double precision makes of them. The "
                 f"law: T = c - (2 / lambda_u) log(Omega - Omega_h), c = {constant:.8f} s, with natural logarithms of "
-                "rad/s and the unstable eigenvalue lambda_u of noninverted spinning; it leaves a power of the "
-                "distance. An empty cell: double finds no cycle.",
+                "rad/s and the unstable eigenvalue of noninverted spinning, "
+                f"lambda_u = {float(connection.saddle_eigenvalues[0]):.8g} 1/s; it leaves a power of the distance. "
+                "All digits are in near_omega_h.csv. An empty cell: double finds no cycle.",
                 header,
                 rows,
             ),

@@ -188,7 +188,8 @@ def _inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
         figure=lambda columns: draw_inversion(audit.parameters, times, states, moments, columns if columns > 1 else 2),
         columns=4,
         reading=f"From the paper's first start, at Omega_crit + 0.5 rad/s: the centre of gravity (dot) rises from "
-        f"{height[0]:.4g} mm and after {times[-1]:.3g} s stays near {height[-1]:.4g} mm; the hole, opposite to it, "
+        f"{height[0]:.4g} mm and has reached {height[-1]:.4g} mm after {times[-1]:.3g} s, on its way to r + e = "
+        f"{1e3 * float(audit.parameters.r + audit.parameters.e):.4g} mm; the hole, opposite to it, "
         "goes down.",
         data={
             "inversion.csv": (("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]", "height of S [mm]"), table),

@@ -360,8 +360,8 @@ def study(
     warning = None
     if order > best:
         warning = (
-            f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the terms grow from order"
-            f" {best + 1} on"
+            f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the largest terms over the"
+            f" twenty fixed points grow from order {best + 1} on"
         )
     hopf = None if order == 0 else _hopf_or_none(parameters, order, digits)
     return SlowManifold(
@@ -384,7 +384,7 @@ def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
         raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
     beta, gamma = map(exact, at)
     if beta.pi_multiple or gamma.pi_multiple:
-        raise InputError("beta and gamma of a point of the slow manifold must be decimals")
+        raise InputError("beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2")
     if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
         raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
     if not beta.rational:
