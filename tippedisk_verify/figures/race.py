@@ -140,8 +140,8 @@ def _compared(scores: Sequence[Score]) -> str:
             ratio = float(f"{best['scipy'] / best['heyoka']:.2g}")
             said.append(f"{ratio:g} times on the problem {problem}")
     return (
-        "To an error of 1e-8 the fastest method of SciPy, with its right-hand side in plain Python, takes, as a multiple "
-        "of the Taylor engine's time: " + ", ".join(said) + "."
+        "To an error of 1e-8 the fastest method of SciPy, with its right-hand side in plain Python, takes, as a "
+        "multiple of the Taylor engine's time: " + ", ".join(said) + "."
     )
 
 
