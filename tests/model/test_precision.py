@@ -197,3 +197,25 @@ def test_names_and_bounds() -> None:
             bits_for_digits(digits)
     with pytest.raises(InputError):
         bits(1)
+
+
+@pytest.mark.parametrize("count", [24, 53, 200])
+def test_functions_are_heyokas_to_rounding_and_nan_where_there_is_no_number(count: int) -> None:
+    precision = bits(count)
+    ops = precision.ops
+    for name in ("sin", "cos", "exp", "log", "sqrt"):
+        for text in ("0.3", "7", "1e-20", "12345.678"):
+            value = precision.number(text)
+            theirs = getattr(numpy, name)(value)
+            assert abs(fraction(getattr(ops, name)(value)) - fraction(theirs)) <= abs(fraction(theirs)) * 2 * Fraction(
+                precision.epsilon
+            )
+    minus, zero = precision.number(-1), precision.number(0)
+    for found in (ops.sqrt(minus), ops.log(minus), ops.log(zero), ops.sin(minus / 0), ops.exp(zero / 0)):
+        assert found != found
+
+
+def test_large_exponents_are_exact_in_few_bits() -> None:
+    few, many = bits(24), bits(200)
+    for value in (Fraction(2) ** 143429448, Fraction(3, 2**100_000_001)):
+        assert fraction(few.number(value)) == fraction(many.number(value)) == value

@@ -221,7 +221,7 @@ def checked(request: Request) -> None:
     if request.tolerance is not None and not 0 < request.tolerance < 1:
         raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
     if request.times is not None:
-        _check_times(request.times, DOUBLE.number(request.duration))
+        _check_times(request.times, request.precision, DOUBLE.number(request.duration))
     if request.domain not in ("event", "samples", "none"):
         raise InputError(f"domain is event, samples or none, not '{request.domain}'")
     if request.events:
@@ -234,19 +234,20 @@ def checked(request: Request) -> None:
         raise InputError("a variation is asked for twice")
 
 
-def _check_times(times: Any, duration: float) -> None:
+def _check_times(times: Any, precision: Precision, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
     if not len(times):
         raise InputError("sample times are given but there are none: leave them out instead")
+    native = hasattr(times, "dtype") and times.dtype.kind in "iuf"
     try:
-        native = hasattr(times, "dtype") and times.dtype.kind in "iuf"
-        plain = times.astype(float) if native else DOUBLE.array(list(times))
+        # Above double, times that a double cannot tell apart may well be meant.
+        plain = times * 1.0 if native else precision.array(list(times))
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if plain.ndim != 1:
         raise InputError("sample times must be a list of numbers")
     ahead = plain if duration >= 0 else -plain
-    if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and ahead[-1] <= abs(duration)):
+    if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and float(ahead[-1]) <= abs(duration)):
         raise InputError("sample times must be strictly monotonic, from 0 on and up to the duration")
 
 

@@ -12,6 +12,7 @@ from operator import neg
 from typing import Any
 
 from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.precision import Precision
 
 __all__ = ["Recording"]
 
@@ -19,17 +20,26 @@ __all__ = ["Recording"]
 class Recording:
     """What a run is asked to keep of its steps: the state at given times, and the series of every step."""
 
-    def __init__(self, stepper: Any, times: Sequence[Any], dense: bool, forward: bool) -> None:
-        self._stepper = stepper
+    def __init__(
+        self,
+        stepper: Any,
+        precision: Precision,
+        times: Sequence[Any],
+        dense: bool,
+        forward: bool,
+        early: Sequence[list[Any]] = (),
+    ) -> None:
+        """``early`` are the states at the first of the times, which the run has passed before it is recorded."""
+        self._stepper, self._precision = stepper, precision
         self._times = times
         self._forward = forward
         self._from = stepper.time
-        self._rows: list[list[Any]] = []
+        self._start: list[Any] = stepper.state[:3].tolist()
+        self._rows = list(early)
         self._starts: list[Any] = []
         self._series: list[list[list[Any]]] | None = [] if dense else None
-        # What is asked for at or before the start is the start.
         while self._due(self._from):
-            self._rows.append(stepper.state[:3].tolist())
+            self._rows.append(self._start)
 
     def callback(self) -> Callable[[Any], bool]:
         """For heyoka, as a plain function: it copies whatever else it is given."""
@@ -57,23 +67,29 @@ class Recording:
         wanted = self._times[len(self._rows)]
         return bool(wanted <= now if self._forward else wanted >= now)
 
-    def kept(self, request: Request) -> tuple[Any, Any]:
+    def kept(self, request: Request, finished: bool) -> tuple[Any, Any]:
         """Samples and continuous output of the run, now that it is over; None for what was not asked for."""
         import numpy
 
         self.take()
+        if finished:
+            # The last time and the duration, rounded from different numbers, may lie a rounding of a double apart.
+            for time in self._times[len(self._rows) :]:
+                self._stepper.update_d_output(time)
+                self._rows.append(self._stepper.d_output[:3].tolist())
         samples = None if request.times is None else numpy.array(self._rows, dtype=object).reshape(-1, 3)
         return samples, self._dense() if request.dense else None
 
     def _dense(self) -> Callable[[Sequence[Any]], Any]:
         import numpy
 
-        starts, series = self._starts, self._series or []
-        key = None if self._forward else neg
+        # A run that has taken no step stands at its start.
+        starts, series = self._starts or [self._from], self._series or [[[part] for part in self._start]]
+        array, key = self._precision.array, None if self._forward else neg
 
         def states(times: Sequence[Any]) -> Any:
             rows = []
-            for time in times:
+            for time in array(list(times)).tolist():
                 step = max(bisect_left(starts, time if self._forward else -time, key=key) - 1, 0)
                 away = time - starts[step]
                 rows.append([_summed(coefficients, away) for coefficients in series[step]])

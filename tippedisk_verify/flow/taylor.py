@@ -244,20 +244,15 @@ class _Integrator:
             self._branch.begin(request, omega, state, duration)
         samples = dense = None
         recorded = self.precision.kind == "real" and (request.times is not None or request.dense)
-        on_surface = self._leave_surfaces(request, omega, state, duration) if request.events else ()
+        on_surface, early = self._leave_surfaces(request, omega, state, duration) if request.events else ((), [])
         if recorded:
-            recording = self._recording(request, duration)
+            recording = self._recording(request, duration, early)
             outcome, low, _, steps, _, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, callback=recording.callback(), write_tc=True
             )
-            samples, dense = recording.kept(request)
+            samples, dense = recording.kept(request, outcome == self._finished)
         elif request.times is not None and not request.dense:
-            times = self._grid(request.times)
-            outcome, low, _, steps, _, samples = stepper.propagate_grid(times, max_steps=request.max_steps)
-            samples = samples[len(times) - len(request.times) :, :3]
-            if outcome == self._finished and stepper.time != duration:
-                outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
-                steps += more
+            outcome, low, steps, samples = self._on_grid(request, duration, early)
         else:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, c_output=request.dense
@@ -286,11 +281,10 @@ class _Integrator:
         stepper.reset_cooldowns()
         self._records.clear()
         branch.begin(request, omega, state, duration)
-        if request.events:
-            self._leave_surfaces(request, omega, state, duration)
+        early = self._leave_surfaces(request, omega, state, duration)[1] if request.events else []
         wanted = request.times is not None or request.dense
         recorded = wanted and self.precision.kind == "real"
-        recording = self._recording(request, duration) if recorded else None
+        recording = self._recording(request, duration, early) if recorded else None
         options: dict[str, Any] = {"c_output": wanted}
         if recording is not None:
             options = {"callback": recording.callback(), "write_tc": True}
@@ -319,13 +313,13 @@ class _Integrator:
                 recording.take()
             steps += more + 1
             pieces.append((stepper.time, piece))
-            if outcome != self._finished or stepper.time == duration:
+            if outcome != self._finished or stepper.time == duration or steps >= request.max_steps:
                 break
             branch.look()
         if branch.stopped and not branch.ended and steps >= request.max_steps:
             outcome = heyoka_module().taylor_outcome.step_limit
         if recording is not None:
-            return outcome, low, steps, *recording.kept(request)
+            return outcome, low, steps, *recording.kept(request, outcome == self._finished)
         if not wanted:
             return outcome, low, steps, None, None
         dense = Pieces(pieces, bool(duration > 0))
@@ -336,40 +330,58 @@ class _Integrator:
             samples = dense(reached)[:, :3]
         return outcome, low, steps, samples, _copied(dense, self.precision) if request.dense else None
 
-    def _recording(self, request: Request, duration: Any) -> Recording:
+    def _recording(self, request: Request, duration: Any, early: list[list[Any]]) -> Recording:
         times = () if request.times is None else self.precision.array(request.times).tolist()
-        return Recording(self._stepper, times, request.dense, bool(duration > 0))
+        return Recording(self._stepper, self.precision, times, request.dense, bool(duration > 0), early)
 
-    def _grid(self, times: Any) -> Any:
-        """The sample times in this arithmetic, from the present time on, which heyoka wants in front."""
+    def _on_grid(self, request: Request, duration: Any, early: list[list[Any]]) -> tuple[Any, Any, int, Any]:
+        """Through the sample times, but for those of the rows already there; heyoka wants the present time in front."""
         import numpy
 
-        grid = times if _native(times, self.precision) else self.precision.array(times)
-        now = self._stepper.time
-        if grid[0] == now:
-            return grid
-        if grid[0] == self._zero:  # a start on a surface was left behind, by less than a sample can show
-            grid = grid[1:]
-        return numpy.concatenate((numpy.array([now], dtype=grid.dtype), grid))
+        stepper = self._stepper
+        times = request.times if _native(request.times, self.precision) else self.precision.array(request.times)
+        times, now = times[len(early) :], stepper.time
+        samples = numpy.empty((0, 3), dtype=times.dtype)
+        outcome, low, steps = self._finished, now, 0
+        if len(times):
+            grid = times if times[0] == now else numpy.concatenate((numpy.array([now], dtype=times.dtype), times))
+            outcome, low, _, steps, _, samples = stepper.propagate_grid(grid, max_steps=request.max_steps)
+            samples = samples[len(grid) - len(times) :, :3]
+        if outcome == self._finished and stepper.time != duration:
+            outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+            steps += more
+        if early:
+            samples = numpy.concatenate((numpy.array(early, dtype=times.dtype), samples))
+        return outcome, low, steps, samples
 
-    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[str, ...]:
+    def _leave_surfaces(
+        self, request: Request, omega: Any, state: list[Any], duration: Any
+    ) -> tuple[tuple[str, ...], list[list[Any]]]:
         """Names of the events whose surface the start lies on; passes by the terminal ones that fire there.
 
-        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does.
+        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does. Also
+        returned are the states at the sample times that are passed by.
         """
         constants = request.parameters.at(self.precision)
         epsilon, ops = float(self.precision.epsilon), self._ops
         names = tuple(event.name for event in request.events if starts_on(event, ops, constants, omega, state, epsilon))
+        early: list[list[Any]] = []
         if any(event.name in names for event in self._terminal):
-            stepper = self._stepper
             limit = self.precision.number(START_WINDOW)
             if abs(duration) > limit:
-                target = limit if duration > 0 else -limit
-                # An event that fires starts its cooldown, so that the next call goes on beyond it.
-                for _ in self._events:
-                    if stepper.propagate_until(target)[0] == self._finished:
+                for time in () if request.times is None else map(self.precision.number, request.times):
+                    if abs(time) > limit:
                         break
-        return names
+                    early.append(list(state) if time == self._zero else self._passed(time))
+                self._passed(limit if duration > 0 else -limit)
+        return names, early
+
+    def _passed(self, target: Any) -> list[Any]:
+        """The state at a time close to the start. An event that fires starts its cooldown: the next call goes on."""
+        for _ in self._events:
+            if self._stepper.propagate_until(target)[0] == self._finished:
+                break
+        return self._stepper.state[:3].tolist()  # type: ignore[no-any-return]
 
     def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
         stepper = self._stepper

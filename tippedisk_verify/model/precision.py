@@ -193,12 +193,18 @@ class Precision:
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
-        # The exponent too as a number of these bits: heyoka would take a plain integer for one of 64.
-        return self.type(mantissa, self.bits) * self.type(2, self.bits) ** self.type(exponent, self.bits)
+        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two parts,
+        # each of which these bits hold.
+        rest = exponent % (1 << 20)
+        powers = (self.type(2, self.bits) ** self.type(part, self.bits) for part in (exponent - rest, rest))
+        return self.type(mantissa, self.bits) * next(powers) * next(powers)
 
 
 class _MpfrFunctions:
-    """Functions of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory."""
+    """Functions of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
+
+    What is no finite real number, given or found, becomes NaN.
+    """
 
     def __init__(self, precision: Precision) -> None:
         for name in ("sin", "cos", "exp", "log", "sqrt"):
@@ -206,9 +212,15 @@ class _MpfrFunctions:
 
     @staticmethod
     def _function(precision: Precision, function: Any) -> Any:
+        ctx = precision.context
+
         def applied(value: Any) -> Any:
-            # NaN and infinities have no mpmath number here; what is made of them is no number either.
-            return precision.number(function(precision.mpf(value))) if value - value == 0 else value - value
+            zero = value - value
+            if zero == 0:
+                found = function(precision.mpf(value))
+                if isinstance(found, ctx.mpf) and ctx.isfinite(found):
+                    return precision.number(found)
+            return zero / 0
 
         return applied
 

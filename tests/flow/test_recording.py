@@ -1,0 +1,130 @@
+"""Samples and continuous output in MPFR numbers, and samples in any arithmetic where a run starts on a surface."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy
+import pytest
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, Request, Status
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+
+R = bits(160)
+START = ("1.2", "0.4", "-0.5")
+ON_SECTION = ("pi/2", "2.1", "-1")
+_WIDE = bits(224)
+
+
+def truth(taylor: Taylor, start, time, **options) -> list[Fraction]:
+    """The state at one time, by a run of its own that is asked for nothing else."""
+    if not fraction(_WIDE.number(time)):
+        return [fraction(_WIDE.number(part)) for part in start]
+    return [fraction(x) for x in taylor(Request(PRINTED, "30.4", start, time, precision=_WIDE, **options)).state]
+
+
+def away(state, exact) -> float:
+    return max(float(abs(fraction(mine) - theirs)) for mine, theirs in zip(state, exact, strict=True))
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("times", [("0", "0.001", "0.11", "0.2"), ("0", "-0.001", "-0.02", "-0.04")])
+def test_samples_and_dense_output_are_those_of_single_runs(taylor, friction, times) -> None:
+    request = Request(PRINTED, "30.4", START, times[-1], precision=R, times=times, friction=friction, domain="none")
+    plain, both = taylor(request), taylor(Request(**{**vars(request), "dense": True}))
+    for k, time in enumerate(times):
+        exact = truth(taylor, START, time, friction=friction, domain="none")
+        for state in (plain.samples[k], both.samples[k], both.dense([time])[0]):
+            assert away(state, exact) < 1e-43  # a hundred roundings of 7, times the growth backwards
+    assert (plain.state == both.state).all()
+
+
+@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, R], ids=lambda p: p.name)
+@pytest.mark.parametrize("dense", [False, True])
+def test_samples_before_a_start_on_a_surface_is_left(taylor, precision, dense) -> None:
+    times = ("0", "1e-10", "9e-10", "0.1")
+    request = Request(
+        PRINTED,
+        "30.4",
+        ON_SECTION,
+        "0.1",
+        precision=precision,
+        times=times,
+        events=(SECTION,),
+        dense=dense,
+        error_estimate=True,
+    )
+    result = taylor(request)
+    assert len(result.samples) == 4
+    for state, widths, time in zip(result.samples, result.error.samples, times, strict=True):
+        exact = truth(taylor, ON_SECTION, time)
+        assert away(state, exact) < 64 * float(precision.epsilon)
+        for mine, width, right in zip(state, widths, exact, strict=True):
+            assert abs(fraction(mine) - right) <= fraction(width)
+    early = taylor(Request(PRINTED, "30.4", ON_SECTION, "0.1", precision=precision, times=times[:2], events=(SECTION,)))
+    assert away(early.samples[1], truth(taylor, ON_SECTION, "1e-10")) < 64 * float(precision.epsilon)
+
+
+def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
+    times = [f"0.{k}" for k in range(1, 10)]
+    for events, status in (((SECTION,), Status.EVENT), ((SLIDING_REVERSAL,), Status.EVENT), ((), Status.FLAT)):
+        start = START if events else ("0.2", "0.4", "-20")
+        results = [
+            taylor(Request(PRINTED, "30.4", start, "0.9", precision=precision, times=times, events=events))
+            for precision in (QUADRUPLE, R)
+        ]
+        assert {result.status for result in results} == {status}
+        assert len(results[0].samples) == len(results[1].samples) < 9
+        for mine, theirs in zip(results[1].samples, results[0].samples, strict=True):
+            assert away(mine, [fraction(part) for part in theirs]) < 1e-29
+    assert FLAT  # the domain's own event, which the last run ends with
+
+
+def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor) -> None:
+    times = numpy.linspace(0, 0.1, 5)  # 0.1 as a double is more than 0.1
+    for friction in ("linear", "smooth"):
+        result = taylor(Request(PRINTED, "30.4", START, "0.1", precision=R, times=times, friction=friction))
+        assert len(result.samples) == 5
+        assert away(result.samples[4], truth(taylor, START, times[4], friction=friction)) < 1e-44
+
+
+def test_times_are_told_apart_in_the_arithmetic_asked_for(taylor) -> None:
+    close = ("0.1", "0.10000000000000000001")
+    assert len(taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, times=close)).samples) == 2
+    with pytest.raises(InputError, match="monotonic"):
+        taylor(Request(PRINTED, "30.4", START, "0.2", times=close))
+
+
+@pytest.mark.parametrize("precision", [DOUBLE, QUADRUPLE, R], ids=lambda p: p.name)
+def test_a_run_of_no_length_stands_at_its_start(taylor, precision) -> None:
+    result = taylor(Request(PRINTED, "30.4", START, 0, precision=precision, times=(0,), dense=True))
+    for state in (result.samples[0], result.dense([0])[0], result.state):
+        assert [fraction(part) for part in state] == [fraction(precision.number(part)) for part in START]
+
+
+def test_dense_output_takes_times_of_any_kind(taylor) -> None:
+    dense = taylor(Request(PRINTED, "30.4", START, "0.2", precision=R, dense=True)).dense
+    rows = dense(["0.1", Fraction(1, 10), bits(300).number("0.1")])
+    assert rows.shape == (3, 3)
+    assert all((row == rows[0]).all() for row in rows)
+    assert {part.prec for part in rows.ravel()} == {160}
+    with pytest.raises(InputError):
+        dense([float("nan")])
+
+
+def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
+    from tippedisk_verify.flow import switching
+
+    monkeypatch.setattr(switching.Branch, "lost", property(lambda branch: True))
+    for most in range(1, 40):
+        result = taylor(
+            Request(
+                PRINTED, "30.4", ON_SECTION, "1.0", precision=R, friction="smooth", times=("0", "1"), max_steps=most
+            )
+        )
+        assert result.status in (Status.STEP_LIMIT, Status.REACHED)
+        assert result.steps <= most + 2
