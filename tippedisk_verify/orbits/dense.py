@@ -326,7 +326,7 @@ class DenseBranch:
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
             # independent of the others'. The coefficients fall geometrically: what is left out is less than the
             # largest of the last ones twice.
-            moved = numpy.exp(numpy.interp(s, self._s[::-1], _log(common[::-1])))
+            moved = numpy.interp(s, self._s[::-1], common[::-1])
             error = moved + numpy.sqrt(ratios**2 @ own**2) + 2 * numpy.abs(self._cosines @ scaled).max()
             if name in _SQUARED:
                 found[name] = _SQUARED[name] * numpy.sqrt(values * below)
@@ -435,12 +435,6 @@ def _largest_nearby(values: Any) -> Any:
 
     padded = numpy.pad(values, 2, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(5)], axis=0)
-
-
-def _log(values: Any) -> Any:
-    import numpy
-
-    return numpy.log(values + 1e-300)
 
 
 def _extrapolated(s_known: Any, columns: Sequence[Any], s: Any, degree: int) -> list[Any]:
