@@ -128,3 +128,13 @@ def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
         )
         assert result.status in (Status.STEP_LIMIT, Status.REACHED)
         assert result.steps <= most + 2
+
+
+@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, R], ids=lambda p: p.name)
+def test_times_may_be_any_sequence_of_numbers(taylor, precision) -> None:
+    times = [Fraction(1, 8), Fraction(1, 4)]
+    kinds = [times, precision.array(times), numpy.array([0.125, 0.25]), ["0.125", "1/4"], (0.125, 0.25)]
+    results = [taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, times=kind)) for kind in kinds]
+    assert all((result.samples == results[0].samples).all() for result in results)
+    whole = taylor(Request(PRINTED, "30.4", START, 2, precision=precision, times=numpy.array([1, 2])))
+    assert len(whole.samples) == 2

@@ -238,10 +238,10 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
     if not len(times):
         raise InputError("sample times are given but there are none: leave them out instead")
-    native = hasattr(times, "dtype") and times.dtype.kind in "iuf"
+    native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.
-        plain = times * 1.0 if native else precision.array(list(times))
+        plain = times if native else precision.array(list(times))
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if plain.ndim != 1:
