@@ -88,6 +88,7 @@ def test_laws_near_omega_h(taylor) -> None:
     assert abs(math.log(left[0] / left[1]) / (5 * math.log(10)) / (-slow / unstable - 1) - 1) < 0.05
 
 
+@pytest.mark.slow
 def test_passages_take_all_the_growth(taylor) -> None:
     """The flight outside the saddles' neighbourhoods hardly changes; the passage grows by (1 / lambda_u) log(1 / D)."""
     times = [

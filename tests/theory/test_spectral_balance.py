@@ -134,7 +134,7 @@ LUCKY = Parameters(
 )
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @example(parameters=LUCKY, share=Fraction(13, 200))
 @given(parameters=physical_parameters(), share=decimals("0", "1", 3))
 def test_estimates_hold_for_random_disks(parameters, share) -> None:
