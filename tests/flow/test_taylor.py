@@ -26,10 +26,9 @@ def test_the_factored_form_is_small() -> None:
     ("variations", "friction"),
     [
         (("beta", "gamma", "v"), "linear"),
-        (("e", "v"), "smooth"),
         *(
             pytest.param(variations, friction, marks=pytest.mark.slow)
-            for variations in ((), ("gamma", "Omega"), ("Omega", "b"))
+            for variations in ((), ("e", "v"), ("gamma", "Omega"), ("Omega", "b"))
             for friction in ("linear", "smooth")
         ),
     ],

@@ -36,6 +36,7 @@ def below(parameters, distance) -> Fraction:
     return omega_crit(parameters, 60).value - Fraction(distance)
 
 
+@pytest.mark.slow
 def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     speed = below(PRINTED, "0.5")
     rough = limit_cycle(PRINTED, speed, taylor, friction="smooth")
