@@ -334,8 +334,18 @@ def measured_cycle(
     Raises Shortfall if the chord iteration does not settle.
     """
     rough = cycle_numbers(parameters, value, shot, engine, precision, friction)
-    sharp = cycle_numbers(parameters, value, shot, engine, companion(precision), friction)
+    sharp, doubt = _numbers_and_doubt(parameters, value, shot, engine, companion(precision), friction)
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
+    # The wider run's own error, where the cycle attracts so weakly that it is no small part of the distance. All
+    # numbers move with the state: by how much, the two runs show.
+    apart = sum(
+        max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
+        for name in ("gamma_bar_0", "v_0")
+    )
+    share = (doubt["gamma_bar_0"] + doubt["v_0"]) / apart
+    for name, number in measured.items():
+        more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
+        measured[name] = Measured(number.value, number.uncertainty + more)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
@@ -358,7 +368,14 @@ def cycle_numbers(
     friction: Friction = "linear",
 ) -> dict[str, Any]:
     """All numbers of the cycle in one arithmetic."""
-    state = _sharpened(parameters, omega, shot, engine, precision, friction)
+    return _numbers_and_doubt(parameters, omega, shot, engine, precision, friction)[0]
+
+
+def _numbers_and_doubt(
+    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
+) -> tuple[dict[str, Any], dict[str, Fraction]]:
+    """All numbers of the cycle, and what rounding of the map leaves undecided of its state and period."""
+    state, noise = _sharpened(parameters, omega, shot, engine, precision, friction)
     here = half_map(parameters, omega, state, engine, precision, friction)
     flight = _flight(
         parameters, omega, state, engine, precision, friction=friction, divergence=True, events=(_EXTREME,)
@@ -373,7 +390,13 @@ def cycle_numbers(
     log_slow = precision.ops.log(slow)
     by_omega = newton_step(here.matrix, here.by_omega)
     time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
-    return {
+    # Some tens of roundings of each residual, brought back by (1 - P')^-1.
+    zero, unit = 0 * time, 64 * float(precision.epsilon)
+    back = (newton_step(here.matrix, (unit * state[0], zero)), newton_step(here.matrix, (zero, unit * state[1])))
+    undecided = [max(sum((fraction(abs(part[k])) for part in back), Fraction(0)), 4 * noise[k]) for k in range(2)]
+    flight_times = (fraction(abs(a)) * b for a, b in zip(here.time_by_state, undecided, strict=True))
+    doubt = {"gamma_bar_0": undecided[0], "v_0": undecided[1], "period": 2 * sum(flight_times, Fraction(0))}
+    numbers = {
         "period": 2 * here.time,
         "gamma_bar_0": state[0],
         "v_0": state[1],
@@ -387,15 +410,17 @@ def cycle_numbers(
         "dgamma_bar_0_domega": by_omega[0],
         "dv_0_domega": by_omega[1],
     }
+    return numbers, doubt
 
 
 def _sharpened(
     parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
-) -> tuple[Any, Any]:
-    """Chord steps with the shot's derivative, until the step is below rounding."""
+) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
+    """Chord steps with the shot's derivative, until the step is below rounding; and the step where it stood still."""
     state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
+    settled = Fraction(0), Fraction(0)
     if precision == DOUBLE:
-        return state
+        return state, settled
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
     previous: Fraction | None = None
     for _ in range(precision.bits // 8 + 8):
@@ -405,7 +430,9 @@ def _sharpened(
         state = (state[0] + step[0], state[1] + step[1])
         size = fraction(abs(step[0]) + abs(step[1]))
         # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
-        if size < 1000 * precision.epsilon or (previous is not None and 2 * size > previous):
-            return state
+        if size < 1000 * precision.epsilon:
+            return state, settled
+        if previous is not None and 2 * size > previous:
+            return state, (fraction(abs(step[0])), fraction(abs(step[1])))
         previous = size
     raise Shortfall(f"the chord iteration has not converged in {precision.name} precision")
