@@ -9,6 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError
@@ -22,6 +23,7 @@ from tippedisk_verify.flow.contract import (
     Request,
     Result,
     Status,
+    at_rest,
     checked,
     starts_on,
 )
@@ -68,6 +70,8 @@ class Baseline:
             raise InputError("the baseline does not integrate the divergence: ask the Taylor engine")
         if request.error_estimate:
             raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
+        if request.events and at_rest(request):
+            return self(replace(request, events=()))
         friction = checked_friction(request.friction)
         number = DOUBLE.number
         start = [number(part) for part in request.state]
@@ -134,7 +138,8 @@ class Baseline:
                 dense_output=request.dense or bool(request.events),
                 rtol=tolerance,
                 atol=tolerance,
-                events=[_event(event, ops, constants, omega, start, vector_field) for event in watched] or None,
+                events=[_event(event, ops, constants, omega, start, duration >= 0, vector_field) for event in watched]
+                or None,
                 **options,
             )
         except (_OutOfStepsError, ValueError, OverflowError) as stop:
@@ -179,8 +184,6 @@ class Baseline:
         )
 
     def _end(self, request: Request) -> Any:
-        from dataclasses import replace
-
         import numpy
 
         result = self(replace(request, times=None))
@@ -194,14 +197,27 @@ def _array(values: Sequence[Any]) -> Any:
     return numpy.array(values)
 
 
+def _next_value(function: Callable[[Any], Any], start: list[float], vector_field: Any, forward: bool) -> float:
+    """The function's first value on the way that is no rounding: later where the orbit only touches the surface."""
+    value = 0.0
+    for growth in (1.0, 2.0**5, 2.0**10, 2.0**15):
+        step = growth * (START_WINDOW if forward else -START_WINDOW)
+        middle = [part + step / 2 * rate for part, rate in zip(start, vector_field(*start), strict=True)]
+        value = float(function([part + step * rate for part, rate in zip(start, vector_field(*middle), strict=True)]))
+        if abs(value) > 64 * 2.0**-52:
+            break
+    return value
+
+
 def _event(
-    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], vector_field: Any
+    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], forward: bool, vector_field: Any
 ) -> Callable[[float, Any], float]:
     at_start: float | None = None
     if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):
         # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
-        ahead = [part + START_WINDOW * rate for part, rate in zip(start, vector_field(*start), strict=True)]
-        at_start = float(event.function(ops, constants, omega, *ahead))
+        at_start = _next_value(
+            lambda state: event.function(ops, constants, omega, *state), start, vector_field, forward
+        )
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:

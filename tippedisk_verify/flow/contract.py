@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import Friction, checked_friction
+from tippedisk_verify.model.equations import Friction, checked_friction, field, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -61,8 +61,8 @@ class Event:
     """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
 
     ``direction`` is +1 (rising), -1 (falling) or 0 (both). A terminal event ends the run on the crossing; others are
-    recorded. A start on the surface, up to rounding, is no crossing. Define an event once and pass the same object:
-    engines keep what they built for it.
+    recorded. A start on the surface, up to rounding, is no crossing, and an orbit at rest there has none. Define an
+    event once and pass the same object: engines keep what they built for it.
     """
 
     name: str
@@ -254,6 +254,17 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
 #: Within this time of a start on an event's surface [s], a crossing is the start itself: no orbit leaves a surface and
 #: comes back that soon, at accelerations of up to some 1e5 rad/s^2.
 START_WINDOW = 2.0**-30
+
+
+def at_rest(request: Request) -> bool:
+    """Whether the start is an equilibrium to the last bit. Its event functions may vanish, but it crosses nothing."""
+    precision = request.precision
+    number = precision.number
+    if number(request.state[2]) != 0:
+        return False
+    ops = shifted(precision.ops) if request.shifted else precision.ops
+    flow = field(ops, request.parameters.at(precision), number(request.omega), request.friction)
+    return not any(flow(*map(number, request.state)))
 
 
 def starts_on(event: Event, ops: Any, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:

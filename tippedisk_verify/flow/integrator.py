@@ -58,9 +58,17 @@ class Integrator:
             options["prec"] = precision.bits
         if request.tolerance is not None:
             options["tol"] = number(request.tolerance)
+        # An event that has fired is not seen again for as long as a start on its surface lasts. heyoka's own waiting
+        # time, made from the tolerance, is too short where the orbit only touches the surface.
+        wait = number(START_WINDOW)
         if self._terminal:
             options["t_events"] = [
-                hy.t_event(self._crossings[event.name], direction=direction_of(hy, event.direction), fp_type=fp_type)
+                hy.t_event(
+                    self._crossings[event.name],
+                    direction=direction_of(hy, event.direction),
+                    cooldown=wait,
+                    fp_type=fp_type,
+                )
                 for event in self._terminal
             ]
         if smooth:
@@ -70,9 +78,8 @@ class Integrator:
             own = [(SWITCH, self._branch.callback())]
             if FLAT not in self._terminal:
                 own.append((TURN_OVER, self._branch.flat_callback()))
-            # The state at a switch is on the surface to rounding, whatever the tolerance; heyoka's own cooldown, made
-            # from the tolerance, would hide the next switch at loose ones.
-            wait = number(START_WINDOW)
+            # The state at a switch is on the surface to rounding, whatever the tolerance; heyoka's own waiting time
+            # would hide the next switch at loose ones.
             options["t_events"] = [
                 *options.get("t_events", ()),
                 *(
@@ -119,18 +126,31 @@ class Integrator:
         self._built = (self.build,)
 
     def run(self, request: Request) -> Result:
-        stepper, zero = self._stepper, self._zero
+        state, duration, omega = self._inputs(request)
+        self._set_off(request, omega, state)
+        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
+            return self._result(Status.FLAT, 0)
+        if self._smooth or request.dense or request.times is not None:
+            return self._keeping(request, omega, state, duration)
+        outcome, low, steps, on_surface = self._plainly(request, omega, state, duration)
+        return self._result(self._status(outcome, low, on_surface), steps)
+
+    def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
+        """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
         number = self.precision.number
-        if self.precision.kind == "double":
-            state = [part if type(part) is float else number(part) for part in request.state]
-            duration = request.duration if type(request.duration) is float else number(request.duration)
-            omega = request.omega if type(request.omega) is float else number(request.omega)
-            if not math.isfinite(state[0] + state[1] + state[2] + duration + omega):
-                for value in (*state, duration, omega):
-                    number(value)  # names the culprit, if it is not only the sum that overflows
-        else:
-            state = [number(part) for part in request.state]
-            duration, omega = number(request.duration), number(request.omega)
+        if self.precision.kind != "double":
+            return [number(part) for part in request.state], number(request.duration), number(request.omega)
+        state = [part if type(part) is float else number(part) for part in request.state]
+        duration = request.duration if type(request.duration) is float else number(request.duration)
+        omega = request.omega if type(request.omega) is float else number(request.omega)
+        if not math.isfinite(state[0] + state[1] + state[2] + duration + omega):
+            for value in (*state, duration, omega):
+                number(value)  # names the culprit, if it is not only the sum that overflows
+        return state, duration, omega
+
+    def _set_off(self, request: Request, omega: Any, state: list[Any]) -> None:
+        """Parameters that are not those of the run before, and the state and time at the start."""
+        stepper = self._stepper
         pars = stepper.pars
         if request.parameters is not self._parameters:
             constants = request.parameters.at(self.precision)
@@ -143,7 +163,7 @@ class Integrator:
             if self._products:
                 constants = request.parameters.at(self.precision)
                 pars[first : first + self._products] = products(constants, omega)[: self._products]
-        stepper.time = zero
+        stepper.time = self._zero
         if self._identity is None:
             stepper.state[:] = state
         else:
@@ -152,8 +172,10 @@ class Integrator:
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
-        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
-            return self._result(Status.FLAT, 0)
+
+    def _keeping(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
+        """A run with samples, continuous output or switches of the friction law's branch."""
+        stepper = self._stepper
         if self._smooth:
             self._branch.begin(request, omega, state, duration)
         samples = dense = None
@@ -174,16 +196,28 @@ class Integrator:
             dense = _copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
             outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
-        status = Status.REACHED if outcome == self._finished else self._status(outcome, low)
-        if on_surface:
-            self._records[:] = [
-                record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
-            ]
-        result = self._result(status, steps, samples, dense)
+        result = self._result(self._status(outcome, low, on_surface), steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None and not recorded:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return replace(result, samples=result.dense(reached))
         return result
+
+    def _plainly(
+        self, request: Request, omega: Any, state: list[Any], duration: Any
+    ) -> tuple[Any, Any, int, tuple[str, ...]]:
+        """To the end, with nothing to keep on the way. Only what happens at the start asks what the start lies on."""
+        stepper = self._stepper
+        outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+        names: tuple[str, ...] = ()
+        if self._crossings and (self._records or abs(stepper.time) <= START_WINDOW):
+            names = self._surfaces(request, omega, state)
+            # An event that fires starts its cooldown: the next call goes on.
+            for _ in self._terminal if self._starts_on_terminal(names) else ():
+                if outcome == self._finished or abs(stepper.time) > START_WINDOW:
+                    break
+                outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+                steps += more
+        return outcome, low, steps, names
 
     def _carefully(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
         """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
@@ -276,19 +310,28 @@ class Integrator:
         Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does. Also
         returned are the states at the sample times that are passed by.
         """
-        constants = request.parameters.at(self.precision)
-        epsilon, ops = float(self.precision.epsilon), self._ops
-        names = tuple(event.name for event in request.events if starts_on(event, ops, constants, omega, state, epsilon))
+        names = self._surfaces(request, omega, state)
         early: list[list[Any]] = []
-        if any(event.name in names for event in self._terminal):
-            limit = self.precision.number(START_WINDOW)
-            if abs(duration) > limit:
-                for time in () if request.times is None else map(self.precision.number, request.times):
-                    if abs(time) > limit:
-                        break
-                    early.append(list(state) if time == self._zero else self._passed(time))
-                self._passed(limit if duration > 0 else -limit)
+        if self._starts_on_terminal(names):
+            number = self.precision.number
+            # Of a run that is as short as that, the half: the rest of it is recorded.
+            limit = min(number(START_WINDOW), abs(duration) * number(0.5))
+            for time in () if request.times is None else map(number, request.times):
+                if abs(time) > limit:
+                    break
+                early.append(list(state) if time == self._zero else self._passed(time))
+            self._passed(limit if duration > 0 else -limit)
         return names, early
+
+    def _surfaces(self, request: Request, omega: Any, state: list[Any]) -> tuple[str, ...]:
+        """Names of the events whose surface the start lies on."""
+        constants, epsilon = request.parameters.at(self.precision), float(self.precision.epsilon)
+        return tuple(
+            event.name for event in request.events if starts_on(event, self._ops, constants, omega, state, epsilon)
+        )
+
+    def _starts_on_terminal(self, names: tuple[str, ...]) -> bool:
+        return any(event.name in names for event in self._terminal)
 
     def _passed(self, target: Any) -> list[Any]:
         """The state at a time close to the start. An event that fires starts its cooldown: the next call goes on."""
@@ -323,7 +366,16 @@ class Integrator:
             built=self._built,
         )
 
-    def _status(self, outcome: Any, smallest_step: Any) -> Status:
+    def _status(self, outcome: Any, smallest_step: Any, on_surface: tuple[str, ...]) -> Status:
+        """How the run ended; the records then hold its crossings, without what is the start itself."""
+        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, smallest_step)
+        if on_surface:
+            self._records[:] = [
+                record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
+            ]
+        return status
+
+    def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
         if self._smooth and self._branch.ended:
             return Status.EVENT
         index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...

@@ -6,12 +6,13 @@ batch share the compiled code. Nothing here estimates an error: who asks for man
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
 from tippedisk_verify.model.exact import shown
@@ -87,7 +88,7 @@ class Lanes:
         """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,).
 
         ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
-        from pi/2. ``events`` are recorded and end nothing.
+        from pi/2. ``events`` are recorded and end nothing; a start on the surface is no crossing.
         Raises InputError for what is no array of numbers, if the shapes do not match, or if an event is terminal.
         """
         import numpy
@@ -115,7 +116,32 @@ class Lanes:
         if batch.products:
             known = products(_constants(pars, friction), omegas)[: batch.products]
             pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
-        return batch.run(pars, states.T, durations, max_steps)
+        flights = batch.run(pars, states.T, durations, max_steps)
+        if not flights.crossings:
+            return flights
+        start = _Starts(events, pars, states, shifted, friction)
+        return replace(flights, crossings=tuple(found for found in flights.crossings if not start.is_all_of(*found)))
+
+
+class _Starts:
+    """Where the runs start, to tell their crossings from starts on an event's surface."""
+
+    def __init__(self, events: Sequence[Event], pars: Any, states: Any, shift: bool, friction: Friction) -> None:
+        self._events = {event.name: event for event in events}
+        self._pars, self._states, self._friction = pars, states, friction
+        self._ops = shifted(math) if shift else math
+
+    def is_all_of(self, name: str, run: int, when: float, state: tuple[float, float, float]) -> bool:
+        """Whether a crossing is only that: the run starts on the surface, or rests on it for ever."""
+        start = self._states[run].tolist()
+        early = abs(when) <= START_WINDOW
+        if not early and state != tuple(start):
+            return False
+        pars = self._pars[:, run].tolist()
+        constants, omega = _constants(pars, self._friction), pars[0]
+        if not starts_on(self._events[name], self._ops, constants, omega, start, 2.0**-52):
+            return False
+        return early or not any(field(self._ops, constants, omega, self._friction)(*start))
 
 
 class _Batch:

@@ -48,7 +48,7 @@ class Branch:
         """Set the branch for a run. On the surface the sign a moment later decides."""
         self._constants, self._omega = request.parameters.at(request.precision), omega
         self._forward = bool(duration >= 0)
-        self._contradicted = self.stopped = self.ended = False
+        self._contradicted = self.stopped = self.ended = self.stops = self.asleep = False
         self._switches = 0
         self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
         slip = self._slip(state)
@@ -57,6 +57,7 @@ class Branch:
             rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
             step = self._window if self._forward else -self._window
             slip = self._slip([part + step * rate for part, rate in zip(state, rates, strict=True)])
+            self.asleep = not any(rates)  # at rest gamma_y is zero for ever: no switch, whatever heyoka sees
         self._set(1 if slip >= 0 else -1)
 
     def callback(self) -> Callable[[Any, int], bool]:

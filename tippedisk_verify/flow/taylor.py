@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status, checked
+from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status, at_rest, checked
 from tippedisk_verify.flow.error_estimate import compared
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.model.precision import DOUBLE, companion
@@ -65,6 +65,8 @@ class Taylor:
     def __call__(self, request: Request) -> Result:
         """Integrate. Raises InputError for a request that makes no sense."""
         checked(request)
+        if request.events and at_rest(request):
+            return self(replace(request, events=()))
         precision = request.precision
         events = request.events
         if request.domain == "event" and FLAT not in events:

@@ -138,9 +138,11 @@ class Precision:
 
         heyoka does not free what the elements of its own arrays of these point to (tests/stress/test_memory.py).
         """
+        if self.kind != "real":
+            return view.copy()
         import numpy
 
-        return numpy.array(view.tolist(), dtype=object) if self.kind == "real" else view.copy()
+        return numpy.array(view.tolist(), dtype=object)
 
     @cached_property
     def _element(self) -> Any:

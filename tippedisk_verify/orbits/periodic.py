@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
@@ -48,8 +48,7 @@ _MOST_STEPS = 25
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
-@dataclass(frozen=True)
-class HalfMap:
+class HalfMap(NamedTuple):
     """The flow from the section to its next crossing and back by the symmetry, with derivatives.
 
     ``residual`` is (gamma_bar, v) after the map minus before; matrices are with respect to (gamma_bar, v).
@@ -108,15 +107,27 @@ def half_map(
     friction: Friction = "linear",
 ) -> HalfMap:
     """The map and its derivatives at (gamma_bar, v) on the section. Raises NoSuchCycleError without a return."""
+    rates = _rates(parameters, omega, precision, friction)
+    return _half_map(parameters, omega, state, engine, precision, friction, rates)
+
+
+def _half_map(
+    parameters: Parameters,
+    omega: Any,
+    state: Sequence[Any],
+    engine: Engine,
+    precision: Precision,
+    friction: Friction,
+    rates: Any,
+) -> HalfMap:
     result = _flight(parameters, omega, state, engine, precision, friction=friction, variations=_VARIATIONS)
-    acceleration = _acceleration(parameters, omega, precision, friction)
     gamma_bar, v = (precision.number(part) for part in state)
     rows, end = result.derivatives, result.state
     if precision == DOUBLE:
         rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
     beta_row, gamma_row, v_row = rows
     v_end = end[2]
-    v_rate = acceleration(*end)[2]
+    v_rate = rates(*end)[2]
     # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
     flight = [-beta_row[k] / v_end for k in range(4)]
     v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
@@ -127,7 +138,7 @@ def half_map(
         by_omega=(-gamma_row[3], -v_section[3]),
         time_by_state=(flight[1], flight[2]),
         time_by_omega=flight[3],
-        trivial=_trivial(v, acceleration(0 * v, gamma_bar, v)[2], rows),
+        trivial=_trivial(v, rates(0 * v, gamma_bar, v)[2], rows),
     )
 
 
@@ -162,8 +173,8 @@ def _flight(
     return result
 
 
-def _acceleration(parameters: Parameters, omega: Any, precision: Precision, friction: Friction) -> Any:
-    """The field in shifted angles, whose last component is dv/dt."""
+def _rates(parameters: Parameters, omega: Any, precision: Precision, friction: Friction) -> Any:
+    """The field in shifted angles."""
     return field(shifted(precision.ops), parameters.at(precision), precision.number(omega), friction)
 
 
@@ -188,7 +199,12 @@ def shoot(
     omega = DOUBLE.number(omega)  # once, not at every step
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
-    here = half_map(parameters, omega, state, engine, friction=friction)
+    rates = _rates(parameters, omega, DOUBLE, friction)
+
+    def mapped(start: tuple[Any, Any]) -> HalfMap:
+        return _half_map(parameters, omega, start, engine, DOUBLE, friction, rates)
+
+    here = mapped(state)
     for _ in range(_MOST_STEPS):
         size = _size(here.residual)
         residuals.append(size)
@@ -204,7 +220,7 @@ def shoot(
             if abs(ahead[0]) + abs(ahead[1]) / 10 < scale / 5:
                 raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
             try:
-                found = half_map(parameters, omega, ahead, engine, friction=friction)
+                found = mapped(ahead)
             except NoSuchCycleError:
                 found = None
             if found is not None and (_size(found.residual) < size or size < 1e-10 * scale):
@@ -238,7 +254,7 @@ def shoot_full_period(
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
     residuals: list[float] = []
-    rates = _double_field(parameters, omega, friction)
+    rates = _rates(parameters, omega, DOUBLE, friction)
     for _ in range(_MOST_STEPS):
         start = unknown[:3]
         result = engine(
@@ -269,10 +285,6 @@ def shoot_full_period(
         if abs(unknown[1]) + abs(unknown[2]) / 10 < scale / 5:
             raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
     raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
-
-
-def _double_field(parameters: Parameters, omega: Any, friction: Friction) -> Any:
-    return field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), friction)
 
 
 # ------------------------------------------------------------------------------------------------ with uncertainties
