@@ -48,7 +48,7 @@ def test_a_wrong_claim_does_not_pass() -> None:
         result = engine(request)
         if result.error is None:
             return result
-        return replace(result, error=replace(result.error, state=result.error.state / 1e3))
+        return result._replace(error=replace(result.error, state=result.error.state / 1e3))
 
     request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)
     assert flown(request).honest

@@ -21,7 +21,8 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
-from tippedisk_verify.orbits.periodic import cycle_numbers, half_map, limit_cycle, shoot, shoot_full_period
+from tippedisk_verify.orbits.half_map import half_map
+from tippedisk_verify.orbits.periodic import cycle_numbers, limit_cycle, shoot, shoot_full_period
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.spectral_balance import approximate_cycle, balanced_cycle
 

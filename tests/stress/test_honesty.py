@@ -89,7 +89,7 @@ def test_an_estimate_that_is_too_small_is_seen(monkeypatch) -> None:
         result = default_engine()(request)
         if result.error is None:
             return result
-        return replace(result, error=replace(result.error, state=result.error.state / 100))
+        return result._replace(error=replace(result.error, state=result.error.state / 100))
 
     monkeypatch.setattr(motion_requests, "default_engine", lambda: boastful)
     outcomes = Counter(drawn(1, index).outcome for index in range(20))

@@ -24,7 +24,6 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
     at_rest,
-    checked,
     starts_on,
 )
 from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
@@ -63,7 +62,6 @@ class Baseline:
 
     def __call__(self, request: Request) -> Result:
         """Integrate. Raises InputError for more than double precision or for an error estimate."""
-        checked(request)
         if request.precision != DOUBLE:
             raise InputError(f"SciPy integrates in double precision only, not {request.precision.name}")
         if request.divergence:

@@ -97,6 +97,7 @@ class Request:
     ``tolerance`` is relative, per step; None is the arithmetic's own round-off. ``domain`` says how leaving the model's
     domain is noticed: ``"event"`` locates sin(beta) = 0 and ends there (Status.FLAT); ``"samples"`` looks at the end
     and at the samples, and repeats the run with the event only if one of them lies outside; ``"none"`` does not look.
+    Raises InputError for what no engine can do.
     """
 
     parameters: Parameters
@@ -117,6 +118,33 @@ class Request:
     error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
     domain: Literal["event", "samples", "none"] = "event"
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
+
+    def __post_init__(self) -> None:
+        checked_friction(self.friction)
+        _check_state(self.state)
+        if not 1 <= self.max_steps < 2**31:
+            raise InputError("max_steps must lie between 1 and 2^31")
+        if self.tolerance is not None and not 0 < self.tolerance < 1:
+            raise InputError(f"a relative tolerance lies between 0 and 1, not {self.tolerance}")
+        if self.times is not None:
+            _check_times(self.times, self.precision, DOUBLE.number(self.duration))
+        if self.domain not in ("event", "samples", "none"):
+            raise InputError(f"domain is event, samples or none, not '{self.domain}'")
+        if self.events:
+            names = [event.name for event in self.events]
+            if len(set(names)) != len(names):
+                raise InputError("two events of one request have the same name")
+            if FLAT.name in names and FLAT not in self.events:
+                raise InputError(f"the event name '{FLAT.name}' is taken by sin(beta) = 0")
+        if len(set(self.variations)) != len(self.variations):
+            raise InputError("a variation is asked for twice")
+
+    def starting_at(self, state: Sequence[object]) -> Request:
+        """The same from another state, for a fraction of what `replace` takes: nothing else is checked again."""
+        _check_state(state)
+        other = object.__new__(Request)
+        other.__dict__.update(self.__dict__, state=state)
+        return other
 
 
 class EventRecord(NamedTuple):
@@ -175,8 +203,7 @@ class ErrorEstimate:
         return float(max(self.state))
 
 
-@dataclass(frozen=True)
-class Result:
+class Result(NamedTuple):
     """What an engine computed. Arrays are in the request's precision, of objects where its numbers are MPFR's."""
 
     status: Status
@@ -201,7 +228,7 @@ class Engine(Protocol):
         """For reports, e.g. ``taylor`` or ``scipy-DOP853``."""
 
     def __call__(self, request: Request) -> Result:
-        """Compute what was asked for. Raises InputError for a request that makes no sense."""
+        """Compute what was asked for. Raises InputError for what this engine cannot do."""
 
 
 def raise_unless_usable(result: Result) -> Result:
@@ -211,27 +238,9 @@ def raise_unless_usable(result: Result) -> Result:
     return result
 
 
-def checked(request: Request) -> None:
-    """Refuse what no engine can do. Cheap: it runs before every integration. Raises InputError."""
-    checked_friction(request.friction)
-    if len(request.state) != 3:
+def _check_state(state: Sequence[object]) -> None:
+    if len(state) != 3:
         raise InputError("a state has three components: beta, gamma, v")
-    if not 1 <= request.max_steps < 2**31:
-        raise InputError("max_steps must lie between 1 and 2^31")
-    if request.tolerance is not None and not 0 < request.tolerance < 1:
-        raise InputError(f"a relative tolerance lies between 0 and 1, not {request.tolerance}")
-    if request.times is not None:
-        _check_times(request.times, request.precision, DOUBLE.number(request.duration))
-    if request.domain not in ("event", "samples", "none"):
-        raise InputError(f"domain is event, samples or none, not '{request.domain}'")
-    if request.events:
-        names = [event.name for event in request.events]
-        if len(set(names)) != len(names):
-            raise InputError("two events of one request have the same name")
-        if FLAT.name in names and FLAT not in request.events:
-            raise InputError(f"the event name '{FLAT.name}' is taken by sin(beta) = 0")
-    if len(set(request.variations)) != len(request.variations):
-        raise InputError("a variation is asked for twice")
 
 
 def _check_times(times: Any, precision: Precision, duration: float) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from tippedisk_verify.flow.contract import (
@@ -129,11 +128,11 @@ class Integrator:
         state, duration, omega = self._inputs(request)
         self._set_off(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
-            return self._result(Status.FLAT, 0)
+            return self._ended(Status.FLAT, self.precision.owned(self._stepper.state), 0)
         if self._smooth or request.dense or request.times is not None:
             return self._keeping(request, omega, state, duration)
         outcome, low, steps, on_surface = self._plainly(request, omega, state, duration)
-        return self._result(self._status(outcome, low, on_surface), steps)
+        return self._result(outcome, low, on_surface, steps)
 
     def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
         """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
@@ -196,10 +195,10 @@ class Integrator:
             dense = _copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
             outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
-        result = self._result(self._status(outcome, low, on_surface), steps, samples, dense)
+        result = self._result(outcome, low, on_surface, steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None and not recorded:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
-            return replace(result, samples=result.dense(reached))
+            return result._replace(samples=result.dense(reached))
         return result
 
     def _plainly(
@@ -340,42 +339,25 @@ class Integrator:
                 break
         return self._stepper.state[:3].tolist()  # type: ignore[no-any-return]
 
-    def _result(self, status: Status, steps: int, samples: Any = None, dense: Any = None) -> Result:
-        stepper = self._stepper
-        final = self.precision.owned(stepper.state)
-        derivatives = divergence = None
-        if self._identity is not None:
-            if self._divergence:
-                divergence = final[3]
-            if self.build.variations:
-                derivatives = final[self._size :].reshape(self._size, -1)[:3]
-            final = final[:3]
-        events: tuple[EventRecord, ...] = ()
-        if self._crossings:
-            events = tuple(self._records)
-        return Result(
-            status=status,
-            time=stepper.time,
-            state=final,
-            steps=steps,
-            samples=samples,
-            dense=dense,
-            derivatives=derivatives,
-            divergence=divergence,
-            events=events,
-            built=self._built,
-        )
-
-    def _status(self, outcome: Any, smallest_step: Any, on_surface: tuple[str, ...]) -> Status:
-        """How the run ended; the records then hold its crossings, without what is the start itself."""
-        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, smallest_step)
-        if on_surface:
+    def _result(
+        self,
+        outcome: Any,
+        smallest_step: Any,
+        on_surface: tuple[str, ...],
+        steps: int,
+        samples: Any = None,
+        dense: Any = None,
+    ) -> Result:
+        final = self.precision.owned(self._stepper.state)
+        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, smallest_step, final)
+        if on_surface:  # what is the start itself is no crossing
             self._records[:] = [
                 record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
             ]
-        return status
+        return self._ended(status, final, steps, samples, dense)
 
-    def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
+    def _stopped(self, outcome: Any, smallest_step: Any, final: Any) -> Status:
+        """Why a run did not reach its end; a terminal event is recorded."""
         if self._smooth and self._branch.ended:
             return Status.EVENT
         index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...
@@ -385,8 +367,29 @@ class Integrator:
             resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
             return Status.STEP_TOO_SMALL if abs(float(smallest_step)) <= resolved else Status.STEP_LIMIT
         event = self._terminal[index]
-        self._records.append(EventRecord(event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])))
+        self._records.append(EventRecord(event.name, self._stepper.time, final[:3]))
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
+
+    def _ended(self, status: Status, final: Any, steps: int, samples: Any = None, dense: Any = None) -> Result:
+        derivatives = divergence = None
+        if self._identity is not None:
+            if self._divergence:
+                divergence = final[3]
+            if self.build.variations:
+                derivatives = final[self._size :].reshape(self._size, -1)[:3]
+            final = final[:3]
+        return Result(
+            status,
+            self._stepper.time,
+            final,
+            steps,
+            samples=samples,
+            dense=dense,
+            derivatives=derivatives,
+            divergence=divergence,
+            events=tuple(self._records) if self._crossings else (),
+            built=self._built,
+        )
 
     def _recorder(self, name: str) -> Callable[[Any, Any, int], None]:
         records, owned = self._records, self.precision.owned

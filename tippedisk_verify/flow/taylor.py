@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status, at_rest, checked
+from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status, at_rest
 from tippedisk_verify.flow.error_estimate import compared
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.model.precision import DOUBLE, companion
@@ -63,8 +63,7 @@ class Taylor:
         return tuple(integrator.build for integrator in self._integrators.values())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate. Raises InputError for a request that makes no sense."""
-        checked(request)
+        """Integrate. Raises InputError for a start, duration or speed that is not a finite number."""
         if request.events and at_rest(request):
             return self(replace(request, events=()))
         precision = request.precision
@@ -97,7 +96,7 @@ class Taylor:
         )
         error = compared(request.precision, wider, result, check, request.shifted)
         error = replace(error, seconds=time.perf_counter() - begin)
-        return replace(result, error=error, built=result.built + check.built)
+        return result._replace(error=error, built=result.built + check.built)
 
 
 def _outside(result: Result, shift: bool) -> bool:

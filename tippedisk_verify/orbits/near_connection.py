@@ -21,8 +21,9 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, bits, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.half_map import half_map, newton_step
 from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
-from tippedisk_verify.orbits.periodic import LimitCycle, Shot, half_map, limit_cycle, measured_cycle, newton_step
+from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit

@@ -1,9 +1,7 @@
 """Limit cycles by Newton shooting on the half-period map, in any precision.
 
-By the point symmetry S the flow from the section beta = pi/2 (v < 0) to the next crossing (v > 0), followed by S, is a
-map of the section into itself whose square is the return map. A fixed point is a symmetric limit cycle, T is twice the
-flight time, and the multipliers are the squares of the map's. gamma is extreme on the section, for gamma' vanishes
-there.
+A fixed point of the map is a symmetric limit cycle, T is twice its flight time, and the multipliers are the squares of
+the map's. gamma is extreme on the section, for gamma' vanishes there.
 
 The flow's derivatives come from the variational equations in double; above double the same derivative serves in chord
 steps, each gaining about as many digits as a double has, and the variational equations run once more at the end. Every
@@ -16,51 +14,31 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import TURN, Engine, Event, Request, Status
 from tippedisk_verify.model.equations import Friction, checked_speed, field, shifted
 from tippedisk_verify.model.exact import PI, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
 __all__ = [
-    "HalfMap",
     "LimitCycle",
     "Shot",
     "cycle_numbers",
-    "half_map",
     "limit_cycle",
     "measured_cycle",
-    "newton_step",
     "shoot",
     "shoot_full_period",
 ]
 
-_RETURNS = Event("returns", SECTION.function, direction=-1)
 _EXTREME = Event("extreme", TURN.function, terminal=False)
-_VARIATIONS = ("beta", "gamma", "v", "Omega")  # beta too: with four, heyoka differentiates in reverse, with less work
 _QUARTER = PI * Fraction(1, 2)
 _MOST_STEPS = 25
-_LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
-
-
-class HalfMap(NamedTuple):
-    """The flow from the section to its next crossing and back by the symmetry, with derivatives.
-
-    ``residual`` is (gamma_bar, v) after the map minus before; matrices are with respect to (gamma_bar, v).
-    """
-
-    time: Any  #: flight time [s]
-    residual: tuple[Any, Any]  #: [rad, rad/s]
-    matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: of the map (S after the flow)
-    by_omega: tuple[Any, Any]
-    time_by_state: tuple[Any, Any]
-    time_by_omega: Any
-    trivial: Any  #: the multiplier along the flow, 1 but for rounding
 
 
 @dataclass(frozen=True)
@@ -98,93 +76,6 @@ class LimitCycle:
         }
 
 
-def half_map(
-    parameters: Parameters,
-    omega: Any,
-    state: Sequence[Any],
-    engine: Engine,
-    precision: Precision = DOUBLE,
-    friction: Friction = "linear",
-) -> HalfMap:
-    """The map and its derivatives at (gamma_bar, v) on the section. Raises NoSuchCycleError without a return."""
-    rates = _rates(parameters, omega, precision, friction)
-    return _half_map(parameters, omega, state, engine, precision, friction, rates)
-
-
-def _half_map(
-    parameters: Parameters,
-    omega: Any,
-    state: Sequence[Any],
-    engine: Engine,
-    precision: Precision,
-    friction: Friction,
-    rates: Any,
-) -> HalfMap:
-    result = _flight(parameters, omega, state, engine, precision, friction=friction, variations=_VARIATIONS)
-    gamma_bar, v = (precision.number(part) for part in state)
-    rows, end = result.derivatives, result.state
-    if precision == DOUBLE:
-        rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
-    beta_row, gamma_row, v_row = rows
-    v_end = end[2]
-    v_rate = rates(*end)[2]
-    # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
-    flight = [-beta_row[k] / v_end for k in range(4)]
-    v_section = [v_row[k] + v_rate * flight[k] for k in range(4)]
-    return HalfMap(
-        time=result.time,
-        residual=(-end[1] - gamma_bar, -v_end - v),
-        matrix=((-gamma_row[1], -gamma_row[2]), (-v_section[1], -v_section[2])),
-        by_omega=(-gamma_row[3], -v_section[3]),
-        time_by_state=(flight[1], flight[2]),
-        time_by_omega=flight[3],
-        trivial=_trivial(v, rates(0 * v, gamma_bar, v)[2], rows),
-    )
-
-
-def _trivial(v: Any, v_rate: Any, rows: Any) -> Any:
-    """The Rayleigh quotient of the half map (linear part of S: -1) on the flow's direction (v, 0, v') at the start."""
-    beta_image = rows[0][0] * v + rows[0][2] * v_rate
-    v_image = rows[2][0] * v + rows[2][2] * v_rate
-    return -(v * beta_image + v_rate * v_image) / (v * v + v_rate * v_rate)
-
-
-def _flight(
-    parameters: Parameters, omega: Any, state: Sequence[Any], engine: Engine, precision: Precision, **needs: Any
-) -> Result:
-    gamma_bar, v = state
-    if not float(v) < 0:
-        raise NoSuchCycleError("shooting starts at beta = pi/2 with v < 0: the guess has left that side of the section")
-    events = (_RETURNS, *needs.pop("events", ()))
-    request = Request(
-        parameters,
-        omega,
-        (0.0, gamma_bar, v),
-        _LONGEST_FLIGHT,
-        shifted=True,
-        precision=precision,
-        events=events,
-        domain="none",
-        **needs,
-    )
-    result = engine(request)
-    if result.status is not Status.EVENT:
-        raise NoSuchCycleError(f"the orbit does not return to beta = pi/2: {result.status.value}")
-    return result
-
-
-def _rates(parameters: Parameters, omega: Any, precision: Precision, friction: Friction) -> Any:
-    """The field in shifted angles."""
-    return field(shifted(precision.ops), parameters.at(precision), precision.number(omega), friction)
-
-
-def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
-    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
-    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
-    determinant = a * d - b * c
-    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
-
-
 def shoot(
     parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine, friction: Friction = "linear"
 ) -> Shot:
@@ -196,15 +87,10 @@ def shoot(
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v at beta = pi/2")
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
-    omega = DOUBLE.number(omega)  # once, not at every step
+    flights = HalfFlights(parameters, omega, engine, DOUBLE, friction)
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
-    rates = _rates(parameters, omega, DOUBLE, friction)
-
-    def mapped(start: tuple[Any, Any]) -> HalfMap:
-        return _half_map(parameters, omega, start, engine, DOUBLE, friction, rates)
-
-    here = mapped(state)
+    here = flights.map(state)
     for _ in range(_MOST_STEPS):
         size = _size(here.residual)
         residuals.append(size)
@@ -220,7 +106,7 @@ def shoot(
             if abs(ahead[0]) + abs(ahead[1]) / 10 < scale / 5:
                 raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
             try:
-                found = mapped(ahead)
+                found = flights.map(ahead)
             except NoSuchCycleError:
                 found = None
             if found is not None and (_size(found.residual) < size or size < 1e-10 * scale):
@@ -254,7 +140,7 @@ def shoot_full_period(
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
     residuals: list[float] = []
-    rates = _rates(parameters, omega, DOUBLE, friction)
+    rates = field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), friction)
     for _ in range(_MOST_STEPS):
         start = unknown[:3]
         result = engine(
@@ -387,11 +273,10 @@ def _numbers_and_doubt(
     parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
 ) -> tuple[dict[str, Any], dict[str, Fraction]]:
     """All numbers of the cycle, and what rounding of the map leaves undecided of its state and period."""
-    state, noise = _sharpened(parameters, omega, shot, engine, precision, friction)
-    here = half_map(parameters, omega, state, engine, precision, friction)
-    flight = _flight(
-        parameters, omega, state, engine, precision, friction=friction, divergence=True, events=(_EXTREME,)
-    )
+    flights = HalfFlights(parameters, omega, engine, precision, friction)
+    state, noise = _sharpened(shot, flights, precision)
+    here = flights.map(state)
+    flight = flights(state, divergence=True, events=(_EXTREME,))
     turns = [record.state[0] for record in flight.events if record.name == _EXTREME.name]
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
@@ -401,6 +286,7 @@ def _numbers_and_doubt(
     slow = half * half
     log_slow = precision.ops.log(slow)
     by_omega = newton_step(here.matrix, here.by_omega)
+    trivial = flights.trivial_multiplier(state, here)
     time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
     # Some tens of roundings of each residual, brought back by (1 - P')^-1.
     zero, unit = 0 * time, 64 * float(precision.epsilon)
@@ -417,7 +303,7 @@ def _numbers_and_doubt(
         "log_multiplier_slow": log_slow,
         # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
         "log_multiplier_fast": 2 * flight.divergence - log_slow,
-        "trivial_multiplier_defect": abs(here.trivial * here.trivial - 1),
+        "trivial_multiplier_defect": abs(trivial * trivial - 1),
         "dperiod_domega": 2 * time,
         "dgamma_bar_0_domega": by_omega[0],
         "dv_0_domega": by_omega[1],
@@ -426,7 +312,7 @@ def _numbers_and_doubt(
 
 
 def _sharpened(
-    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
+    shot: Shot, flights: HalfFlights, precision: Precision
 ) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
     """Chord steps with the shot's derivative, until the step is below rounding; and the step where it stood still."""
     state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
@@ -436,7 +322,7 @@ def _sharpened(
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
     previous: Fraction | None = None
     for _ in range(precision.bits // 8 + 8):
-        flight = _flight(parameters, omega, state, engine, precision, friction=friction)
+        flight = flights(state)
         residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
         step = newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])

@@ -18,10 +18,11 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits
 from tippedisk_verify.orbits.continuation import followed_cycle
+from tippedisk_verify.orbits.half_map import newton_step
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_near
 from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
-from tippedisk_verify.orbits.periodic import LimitCycle, cycle_numbers, newton_step, shoot
+from tippedisk_verify.orbits.periodic import LimitCycle, cycle_numbers, shoot
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 

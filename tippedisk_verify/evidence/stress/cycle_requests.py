@@ -25,7 +25,8 @@ from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.dense import DenseBranch
-from tippedisk_verify.orbits.periodic import LimitCycle, Shot, cycle_numbers, half_map, limit_cycle, newton_step
+from tippedisk_verify.orbits.half_map import half_map, newton_step
+from tippedisk_verify.orbits.periodic import LimitCycle, Shot, cycle_numbers, limit_cycle
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 

@@ -121,7 +121,7 @@ def _stable_manifold() -> Found:
 
 
 def _backward_cases() -> list[Case]:
-    """From the limit cycle errors grow by some e^100t backward: after 0.4 s no digit is left, and it must be said."""
+    """From the limit cycle errors grow by some e^100t backward: after 0.5 s no digit is left, and it must be said."""
 
     def back(duration: str) -> Found:
         from tippedisk_verify.orbits.periodic import limit_cycle

@@ -1,0 +1,148 @@
+"""The half-period map: from the section beta = pi/2 with v < 0 to the next crossing, and back by the symmetry.
+
+By the point symmetry S the flow to the next crossing (v > 0), followed by S, is a map of the section into itself whose
+square is the return map. A fixed point is a symmetric limit cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
+from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision
+
+__all__ = ["HalfFlights", "HalfMap", "half_map", "newton_step"]
+
+_RETURNS = Event("returns", SECTION.function, direction=-1)
+_VARIATIONS = ("beta", "gamma", "v", "Omega")  # beta too: with four, heyoka differentiates in reverse, with less work
+_LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
+
+
+class HalfMap(NamedTuple):
+    """One point's image, with derivatives.
+
+    ``residual`` is (gamma_bar, v) after the map minus before; ``matrix`` is with respect to (gamma_bar, v).
+    """
+
+    time: Any  #: flight time [s]
+    residual: tuple[Any, Any]  #: [rad, rad/s]
+    matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: of the map (S after the flow)
+    flow: Any  #: the flow's derivatives at fixed time, (beta, gamma, v) by (beta, gamma, v, Omega)
+    arrival: tuple[Any, Any]  #: (v, v') at the next crossing [rad/s, rad/s^2]
+
+    @property
+    def time_by_state(self) -> tuple[Any, Any]:
+        """Derivatives of the flight time by gamma_bar and v: on the section time moves by dt = -d(beta) / v."""
+        return -self.flow[0][1] / self.arrival[0], -self.flow[0][2] / self.arrival[0]
+
+    @property
+    def time_by_omega(self) -> Any:
+        return -self.flow[0][3] / self.arrival[0]
+
+    @property
+    def by_omega(self) -> tuple[Any, Any]:
+        """Derivatives of the map by Omega."""
+        _, gamma_row, v_row = self.flow
+        return -gamma_row[3], -(v_row[3] + self.arrival[1] * self.time_by_omega)
+
+
+class HalfFlights:
+    """Half periods of one disk at one speed in one arithmetic, each from a (gamma_bar, v) on the section.
+
+    They raise NoSuchCycleError for a start with v >= 0, and where the orbit does not return to the section.
+    """
+
+    def __init__(
+        self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision, friction: Friction = "linear"
+    ) -> None:
+        self._parameters, self._engine = parameters, engine
+        self._precision, self._friction = precision, friction
+        self._omega = precision.number(omega)  # once, not at every start
+        self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, friction)
+        self._mapped: Request | None = None
+
+    def __call__(self, state: Sequence[Any], *, divergence: bool = False, events: tuple[Event, ...] = ()) -> Result:
+        """To the next crossing, without derivatives."""
+        return self._flown(self._request(state, divergence=divergence, events=(_RETURNS, *events)))
+
+    def map(self, state: Sequence[Any]) -> HalfMap:
+        """The map and its derivatives at ``state``."""
+        request = self._mapped
+        if request is None:
+            request = self._mapped = self._request(state, variations=_VARIATIONS, events=(_RETURNS,))
+        result = self._flown(request.starting_at((0.0, *state)))
+        rows, end = result.derivatives, result.state
+        if self._precision == DOUBLE:
+            rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
+        beta_row, gamma_row, v_row = rows
+        _, gamma_bar, v = end
+        v_rate = self._rates(*end)[2]
+        # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
+        slope = v_rate / v
+        return HalfMap(
+            result.time,
+            (-gamma_bar - state[0], -v - state[1]),
+            ((-gamma_row[1], -gamma_row[2]), (slope * beta_row[1] - v_row[1], slope * beta_row[2] - v_row[2])),
+            rows,
+            (v, v_rate),
+        )
+
+    def trivial_multiplier(self, state: Sequence[Any], mapped: HalfMap) -> Any:
+        """The half map's multiplier along the flow, 1 but for rounding.
+
+        It is the Rayleigh quotient of the flow followed by the linear part of S, -1, on the flow's direction
+        (v, 0, v') at the start.
+        """
+        gamma_bar, v = state
+        v_rate = self._rates(0 * v, gamma_bar, v)[2]
+        beta_row, _, v_row = mapped.flow
+        beta_image = beta_row[0] * v + beta_row[2] * v_rate
+        v_image = v_row[0] * v + v_row[2] * v_rate
+        return -(v * beta_image + v_rate * v_image) / (v * v + v_rate * v_rate)
+
+    def _request(self, state: Sequence[Any], **needs: Any) -> Request:
+        return Request(
+            self._parameters,
+            self._omega,
+            (0.0, *state),
+            _LONGEST_FLIGHT,
+            friction=self._friction,
+            shifted=True,
+            precision=self._precision,
+            domain="none",
+            **needs,
+        )
+
+    def _flown(self, request: Request) -> Result:
+        if not request.state[2] < 0:  # type: ignore[operator]
+            raise NoSuchCycleError(
+                "shooting starts at beta = pi/2 with v < 0: the guess has left that side of the section"
+            )
+        result = self._engine(request)
+        if result.status is not Status.EVENT:
+            raise NoSuchCycleError(f"the orbit does not return to beta = pi/2: {result.status.value}")
+        return result
+
+
+def half_map(
+    parameters: Parameters,
+    omega: Any,
+    state: Sequence[Any],
+    engine: Engine,
+    precision: Precision = DOUBLE,
+    friction: Friction = "linear",
+) -> HalfMap:
+    """The map and its derivatives at one (gamma_bar, v). Raises NoSuchCycleError without a return."""
+    start = tuple(precision.number(part) for part in state)
+    return HalfFlights(parameters, omega, engine, precision, friction).map(start)
+
+
+def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
+    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
+    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
+    determinant = a * d - b * c
+    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
