@@ -10,15 +10,17 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status, Variation
 from tippedisk_verify.model.equations import Friction, field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["HalfFlights", "HalfMap", "half_map", "newton_step"]
+__all__ = ["RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
 
-_RETURNS = Event("returns", SECTION.function, direction=-1)
-_VARIATIONS = ("beta", "gamma", "v", "Omega")  # beta too: with four, heyoka differentiates in reverse, with less work
+#: The next crossing of the section.
+RETURNS = Event("returns", SECTION.function, direction=-1)
+#: beta too: with four, heyoka differentiates in reverse, with less work.
+VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
@@ -67,13 +69,13 @@ class HalfFlights:
 
     def __call__(self, state: Sequence[Any], *, divergence: bool = False, events: tuple[Event, ...] = ()) -> Result:
         """To the next crossing, without derivatives."""
-        return self._flown(self._request(state, divergence=divergence, events=(_RETURNS, *events)))
+        return self._flown(self._request(state, divergence=divergence, events=(RETURNS, *events)))
 
     def map(self, state: Sequence[Any]) -> HalfMap:
         """The map and its derivatives at ``state``."""
         request = self._mapped
         if request is None:
-            request = self._mapped = self._request(state, variations=_VARIATIONS, events=(_RETURNS,))
+            request = self._mapped = self._request(state, variations=VARIATIONS, events=(RETURNS,))
         result = self._flown(request.starting_at((0.0, *state)))
         rows, end = result.derivatives, result.state
         if self._precision == DOUBLE:

@@ -27,6 +27,7 @@ from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
 __all__ = [
+    "EXTREME",
     "LimitCycle",
     "Shot",
     "cycle_numbers",
@@ -36,7 +37,8 @@ __all__ = [
     "shoot_full_period",
 ]
 
-_EXTREME = Event("extreme", TURN.function, terminal=False)
+#: Where beta is extreme.
+EXTREME = Event("extreme", TURN.function, terminal=False)
 _QUARTER = PI * Fraction(1, 2)
 _MOST_STEPS = 25
 
@@ -276,8 +278,8 @@ def _numbers_and_doubt(
     flights = HalfFlights(parameters, omega, engine, precision, friction)
     state, noise = _sharpened(shot, flights, precision)
     here = flights.map(state)
-    flight = flights(state, divergence=True, events=(_EXTREME,))
-    turns = [record.state[0] for record in flight.events if record.name == _EXTREME.name]
+    flight = flights(state, divergence=True, events=(EXTREME,))
+    turns = [record.state[0] for record in flight.events if record.name == EXTREME.name]
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
     # The larger root of l^2 - trace l + determinant; the determinant is some 1e-25 and only corrects it.

@@ -14,25 +14,7 @@ from typing import Any
 __all__ = ["StartUp", "start_up"]
 
 _IMPORTS = "import heyoka, numpy, mpmath, gmpy2, click, tippedisk_verify.orbits.continuation"
-# The integrators that `orbit` needs in double, and nothing else.
-_BUILDS = """
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.system import system_of, direction_of
-from tippedisk_verify.orbits.periodic import _EXTREME, _RETURNS, _VARIATIONS
-import heyoka as hy, numpy
-for fp in (float, numpy.longdouble):
-    for variations, divergence, events in ((_VARIATIONS, False, (_RETURNS,)), ((), True, (_RETURNS, _EXTREME)),
-                                           ((), False, (_RETURNS,))):
-        if fp is float and not variations and not divergence:
-            continue
-        system, crossings, products = system_of(variations, divergence, events, True)
-        options = {"t_events": [hy.t_event(crossings["returns"], direction=direction_of(hy, -1), fp_type=fp)]}
-        if len(events) > 1:
-            options["nt_events"] = [hy.nt_event(crossings["extreme"], lambda *given: None, fp_type=fp)]
-        start = [fp(1), fp(1), fp(0)] + [fp(0)] * divergence
-        pars = [fp(1)] * (7 + products)
-        hy.taylor_adaptive(system, start, pars=pars, fp_type=fp, compact_mode=fp is not float, **options)
-"""
+_BUILDS = _IMPORTS + "; from tippedisk_verify.evidence.bench.bare_builds import build; build()"
 _ORBIT = ["-m", "tippedisk_verify", "orbit", "--below-crit", "0.5", "--quiet"]
 
 
@@ -64,7 +46,7 @@ def start_up(repeats: int = 3) -> StartUp:
         with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
             found["python"].append(seconds(["-c", "pass"], first))
             found["imports"].append(seconds(["-c", _IMPORTS], first))
-            found["bare_builds_cold"].append(seconds(["-c", _IMPORTS + "\n" + _BUILDS], first))
+            found["bare_builds_cold"].append(seconds(["-c", _BUILDS], first))
             found["orbit_cold"].append(seconds(_ORBIT, second))
             found["orbit_cached"].append(seconds(_ORBIT, second))
     return StartUp(**{name: statistics.median(values) for name, values in found.items()})
