@@ -25,6 +25,7 @@ __all__ = ["Growth", "break_even", "digits_growth", "epsilon_growth", "exponent"
 _DIGITS = (15, 20, 30, 50, 70, 100)
 _EPSILONS = ("0.1", "0.01", "0.001", "0.0001", "0.00001")
 _SPAN = 0.05  # s of motion
+_LONG = 3.0  # s
 _BEYOND = 30  # digits from which on the arithmetic, not the overhead, sets the cost
 
 
@@ -49,16 +50,21 @@ def exponent(points: Sequence[tuple[float, float]]) -> float:
     return sum((a - middle) * (b - high) for a, b in zip(x, y, strict=True)) / sum((a - middle) ** 2 for a in x)
 
 
-def _warm(job: Callable[[], Any], repeats: int = 3) -> float:
-    """Median of repeats after a first run; beside a run of a second what the first one compiles is little."""
+def _warm(job: Callable[[], Any], repeats: int, engine: Taylor) -> float:
+    """Median of repeats after a first run. If that is long, it counts itself, without what the engine built in it."""
     times: list[float] = []
+    built = _building(engine)
     while len(times) <= repeats:
         begin = time.perf_counter()
         job()
         times.append(time.perf_counter() - begin)
-        if times[0] > 1:
-            return times[0]
+        if len(times) == 1 and (alone := times[0] - (_building(engine) - built)) > _LONG:
+            return alone
     return statistics.median(times[1:])
+
+
+def _building(engine: Taylor) -> float:
+    return sum(build.seconds for build in engine.builds)
 
 
 def digits_growth(advance: Callable[[str, int], None] = lambda label, steps: None) -> list[Growth]:
@@ -83,7 +89,7 @@ def digits_growth(advance: Callable[[str, int], None] = lambda label, steps: Non
         points = []
         for digits in _DIGITS:
             advance(f"{what} at {digits} digits", 0)
-            points.append((float(digits), _warm(job(digits), 1 if what != "trajectory" else 3)))
+            points.append((float(digits), _warm(job(digits), 3, engine)))
         found.append(Growth(what, "digits", tuple(points), exponent([p for p in points if p[0] >= _BEYOND])))
     return found
 
@@ -97,13 +103,13 @@ def epsilon_growth() -> list[Growth]:
     for text in _EPSILONS:
         parameters = PRINTED.changed(epsilon=text)
         request = Request(parameters, omega, start, _SPAN, tolerance=1e-12, domain="none", max_steps=10_000_000)
-        points["full"].append((float(text), _warm(lambda request=request: engine(request), 5)))  # type: ignore[misc]
+        points["full"].append((float(text), _warm(lambda request=request: engine(request), 5, engine)))  # type: ignore[misc]
         for order, flow in reduced.items():
 
             def job(flow: ReducedFlow = flow, parameters: Any = parameters) -> Any:
                 return flow(parameters, omega, start[:2], _SPAN)
 
-            points[f"reduced, order {order}"].append((float(text), _warm(job, 5)))
+            points[f"reduced, order {order}"].append((float(text), _warm(job, 5, engine)))
     return [Growth(what, "epsilon", tuple(here), exponent(here[2:])) for what, here in points.items()]
 
 
