@@ -109,3 +109,11 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
             assert [name for _, name in mine] == [record.name for record in alone.events]
             for (when, _), record in zip(mine, alone.events, strict=True):
                 assert abs(when - abs(record.time)) < 1e-12
+
+
+def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor) -> None:
+    """1e-10 s before sin(beta) = 0, on the surface of a terminal event: that start is no crossing, the end is one."""
+    level = Event("gamma at a half", lambda ops, constants, omega, beta, gamma, v: gamma - 0.5)
+    result = taylor(Request(PRINTED, "30.5", (1e-10, 0.5, -1.0), 0.1, events=(level,)))
+    assert result.status is Status.FLAT
+    assert abs(result.time - 1e-10) < 1e-16

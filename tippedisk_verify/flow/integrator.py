@@ -212,7 +212,7 @@ class Integrator:
             names = self._surfaces(request, omega, state)
             # An event that fires starts its cooldown: the next call goes on.
             for _ in self._terminal if self._starts_on_terminal(names) else ():
-                if outcome == self._finished or abs(stepper.time) > START_WINDOW:
+                if abs(stepper.time) > START_WINDOW or not self._passable(outcome):
                     break
                 outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
                 steps += more
@@ -332,10 +332,15 @@ class Integrator:
     def _starts_on_terminal(self, names: tuple[str, ...]) -> bool:
         return any(event.name in names for event in self._terminal)
 
+    def _passable(self, outcome: Any) -> bool:
+        """Whether a terminal event ended the run, and not the disk lying flat."""
+        index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...
+        return 0 <= index < len(self._terminal) and self._terminal[index].name != FLAT.name
+
     def _passed(self, target: Any) -> list[Any]:
         """The state at a time close to the start. An event that fires starts its cooldown: the next call goes on."""
         for _ in self._events:
-            if self._stepper.propagate_until(target)[0] == self._finished:
+            if not self._passable(self._stepper.propagate_until(target)[0]):
                 break
         return self._stepper.state[:3].tolist()  # type: ignore[no-any-return]
 
