@@ -21,11 +21,11 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import Lanes, field_constants
-from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.averaged import averaged, constants_rounding
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
 from tippedisk_verify.theory.harmonic_balance import amplitude_squared, delta
@@ -242,13 +242,7 @@ class DenseBranch:
             guessed[index, begin : begin + len(every)] += away[index]
         guess = Guess(*guessed)
         found = corrected(constants, omegas[which], guess, self._lanes, tolerance=1e-5)
-        exact = self.parameters.rational()
-        roundings = numpy.array(
-            [
-                abs(float(Fraction(value) / getattr(exact, name) - 1))
-                for value, name in zip(self._constants.tolist(), PARAMETERS[1:], strict=True)
-            ]
-        )
+        roundings = numpy.abs(constants_rounding(self.parameters))
         sources = {}
         for name in _NUMBERS:
             values, base = getattr(found, name), getattr(at, name)
@@ -390,7 +384,8 @@ class DenseBranch:
         square, ratio, period = (ratios @ self._scaled_values[name] for name in ("gamma_bar_0", "v_0", "period"))
         size = numpy.sqrt(square * (self.omega_crit - speeds))
         guess = Guess(size, ratio * size, period / 2)
-        return corrected(self._constants, speeds, guess, self._lanes, tolerance=self._resolved(speeds))
+        found = corrected(self._constants, speeds, guess, self._lanes, tolerance=self._resolved(speeds))
+        return averaged(self.parameters, found, self._lanes)
 
     @cached_property
     def _scaled_values(self) -> dict[str, Any]:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.flow.contract import TURN, Event, Variation
-from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.lanes import Flights, Lanes
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.equations import acceleration, shifted
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["Cycles", "Guess", "corrected"]
+__all__ = ["Cycles", "Guess", "corrected", "flight_errors"]
 
 _VARIATIONS: tuple[Variation, ...] = (
     "beta",
@@ -26,6 +26,7 @@ _VARIATIONS: tuple[Variation, ...] = (
     "Omega",
 )  # with beta, heyoka differentiates in reverse, with less work
 _EXTREME = Event("extreme", TURN.function, terminal=False)
+_BACK = (1.0, -1.0, -1.0)  # S, the linear part
 _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
@@ -148,6 +149,20 @@ def _starts(unknowns: Any) -> Any:
     return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
 
 
+def _errors(flights: Flights, unknowns: Any) -> Any:
+    """How far S of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
+    import numpy
+
+    beta, gamma, v = flights.states.T
+    return numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
+
+
+def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: Lanes) -> Any:
+    """(n, 3) errors at the end of half a period from (gamma_bar_0, v_0, T / 2), as `Cycles.sensitivity` takes them."""
+    flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True)
+    return _errors(flights, unknowns) * _BACK
+
+
 class _Step:
     """One Newton step of every run that is still under way."""
 
@@ -160,7 +175,7 @@ class _Step:
         field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
         v_rate = acceleration(ops, field, omegas, beta, gamma, v, "linear")
         gamma_rate = omegas * numpy.sin(beta)
-        errors = numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
+        errors = _errors(flights, unknowns)
         rows = flights.derivatives
         matrix = numpy.empty((len(omegas), 3, 3))
         matrix[:, 0, :2], matrix[:, 0, 2] = rows[:, 0, 1:3], v
@@ -174,7 +189,7 @@ class _Step:
         beta_image = rows[:, 0, 0] * v_start + rows[:, 0, 2] * start_rate
         v_image = rows[:, 2, 0] * v_start + rows[:, 2, 2] * start_rate
         self.trivial = -(v_start * beta_image + start_rate * v_image) / (v_start**2 + start_rate**2)
-        signs = numpy.array([1.0, -1.0, -1.0])
+        signs = numpy.array(_BACK)
         self.inverse = _inverse(matrix) * signs
         self.step = -(self.inverse @ (errors * signs)[:, :, None])[:, :, 0]
         self.by_omega = -(self.inverse @ rows[:, :, 3:])[:, :, 0]

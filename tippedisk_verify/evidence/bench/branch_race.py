@@ -1,14 +1,15 @@
 """Run time against error: the paper's 801 limit cycles, solved together and by what others would use.
 
 Seconds are per cycle, medians over interleaved repeats in one process; compilation is timed apart. The error is the
-largest of T over a sample of the speeds against shooting in extended precision.
+largest of T over a sample of the speeds against shooting in extended precision; for the cycles solved together the
+forty speeds closest to Omega_h are in it.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any
@@ -28,6 +29,7 @@ __all__ = ["Run", "race"]
 
 _REPEATS = 5
 _SAMPLE = 7
+_CLOSEST = 40
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,10 @@ class Run:
 
     def json(self) -> dict[str, Any]:
         return asdict(self)
+
+
+def _largest(found: Sequence[float], truths: Sequence[Fraction]) -> float:
+    return max(abs(float(Fraction(a) - b)) for a, b in zip(found, truths, strict=True))
 
 
 def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda text, step: None) -> list[Run]:
@@ -77,13 +83,20 @@ def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda te
             for k, guess in zip(sample, guesses, strict=True)
         ]
 
+    def truth(k: int) -> Fraction:
+        guess = (cycles.gamma_bar_0[k], cycles.v_0[k])
+        return limit_cycle(parameters, Fraction(speeds[k]), taylor, guess=guess, precision=EXTENDED).period.value
+
     scipy = Baseline("DOP853")
-    found = {"taylor": singly(taylor), "scipy": singly(scipy), "lanes": cycles.period[sample].tolist()}
-    truth = [
-        limit_cycle(parameters, Fraction(speeds[k]), taylor, guess=guess, precision=EXTENDED).period.value
-        for k, guess in zip(sample, guesses, strict=True)
-    ]
-    error = {name: max(abs(float(Fraction(a) - b)) for a, b in zip(v, truth, strict=True)) for name, v in found.items()}
+    truths = [truth(k) for k in sample]
+    # Closest to Omega_h they are hardest; of the cycles solved together those are in the sample too.
+    closest = numpy.argsort(speeds)[:_CLOSEST]
+    together_truths = [*truths, *(truth(k) for k in closest)]
+    error = {
+        "taylor": _largest(singly(taylor), truths),
+        "scipy": _largest(singly(scipy), truths),
+        "lanes": _largest([*cycles.period[sample], *cycles.period[closest]], together_truths),
+    }
     jobs: dict[str, tuple[Callable[[], Any], int]] = {
         "lanes": (together, len(speeds)),
         "bare": (bare, len(speeds)),
