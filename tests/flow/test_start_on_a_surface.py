@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
+from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
+from tippedisk_verify.orbits.half_map import half_map
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
+LEVEL = Event("gamma at a half", lambda ops, constants, omega, beta, gamma, v: gamma - 0.5)
+shared, lanes = Taylor(), Lanes()
 #: (beta_bar, gamma_bar, v) with v = 0: dropped at beta = pi/2 (the orbit touches the section), and elsewhere.
 DROPPED, TURNING = (0.0, 0.3, 0.0), (0.2, 0.3, 0.0)
+
+
+@cache
+def _event(turn: bool, direction: Any, terminal: bool) -> Event:
+    """One of each, so that the engines build for it once."""
+    return Event("watched", (TURN if turn else SECTION).function, direction, terminal)
 
 
 def request(state: tuple[float, ...], duration: float, *events: Event, **more: Any) -> Request:
@@ -111,9 +126,93 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
                 assert abs(when - abs(record.time)) < 1e-12
 
 
-def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor) -> None:
+@pytest.mark.parametrize("more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"friction": "smooth"}])
+@pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
+def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor, more, precision) -> None:
     """1e-10 s before sin(beta) = 0, on the surface of a terminal event: that start is no crossing, the end is one."""
-    level = Event("gamma at a half", lambda ops, constants, omega, beta, gamma, v: gamma - 0.5)
-    result = taylor(Request(PRINTED, "30.5", (1e-10, 0.5, -1.0), 0.1, events=(level,)))
+    result = taylor(Request(PRINTED, "30.5", (1e-10, 0.5, -1.0), 0.1, events=(LEVEL,), precision=precision, **more))
     assert result.status is Status.FLAT
     assert abs(result.time - 1e-10) < 1e-16
+    if "times" in more:
+        assert abs(float(result.samples[0][0]) - 5e-11) < 1e-16
+        assert len(result.samples) == 1
+    if "dense" in more:
+        assert abs(float(result.dense([5e-11])[0][0]) - 5e-11) < 1e-16
+
+
+def test_a_start_on_the_edge_of_the_domain_is_its_end(taylor: Taylor) -> None:
+    """Up to rounding; as an event of a run that does not look at the domain, it is a start like any other."""
+    for more in ({}, {"times": [0.005]}):
+        inside = Request(PRINTED, "30.5", (1e-15, 0.3, -1.0), 0.01, events=(FLAT,), **more)
+        assert taylor(inside).status is Status.FLAT
+        assert len(taylor(inside).events) == 1
+        assert taylor(replace(inside, domain="none")).status is Status.REACHED
+
+
+@pytest.mark.parametrize("more", [{}, {"dense": True}, {"times": [0.05]}])
+def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> None:
+    """On the section, and 1.7e-10 s before v = 0."""
+    result = taylor(request((0.0, 0.3, 1e-8), 0.1, SECTION, TURN, **more))
+    assert result.status is Status.EVENT
+    assert [record.name for record in result.events] == ["turn"]
+    assert abs(result.time - 1.656437567775737e-10) < 1e-18
+
+
+@pytest.mark.parametrize("distance", ["0.8", "0.1", "0.001", "0.00001"])
+def test_a_start_that_touches_the_surface_but_for_rounding(taylor: Taylor, distance) -> None:
+    """pi/2 is no double, so that an orbit which touches the section crosses it some 1e-9 s to 1e-7 s later."""
+    for duration in (0.1, -0.01):
+        for more in ({}, {"dense": True}, {"times": [duration]}, {"friction": "smooth"}):
+            start = (exact("pi/2"), exact("pi/2") - exact(distance), 0)
+            result = taylor(Request(PRINTED, "30.5", start, duration, events=(SECTION,), domain="none", **more))
+            assert result.status is Status.REACHED, more
+
+
+def test_the_error_estimate_knows_the_start_too(taylor: Taylor) -> None:
+    """The wider arithmetic sees a start in doubles beside the surface; it is the start on it all the same."""
+    start = (math.pi / 2, 1.87, 1.0)
+    result = taylor(Request(PRINTED, "30.5", start, 0.01, events=(SECTION,), domain="none", error_estimate=True))
+    assert result.status is Status.REACHED
+    assert result.error.largest < 1e-14
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    which=st.sampled_from([0, 1, 2]),
+    direction=st.sampled_from([-1, 0, 1]),
+    terminal=st.booleans(),
+    gamma=st.floats(-1.5, 1.5),
+    power=st.floats(-4, 0.3),
+    beta=st.floats(-0.4, 0.4),
+    sign=st.sampled_from([-1.0, 1.0]),
+    duration=st.sampled_from([0.05, -0.025]),
+)
+def test_events_from_the_surface_are_those_of_scipy(
+    which, direction, terminal, gamma, power, beta, sign, duration
+) -> None:
+    """From a function that is zero to the last bit, no later crossing of it may be lost."""
+    assume(abs(gamma) > 1e-3)
+    assume(abs(beta) > 1e-3)
+    function = (SECTION, TURN, SECTION)[which].function
+    state = ((0.0, gamma, sign * 10**power), (beta, gamma, 0.0), (0.0, gamma, 0.0))[which]
+    event = _event(which == 1, direction, terminal)
+    assert event.function is function
+    mine = shared(request(state, duration, event))
+    other = Baseline()(request(state, duration, event, tolerance=1e-12))
+    assert mine.status is other.status
+    assert len(mine.events) == len(other.events)
+    for one, two in zip(mine.events, other.events, strict=True):
+        assert abs(one.time - two.time) < 1e-7
+    if not terminal:
+        many = lanes(field_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)).crossings
+        assert sorted(abs(when) for _, _, when, _ in many) == pytest.approx([abs(e.time) for e in mine.events])
+
+
+def test_half_periods_of_any_length(taylor: Taylor) -> None:
+    """Some take a millisecond: shorter than the integrator's first step from the section."""
+    random = numpy.random.default_rng(5)
+    for _ in range(60):
+        start = (random.uniform(-2, 2), -(10 ** random.uniform(-4, 0.3)))
+        flight = Baseline()(request((0.0, *start), 3.0, FALLING, tolerance=1e-12))
+        assert flight.status is Status.EVENT
+        assert abs(half_map(PRINTED, "30.5", start, taylor).time - flight.time) < 1e-7

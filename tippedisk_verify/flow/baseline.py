@@ -16,16 +16,14 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
     SLIDING_REVERSAL,
-    START_WINDOW,
     STATE_VARIATIONS,
     Event,
     EventRecord,
     Request,
     Result,
     Status,
-    at_rest,
-    starts_on,
 )
+from tippedisk_verify.flow.start import at_rest, start_window, starts_on
 from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
@@ -136,7 +134,7 @@ class Baseline:
                 dense_output=request.dense or bool(request.events),
                 rtol=tolerance,
                 atol=tolerance,
-                events=[_event(event, ops, constants, omega, start, duration >= 0, vector_field) for event in watched]
+                events=[_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
                 or None,
                 **options,
             )
@@ -195,27 +193,13 @@ def _array(values: Sequence[Any]) -> Any:
     return numpy.array(values)
 
 
-def _next_value(function: Callable[[Any], Any], start: list[float], vector_field: Any, forward: bool) -> float:
-    """The function's first value on the way that is no rounding: later where the orbit only touches the surface."""
-    value = 0.0
-    for growth in (1.0, 2.0**5, 2.0**10, 2.0**15):
-        step = growth * (START_WINDOW if forward else -START_WINDOW)
-        middle = [part + step / 2 * rate for part, rate in zip(start, vector_field(*start), strict=True)]
-        value = float(function([part + step * rate for part, rate in zip(start, vector_field(*middle), strict=True)]))
-        if abs(value) > 64 * 2.0**-52:
-            break
-    return value
-
-
 def _event(
-    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], forward: bool, vector_field: Any
+    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
 ) -> Callable[[float, Any], float]:
     at_start: float | None = None
     if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):
         # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
-        at_start = _next_value(
-            lambda state: event.function(ops, constants, omega, *state), start, vector_field, forward
-        )
+        _, at_start = start_window(event, ops, constants, omega, start, vector_field, forward)
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:
@@ -223,7 +207,8 @@ def _event(
         return float(event.function(ops, constants, omega, *y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
-    crossing.direction = event.direction  # type: ignore[attr-defined]
+    # SciPy means the order of its steps, the contract that of time.
+    crossing.direction = event.direction if forward else -event.direction  # type: ignore[attr-defined]
     return crossing
 
 

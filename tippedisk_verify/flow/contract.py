@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import Friction, checked_friction, field, shifted
+from tippedisk_verify.model.equations import Friction, checked_friction
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -60,9 +60,10 @@ class Status(Enum):
 class Event:
     """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
 
-    ``direction`` is +1 (rising), -1 (falling) or 0 (both). A terminal event ends the run on the crossing; others are
-    recorded. A start on the surface, up to rounding, is no crossing, and an orbit at rest there has none. Define an
-    event once and pass the same object: engines keep what they built for it.
+    ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
+    run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing (but for sin(beta)
+    = 0 as the edge of the domain), and an orbit at rest there has none. Define an event once and pass the same object:
+    engines keep what they built for it.
     """
 
     name: str
@@ -122,8 +123,8 @@ class Request:
     def __post_init__(self) -> None:
         checked_friction(self.friction)
         _check_state(self.state)
-        if not 1 <= self.max_steps < 2**31:
-            raise InputError("max_steps must lie between 1 and 2^31")
+        if not isinstance(self.max_steps, int) or not 1 <= self.max_steps < 2**31:
+            raise InputError("max_steps must be a whole number between 1 and 2^31")
         if self.tolerance is not None and not 0 < self.tolerance < 1:
             raise InputError(f"a relative tolerance lies between 0 and 1, not {self.tolerance}")
         if self.times is not None:
@@ -258,24 +259,3 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     ahead = plain if duration >= 0 else -plain
     if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and float(ahead[-1]) <= abs(duration)):
         raise InputError("sample times must be strictly monotonic, from 0 on and up to the duration")
-
-
-#: Within this time of a start on an event's surface [s], a crossing is the start itself: no orbit leaves a surface and
-#: comes back that soon, at accelerations of up to some 1e5 rad/s^2.
-START_WINDOW = 2.0**-30
-
-
-def at_rest(request: Request) -> bool:
-    """Whether the start is an equilibrium to the last bit. Its event functions may vanish, but it crosses nothing."""
-    precision = request.precision
-    number = precision.number
-    if number(request.state[2]) != 0:
-        return False
-    ops = shifted(precision.ops) if request.shifted else precision.ops
-    flow = field(ops, request.parameters.at(precision), number(request.omega), request.friction)
-    return not any(flow(*map(number, request.state)))
-
-
-def starts_on(event: Event, ops: Any, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
-    """Whether the event function is zero at the start, up to the rounding of the start."""
-    return bool(abs(event.function(ops, constants, omega, *state)) <= 64 * epsilon)

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from tippedisk_verify.flow.contract import (
     FLAT,
     SLIDING_REVERSAL,
-    START_WINDOW,
     Build,
     EventRecord,
     Request,
     Result,
     Status,
-    starts_on,
 )
-from tippedisk_verify.flow.recording import Recording
+from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
+from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, surfaces
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import checked_friction, products, shifted
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision, heyoka_module
+from tippedisk_verify.model.precision import heyoka_module
 
 __all__ = ["Integrator"]
+
+
+_MOST_PASSES = 64  # of events next to the start
 
 
 class Integrator:
@@ -129,10 +131,9 @@ class Integrator:
         self._set_off(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._ended(Status.FLAT, self.precision.owned(self._stepper.state), 0)
-        if self._smooth or request.dense or request.times is not None:
+        if self._smooth or request.dense or request.times is not None or self._on_edge(request, omega, state):
             return self._keeping(request, omega, state, duration)
-        outcome, low, steps, on_surface = self._plainly(request, omega, state, duration)
-        return self._result(outcome, low, on_surface, steps)
+        return self._plainly(request, omega, state, duration)
 
     def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
         """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
@@ -179,7 +180,10 @@ class Integrator:
             self._branch.begin(request, omega, state, duration)
         samples = dense = None
         recorded = self.precision.kind == "real" and (request.times is not None or request.dense)
-        on_surface, early = self._leave_surfaces(request, omega, state, duration) if request.events else ((), [])
+        left = self._leave_surfaces(request, omega, state, duration)
+        if left.ended:
+            return self._cut_short(request, omega, state, duration, left)
+        early = left.samples
         if recorded:
             recording = self._recording(request, duration, early)
             outcome, low, _, steps, _, _ = stepper.propagate_until(
@@ -192,31 +196,43 @@ class Integrator:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
                 duration, max_steps=request.max_steps, c_output=request.dense
             )
-            dense = _copied(dense, self.precision) if request.dense else None
+            dense = copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
             outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
-        result = self._result(outcome, low, on_surface, steps, samples, dense)
+        result = self._result(outcome, low, left, steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None and not recorded:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return result._replace(samples=result.dense(reached))
         return result
 
-    def _plainly(
-        self, request: Request, omega: Any, state: list[Any], duration: Any
-    ) -> tuple[Any, Any, int, tuple[str, ...]]:
+    def _plainly(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
         """To the end, with nothing to keep on the way. Only what happens at the start asks what the start lies on."""
         stepper = self._stepper
         outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
-        names: tuple[str, ...] = ()
-        if self._crossings and (self._records or abs(stepper.time) <= START_WINDOW):
-            names = self._surfaces(request, omega, state)
-            # An event that fires starts its cooldown: the next call goes on.
-            for _ in self._terminal if self._starts_on_terminal(names) else ():
-                if abs(stepper.time) > START_WINDOW or not self._passable(outcome):
-                    break
-                outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
-                steps += more
-        return outcome, low, steps, names
+        left = NOTHING
+        if self._crossings and (abs(stepper.time) <= LONGEST_WINDOW or self._records):
+            left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
+            if abs(stepper.time) <= left.window and self._passable(outcome, left.names):
+                self._set_off(request, omega, state)
+                return self._keeping(request, omega, state, duration)
+        return self._result(outcome, low, left, steps)
+
+    def _cut_short(self, request: Request, omega: Any, state: list[Any], duration: Any, left: Left) -> Result:
+        """A run that another event ends before its start has left the surface: again, keeping what it passes."""
+        self._set_off(request, omega, state)
+        if self._smooth:
+            self._branch.begin(request, omega, state, duration)
+        recording = self._recording(request, duration, [])
+        outcome, low = self._finished, self._zero
+        for _ in range(_MOST_PASSES):
+            outcome, low, *_ = self._stepper.propagate_until(duration, callback=recording.callback(), write_tc=True)
+            recording.take()
+            if not self._passable(outcome, left.names):
+                break
+        samples, dense = recording.kept(request, finished=False)
+        if self.precision.kind != "real":
+            samples, dense = native_array(samples, self.precision), copied(dense, self.precision) if dense else None
+        return self._result(outcome, low, left, 1, samples, dense)
 
     def _carefully(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
         """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
@@ -228,7 +244,7 @@ class Integrator:
         stepper.reset_cooldowns()
         self._records.clear()
         branch.begin(request, omega, state, duration)
-        early = self._leave_surfaces(request, omega, state, duration)[1] if request.events else []
+        early = self._leave_surfaces(request, omega, state, duration).samples
         wanted = request.times is not None or request.dense
         recorded = wanted and self.precision.kind == "real"
         recording = self._recording(request, duration, early) if recorded else None
@@ -275,18 +291,18 @@ class Integrator:
             times = self.precision.array(request.times)
             reached = [t for t in times if abs(t) <= abs(stepper.time)]
             samples = dense(reached)[:, :3]
-        return outcome, low, steps, samples, _copied(dense, self.precision) if request.dense else None
+        return outcome, low, steps, samples, copied(dense, self.precision) if request.dense else None
 
-    def _recording(self, request: Request, duration: Any, early: list[list[Any]]) -> Recording:
+    def _recording(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> Recording:
         times = () if request.times is None else self.precision.array(request.times).tolist()
         return Recording(self._stepper, self.precision, times, request.dense, bool(duration > 0), early)
 
-    def _on_grid(self, request: Request, duration: Any, early: list[list[Any]]) -> tuple[Any, Any, int, Any]:
+    def _on_grid(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> tuple[Any, Any, int, Any]:
         """Through the sample times, but for those of the rows already there; heyoka wants the present time in front."""
         import numpy
 
         stepper = self._stepper
-        times = request.times if _native(request.times, self.precision) else self.precision.array(request.times)
+        times = request.times if is_native(request.times, self.precision) else self.precision.array(request.times)
         times, now = times[len(early) :], stepper.time
         samples = numpy.empty((0, 3), dtype=times.dtype)
         outcome, low, steps = self._finished, now, 0
@@ -301,63 +317,99 @@ class Integrator:
             samples = numpy.concatenate((numpy.array(early, dtype=times.dtype), samples))
         return outcome, low, steps, samples
 
-    def _leave_surfaces(
-        self, request: Request, omega: Any, state: list[Any], duration: Any
-    ) -> tuple[tuple[str, ...], list[list[Any]]]:
-        """Names of the events whose surface the start lies on; passes by the terminal ones that fire there.
+    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Left:
+        """Away from the surfaces that the start lies on, past the crossings of them that are the start itself.
 
-        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does. Also
-        returned are the states at the sample times that are passed by.
+        Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does; and where
+        a function is zero to the last bit, heyoka sees no other crossing of it in its first step.
         """
-        names = self._surfaces(request, omega, state)
-        early: list[list[Any]] = []
-        if self._starts_on_terminal(names):
-            number = self.precision.number
-            # Of a run that is as short as that, the half: the rest of it is recorded.
-            limit = min(number(START_WINDOW), abs(duration) * number(0.5))
-            for time in () if request.times is None else map(number, request.times):
-                if abs(time) > limit:
-                    break
-                early.append(list(state) if time == self._zero else self._passed(time))
-            self._passed(limit if duration > 0 else -limit)
-        return names, early
+        left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
+        if not left.names:
+            return left
+        number = self.precision.number
+        # Of a run that is as short as that, the half: the rest of it is recorded.
+        limit = min(number(left.window), abs(duration) * number(0.5))
+        times = [] if request.times is None else [t for t in map(number, request.times) if abs(t) <= limit]
+        limit = limit if duration > 0 else -limit
+        if (samples := self._jumped(request, omega, state, limit, times, left.names)) is not None:
+            return left._replace(samples=samples)
+        samples, ended = [], False
+        for target in times:
+            ended = ended or self._ended_before(target, left.names)
+            if not ended:
+                samples.append(self._stepper.state[:3].tolist() if target != self._zero else list(state))
+        ended = ended or self._ended_before(limit, left.names)
+        return left._replace(samples=samples, ended=ended)
 
-    def _surfaces(self, request: Request, omega: Any, state: list[Any]) -> tuple[str, ...]:
-        """Names of the events whose surface the start lies on."""
-        constants, epsilon = request.parameters.at(self.precision), float(self.precision.epsilon)
-        return tuple(
-            event.name for event in request.events if starts_on(event, self._ops, constants, omega, state, epsilon)
-        )
+    def _jumped(
+        self, request: Request, omega: Any, state: list[Any], target: Any, times: list[Any], names: tuple[str, ...]
+    ) -> list[list[Any]] | None:
+        """To a time close to the start by the first step's series, whatever events are there; states at the times.
 
-    def _starts_on_terminal(self, names: tuple[str, ...]) -> bool:
-        return any(event.name in names for event in self._terminal)
+        None, and back at the start, if an event of another name is there too. (Many steps from event to event would
+        not do: what they move an angle by is lost to its rounding.)
+        """
+        stepper = self._stepper
+        stepper.step(target, write_tc=True)
 
-    def _passable(self, outcome: Any) -> bool:
-        """Whether a terminal event ended the run, and not the disk lying flat."""
+        def at(time: Any) -> Any:
+            stepper.update_d_output(time)
+            return stepper.d_output
+
+        samples = [list(state) if time == self._zero else at(time)[:3].tolist() for time in times]
+        ahead = at(target).tolist()
+        self._set_off(request, omega, state)
+        watched = [event for event in self._events if event.name not in names]
+        if self._smooth:  # its branch too must be the same all the way, and not in doubt at the start
+            self._branch.begin(request, omega, state, target)
+            watched += SLIDING_REVERSAL, FLAT
+        constants = request.parameters.at(self.precision)
+        for event in watched:
+            begin, end = (event.function(self._ops, constants, omega, *place) for place in (state, ahead[:3]))
+            if begin * end <= 0:
+                return None
+        stepper.time = target
+        stepper.state[:] = ahead
+        return samples
+
+    def _on_edge(self, request: Request, omega: Any, state: list[Any]) -> bool:
+        """Whether an event function is zero to the last bit."""
+        if not request.events:
+            return False
+        constants = request.parameters.at(self.precision)
+        return any(event.function(self._ops, constants, omega, *state) == 0 for event in request.events)
+
+    def _passable(self, outcome: Any, names: tuple[str, ...]) -> bool:
+        """Whether what ended the run is an event of these."""
         index = -int(outcome.value) - 1  # heyoka numbers terminal events -1, -2, ...
-        return 0 <= index < len(self._terminal) and self._terminal[index].name != FLAT.name
+        return 0 <= index < len(self._terminal) and self._terminal[index].name in names
 
-    def _passed(self, target: Any) -> list[Any]:
-        """The state at a time close to the start. An event that fires starts its cooldown: the next call goes on."""
-        for _ in self._events:
-            if not self._passable(self._stepper.propagate_until(target)[0]):
+    def _ended_before(self, target: Any, names: tuple[str, ...]) -> bool:
+        """Go to a time close to the start, past events of these names; whether another one ends the run before."""
+        outcome = self._finished
+        for _ in range(_MOST_PASSES):
+            # An event that fires starts its cooldown: the next call goes on.
+            outcome = self._stepper.propagate_until(target)[0]
+            if not self._passable(outcome, names):
                 break
-        return self._stepper.state[:3].tolist()  # type: ignore[no-any-return]
+        if self._smooth and self._branch.ended:
+            return True
+        return 0 <= -int(outcome.value) - 1 < len(self._terminal) and not self._passable(outcome, names)
 
     def _result(
         self,
         outcome: Any,
         smallest_step: Any,
-        on_surface: tuple[str, ...],
+        left: Left,
         steps: int,
         samples: Any = None,
         dense: Any = None,
     ) -> Result:
         final = self.precision.owned(self._stepper.state)
         status = Status.REACHED if outcome == self._finished else self._stopped(outcome, smallest_step, final)
-        if on_surface:  # what is the start itself is no crossing
+        if left.names:  # what is the start itself is no crossing
             self._records[:] = [
-                record for record in self._records if record.name not in on_surface or abs(record.time) > START_WINDOW
+                record for record in self._records if record.name not in left.names or abs(record.time) > left.window
             ]
         return self._ended(status, final, steps, samples, dense)
 
@@ -404,17 +456,3 @@ class Integrator:
             records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
 
         return record
-
-
-def _native(times: Any, precision: Precision) -> bool:
-    dtype = getattr(times, "dtype", None)
-    return dtype is not None and precision.kind != "real" and dtype == precision.type
-
-
-def _copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
-    """heyoka's continuous output hands out its own memory; this hands out copies of the state's part."""
-
-    def states(times: Any) -> Any:
-        return output(times if _native(times, precision) else precision.array(list(times)))[:, :3].copy()
-
-    return states

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, START_WINDOW, Event, Variation, starts_on
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
+from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
 from tippedisk_verify.model.exact import shown
@@ -134,14 +135,17 @@ class _Starts:
     def is_all_of(self, name: str, run: int, when: float, state: tuple[float, float, float]) -> bool:
         """Whether a crossing is only that: the run starts on the surface, or rests on it for ever."""
         start = self._states[run].tolist()
-        early = abs(when) <= START_WINDOW
-        if not early and state != tuple(start):
+        if abs(when) > LONGEST_WINDOW and state != tuple(start):
             return False
-        pars = self._pars[:, run].tolist()
+        pars, event = self._pars[:, run].tolist(), self._events[name]
         constants, omega = _constants(pars, self._friction), pars[0]
-        if not starts_on(self._events[name], self._ops, constants, omega, start, 2.0**-52):
+        if not starts_on(event, self._ops, constants, omega, start, 2.0**-52):
             return False
-        return early or not any(field(self._ops, constants, omega, self._friction)(*start))
+        flow = field(self._ops, constants, omega, self._friction)
+        if not any(flow(*start)):
+            return True
+        window, _ = start_window(event, self._ops, constants, omega, start, flow, when >= 0)
+        return abs(when) <= window
 
 
 class _Batch:
@@ -169,6 +173,7 @@ class _Batch:
         count = len(_names(friction)) + self.products + smooth
         self._width, self._shift = width, 3 + divergence
         self._variations, self._divergence = len(variations), divergence
+        self._events, self._shifted, self._friction = tuple(events), shift, friction
         self._names: list[tuple[str, int, float, tuple[float, float, float]]] = []
         self._first = 0
         options: dict[str, Any] = {}
@@ -242,6 +247,8 @@ class _Batch:
         if self._names is not None and stepper.with_events:
             stepper.reset_cooldowns()
         mark = len(self._names)
+        if self._on_edge(states):
+            stepper.propagate_until(numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations))
         stepper.propagate_until(durations, max_steps=max_steps)
         reached = numpy.array([result[0] == self._reached for result in stepper.propagate_res])
         if self._branches is not None and reached.all():
@@ -254,6 +261,17 @@ class _Batch:
             return self._singly(pars, states, durations, size, max_steps)
         self._names[mark:] = [entry for entry in self._names[mark:] if entry[1] < self._first + size]
         return stepper.state[:, :size].copy(), reached[:size]
+
+    def _on_edge(self, states: Any) -> bool:
+        """Whether an event function is zero to the last bit: heyoka sees no other crossing of it in its first step."""
+        import numpy
+
+        if not self._events:
+            return False
+        pars = self._stepper.pars
+        ops, constants = shifted(numpy) if self._shifted else numpy, _constants(pars, self._friction)
+        values = (event.function(ops, constants, pars[0], *states) for event in self._events)
+        return any(bool((value == 0).any()) for value in values)
 
     def _singly(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
         import numpy

@@ -1,4 +1,4 @@
-"""Samples and continuous output in MPFR numbers, taken step by step as Python objects.
+"""Samples and continuous output that outlive the run; in MPFR numbers taken step by step as Python objects.
 
 heyoka does not free what the elements of its own arrays of such numbers point to, so a run must not have it make any:
 its views are read element by element instead, while the series of the step is still there.
@@ -14,7 +14,7 @@ from typing import Any
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["Recording"]
+__all__ = ["Recording", "copied", "is_native", "native_array"]
 
 
 class Recording:
@@ -103,3 +103,24 @@ def _summed(coefficients: Sequence[Any], away: Any) -> Any:
     for coefficient in reversed(coefficients[:-1]):
         total = total * away + coefficient
     return total
+
+
+def is_native(times: Any, precision: Precision) -> bool:
+    """Whether times are an array that heyoka takes as it is."""
+    dtype = getattr(times, "dtype", None)
+    return dtype is not None and precision.kind != "real" and dtype == precision.type
+
+
+def native_array(values: Any, precision: Precision) -> Any:
+    """A copy in this arithmetic; None stays None."""
+    return None if values is None else values.astype(object if precision.kind == "real" else precision.type)
+
+
+def copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
+    """heyoka's continuous output hands out its own memory; this hands out copies of the state's part."""
+
+    def states(times: Any) -> Any:
+        found = output(times if is_native(times, precision) else precision.array(list(times)))
+        return native_array(found[:, :3], precision)
+
+    return states

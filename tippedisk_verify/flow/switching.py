@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, START_WINDOW, Event, EventRecord, Request
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
+from tippedisk_verify.flow.start import START_WINDOW
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import Precision
 

@@ -13,9 +13,10 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status, at_rest
+from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import compared
 from tippedisk_verify.flow.integrator import Integrator
+from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, companion
 
 __all__ = ["Taylor"]

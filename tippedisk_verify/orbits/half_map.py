@@ -65,6 +65,9 @@ class HalfFlights:
         self._precision, self._friction = precision, friction
         self._omega = precision.number(omega)  # once, not at every start
         self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, friction)
+        # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
+        # sees no other crossing in its first step.
+        self._edge = precision.number(-(precision.epsilon**4))
         self._mapped: Request | None = None
 
     def __call__(self, state: Sequence[Any], *, divergence: bool = False, events: tuple[Event, ...] = ()) -> Result:
@@ -76,7 +79,7 @@ class HalfFlights:
         request = self._mapped
         if request is None:
             request = self._mapped = self._request(state, variations=VARIATIONS, events=(RETURNS,))
-        result = self._flown(request.starting_at((0.0, *state)))
+        result = self._flown(request.starting_at((self._edge, *state)))
         rows, end = result.derivatives, result.state
         if self._precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
@@ -110,7 +113,7 @@ class HalfFlights:
         return Request(
             self._parameters,
             self._omega,
-            (0.0, *state),
+            (self._edge, *state),
             _LONGEST_FLIGHT,
             friction=self._friction,
             shifted=True,
