@@ -66,8 +66,8 @@ class HalfFlights:
         self._omega = precision.number(omega)  # once, not at every start
         self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, friction)
         # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
-        # sees no other crossing in its first step.
-        self._edge = precision.number(-(precision.epsilon**4))
+        # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
+        self._edge = precision.number(-(precision.epsilon**2))
         self._mapped: Request | None = None
 
     def __call__(self, state: Sequence[Any], *, divergence: bool = False, events: tuple[Event, ...] = ()) -> Result:
