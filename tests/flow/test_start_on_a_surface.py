@@ -62,7 +62,9 @@ def test_an_orbit_that_touches_the_surface_at_its_start(make: Callable[[], Any],
         assert not turned.events
 
 
-@pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, bits(100)])
+@pytest.mark.parametrize(
+    "precision", [DOUBLE, *(pytest.param(wider, marks=pytest.mark.slow) for wider in (EXTENDED, bits(100)))]
+)
 @pytest.mark.parametrize("duration", [1e-12, -1e-12, 2.0**-31, -(2.0**-30), 1e-8, -0.02])
 @pytest.mark.parametrize(("state", "event"), [(DROPPED, SECTION), (TURNING, TURN), ((0.0, 0.3, -1.0), SECTION)])
 def test_runs_as_short_as_you_like(taylor: Taylor, precision, duration, state, event) -> None:
@@ -203,7 +205,7 @@ def test_events_from_the_surface_are_those_of_scipy(
     assert len(mine.events) == len(other.events)
     for one, two in zip(mine.events, other.events, strict=True):
         assert abs(one.time - two.time) < 1e-7
-    if not terminal:
+    if not terminal and not direction:
         many = lanes(field_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)).crossings
         assert sorted(abs(when) for _, _, when, _ in many) == pytest.approx([abs(e.time) for e in mine.events])
 

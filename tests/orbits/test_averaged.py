@@ -18,7 +18,11 @@ from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.orbits.simultaneous import Guess, corrected
 
 
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "parameters",
+    [PRINTED, *(pytest.param(other, marks=pytest.mark.slow) for other in SETS if other is not PRINTED)],
+    ids=lambda p: p.name,
+)
 def test_errors_are_halved_and_below_5e_14(taylor, parameters) -> None:
     """The 24 speeds from 6e-3 to 8e-3 rad/s above Omega_h, as close as the paper's family comes."""
     lanes, constants = Lanes(), field_constants(parameters)
