@@ -17,7 +17,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
-from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, surfaces
+from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, on_edge, surfaces
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import checked_friction, products, shifted
@@ -25,7 +25,6 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
 
 __all__ = ["Integrator"]
-
 
 _MOST_PASSES = 64  # of events next to the start
 
@@ -131,7 +130,7 @@ class Integrator:
         self._set_off(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._ended(Status.FLAT, self.precision.owned(self._stepper.state), 0)
-        if self._smooth or request.dense or request.times is not None or self._on_edge(request, omega, state):
+        if self._smooth or request.dense or request.times is not None or on_edge(request, self._ops, omega, state):
             return self._keeping(request, omega, state, duration)
         return self._plainly(request, omega, state, duration)
 
@@ -371,13 +370,6 @@ class Integrator:
         stepper.time = target
         stepper.state[:] = ahead
         return samples
-
-    def _on_edge(self, request: Request, omega: Any, state: list[Any]) -> bool:
-        """Whether an event function is zero to the last bit."""
-        if not request.events:
-            return False
-        constants = request.parameters.at(self.precision)
-        return any(event.function(self._ops, constants, omega, *state) == 0 for event in request.events)
 
     def _passable(self, outcome: Any, names: tuple[str, ...]) -> bool:
         """Whether what ended the run is an event of these."""

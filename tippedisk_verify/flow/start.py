@@ -11,7 +11,17 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["LONGEST_WINDOW", "NOTHING", "START_WINDOW", "Left", "at_rest", "start_window", "starts_on", "surfaces"]
+__all__ = [
+    "LONGEST_WINDOW",
+    "NOTHING",
+    "START_WINDOW",
+    "Left",
+    "at_rest",
+    "on_edge",
+    "start_window",
+    "starts_on",
+    "surfaces",
+]
 
 #: The shortest time for which a start on an event's surface lasts [s].
 START_WINDOW = 2.0**-30
@@ -74,6 +84,14 @@ def start_window(
         if abs(value) > _ROUNDINGS * epsilon:
             break
     return window, value
+
+
+def on_edge(request: Request, ops: Any, omega: Any, state: Sequence[Any]) -> bool:
+    """Whether an event function is zero to the last bit."""
+    if not request.events:
+        return False
+    constants = request.parameters.at(request.precision)
+    return any(event.function(ops, constants, omega, *state) == 0 for event in request.events)
 
 
 def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forward: bool) -> Left:
