@@ -92,7 +92,7 @@ def test_arrays_of_these_numbers_are_what_to_avoid() -> None:
 
 @pytest.mark.parametrize("asked", ["samples, derivatives, divergence"])
 def test_orbits_take_no_more(taylor: Taylor, asked: str) -> None:
-    assert _grown(_flight(taylor, bits(256), asked), 50) <= 50 * 64
+    assert _grown(_flight(taylor, bits(256), asked), 15) <= 15 * 64
 
 
 @pytest.mark.slow
