@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import Friction, checked_friction
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -118,6 +119,7 @@ class Request:
     events: tuple[Event, ...] = ()
     error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
     domain: Literal["event", "samples", "none"] = "event"
+    rounding: Rounding | None = None  #: a twin of the run, with other last bits
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
     def __post_init__(self) -> None:
@@ -140,11 +142,11 @@ class Request:
         if len(set(self.variations)) != len(self.variations):
             raise InputError("a variation is asked for twice")
 
-    def starting_at(self, state: Sequence[object]) -> Request:
+    def starting_at(self, state: Sequence[object], rounding: Rounding | None = None) -> Request:
         """The same from another state, for a fraction of what `replace` takes: nothing else is checked again."""
         _check_state(state)
         other = object.__new__(Request)
-        other.__dict__.update(self.__dict__, state=state)
+        other.__dict__.update(self.__dict__, state=state, rounding=rounding)
         return other
 
 

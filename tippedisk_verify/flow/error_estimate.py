@@ -1,57 +1,104 @@
-"""How far a run is off, by the same run in a wider arithmetic."""
+"""How far a run is off: the distance to a wider run, and what the wider run itself may be off.
+
+The budget of every number q of a run, derived in docs/error_budgets.md:
+
+    half-width = (1 + WIDER_TRUNCATION) |q - q_wide| + share * spread + ulp(q)
+
+The distance is the error itself, but for that of the wider run. Where that is truncation, it is a small part of the
+distance, because the wider run's tolerance is so much tighter. Where it is rounding, inputs' and parameters' included,
+the distance says nothing of it: that may be small by chance. What one rounding of each kind does to q is therefore
+measured: by the spread of a few twins, the same run with the last bits of its inputs and of each step moved. The wider
+run makes the same roundings, smaller by the ratio of the two arithmetics.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["compared"]
+__all__ = ["TWINS", "budgeted", "twins_needed", "wider_share"]
+
+#: Of these, and the run itself, the spread is less than a 64th of their standard deviation once in a million times.
+TWINS = 3
+#: Of the wider run's error, in units of the spread brought to its arithmetic: four standard deviations of an error
+#: whose twins lie within a 64th of one.
+_WIDER_SHARE = 256
+#: With so many bits more the wider run's error is nothing: a distance that is smaller by chance is less likely than a
+#: fault of the machine. Half of the bits are left for events that are only touched, whose times go with the root.
+_FAR_WIDER = 48
+#: Of the distance, where it is truncation: the wider run's is less by the ratio of the tolerances, 2^-23 at the most.
+#: An order's last terms may fall more slowly than that says, where all of the state is small: 20 bits for it.
+_WIDER_TRUNCATION = 2.0**-3
+#: The least claimed, in units of the last place: the number's own rounding.
+_LAST_PLACE = 1
 
 
-def compared(precision: Precision, wider: Precision, result: Result, check: Result, shift: bool) -> ErrorEstimate:
-    """Half-widths from the distance to a run with at least 11 more bits.
+def twins_needed(precision: Precision, wider: Precision) -> int:
+    """How many twins the budget asks for."""
+    return TWINS if wider.bits - precision.bits < _FAR_WIDER else 0
 
-    The wider run's own error is about 2^-11 or less of the first one's. An eighth of the largest distance leaves it a
-    factor of 256, also where one component's distance is small by chance; an ulp of each value is the least claimed.
-    An event's time has no neighbours to lean on: it borrows an eighth of the state's distance over the state's speed.
+
+def wider_share(precision: Precision, wider: Precision) -> float:
+    """What the wider run may be off by rounding, in units of the twins' spread."""
+    return _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
+
+
+def budgeted(
+    precision: Precision, wider: Precision, result: Result, check: Result, twins: Sequence[Result]
+) -> ErrorEstimate:
+    """Half-widths of all numbers of ``result``, by the same run ``check`` in a wider arithmetic and by its twins.
+
+    Infinite where the runs do not end alike: rounding decides what happens. A twin that ends unlike the other two is
+    left out; at least one must be like them, if there are any.
     """
     import numpy
 
-    # An array of one: numpy would make one of a number, and lose its digits' memory if it is MPFR's.
-    ulp = wider.array([precision.epsilon])
+    alike = [twin for twin in twins if _alike(result, twin)]
+    if not _alike(result, check) or (twins and not alike):
+        return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
+    ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
+    more = wider.array([1 + _WIDER_TRUNCATION])
+    share = wider_share(precision, wider)
 
-    def widths(values: Any, truths: Any) -> Any:
+    def widths(values: Any, truths: Any, others: Sequence[Any]) -> Any:
         exact = _widened(values, wider)
-        away = abs(exact - truths)
-        rows = away if away.ndim > 1 else away[None, :]
-        largest = numpy.array([max(row, default=0) for row in rows], dtype=rows.dtype)
-        bound = away + (largest[:, None] if away.ndim > 1 else largest) / 8 + abs(exact) * ulp
+        bound = abs(exact - truths) * more + abs(exact) * ulp
+        if others:
+            known = numpy.stack((values, *others))
+            bound = bound + share * (known.max(axis=0) - known.min(axis=0))
         return bound.astype(float) if precision.kind == "double" else bound
 
-    def time_width(mine: Any, theirs: Any, state: Any, truth: Any) -> float:
-        own = float(widths(precision.array([mine]), wider.array([theirs]))[0])
-        turning = (numpy.sin if shift else numpy.cos)(float(state[0]))
-        speed = max(abs(float(state[2])), abs(float(turning)), 1e-300)
-        return own + float(max(abs(_widened(state, wider) - truth))) / 8 / speed
+    def time_width(mine: Any, theirs: Any, others: Sequence[Any]) -> float:
+        each = [precision.array([time]) for time in others]
+        return float(widths(precision.array([mine]), wider.array([theirs]), each)[0])
 
-    names = [[record.name for record in run.events] for run in (result, check)]
-    unlike = result.status is not check.status or names[0] != names[1]
-    if unlike or (result.samples is not None and len(result.samples) != len(check.samples)):
-        return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
-    ended = result.status is not Status.REACHED
+    def of_all(name: str) -> Any:
+        values = getattr(result, name)
+        return None if values is None else widths(values, getattr(check, name), [getattr(t, name) for t in alike])
+
     return ErrorEstimate(
-        state=widths(result.state, check.state),
-        time=time_width(result.time, check.time, result.state, check.state) if ended else 0.0,
-        samples=None if result.samples is None else widths(result.samples, check.samples),
+        state=of_all("state"),
+        time=0.0
+        if result.status is Status.REACHED
+        else time_width(result.time, check.time, [twin.time for twin in alike]),
+        samples=of_all("samples"),
         events=tuple(
-            time_width(mine.time, theirs.time, mine.state, theirs.state)
-            for mine, theirs in zip(result.events, check.events, strict=True)
+            time_width(mine.time, theirs.time, [other.time for other in others])
+            for mine, theirs, *others in zip(result.events, check.events, *(twin.events for twin in alike), strict=True)
         ),
-        variations=None if result.derivatives is None else widths(result.derivatives, check.derivatives),
+        variations=of_all("derivatives"),
     )
+
+
+def _alike(result: Result, other: Result) -> bool:
+    """Whether two runs ended in the same way, with the same events and as many samples."""
+    lengths = [None if run.samples is None else len(run.samples) for run in (result, other)]
+    names = [[record.name for record in run.events] for run in (result, other)]
+    return result.status is other.status and names[0] == names[1] and lengths[0] == lengths[1]
 
 
 def _widened(values: Any, wider: Precision) -> Any:

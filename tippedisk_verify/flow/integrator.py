@@ -17,6 +17,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
+from tippedisk_verify.flow.rounding import nudged, step_nudges
 from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, on_edge, surfaces
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
@@ -145,6 +146,8 @@ class Integrator:
         if not math.isfinite(state[0] + state[1] + state[2] + duration + omega):
             for value in (*state, duration, omega):
                 number(value)  # names the culprit, if it is not only the sum that overflows
+        if request.rounding is not None:
+            *state, omega = nudged((*state, omega), request.rounding.pattern, self.precision)
         return state, duration, omega
 
     def _set_off(self, request: Request, omega: Any, state: list[Any]) -> None:
@@ -162,6 +165,13 @@ class Integrator:
             if self._products:
                 constants = request.parameters.at(self.precision)
                 pars[first : first + self._products] = products(constants, omega)[: self._products]
+        self._moving: dict[str, Any] = {}
+        if request.rounding is not None:
+            known = slice(1, len(self._names) + self._products)
+            pars[known] = nudged(pars[known].tolist(), request.rounding.pattern + 1, self.precision)
+            self._parameters = None  # the next run must not take them over
+            if request.rounding.steps:
+                self._moving["callback"] = step_nudges(request.rounding, len(stepper.state), self.precision)
         stepper.time = self._zero
         if self._identity is None:
             stepper.state[:] = state
@@ -193,7 +203,7 @@ class Integrator:
             outcome, low, steps, samples = self._on_grid(request, duration, early)
         else:
             outcome, low, _, steps, dense, _ = stepper.propagate_until(
-                duration, max_steps=request.max_steps, c_output=request.dense
+                duration, max_steps=request.max_steps, c_output=request.dense, **self._moving
             )
             dense = copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
@@ -207,7 +217,7 @@ class Integrator:
     def _plainly(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
         """To the end, with nothing to keep on the way. Only what happens at the start asks what the start lies on."""
         stepper = self._stepper
-        outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+        outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps, **self._moving)
         left = NOTHING
         if self._crossings and (abs(stepper.time) <= LONGEST_WINDOW or self._records):
             left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
@@ -247,7 +257,7 @@ class Integrator:
         wanted = request.times is not None or request.dense
         recorded = wanted and self.precision.kind == "real"
         recording = self._recording(request, duration, early) if recorded else None
-        options: dict[str, Any] = {"c_output": wanted}
+        options: dict[str, Any] = {"c_output": wanted, **self._moving}
         if recording is not None:
             options = {"callback": recording.callback(), "write_tc": True}
         pieces: list[tuple[Any, Any]] = []
@@ -307,10 +317,12 @@ class Integrator:
         outcome, low, steps = self._finished, now, 0
         if len(times):
             grid = times if times[0] == now else numpy.concatenate((numpy.array([now], dtype=times.dtype), times))
-            outcome, low, _, steps, _, samples = stepper.propagate_grid(grid, max_steps=request.max_steps)
+            outcome, low, _, steps, _, samples = stepper.propagate_grid(
+                grid, max_steps=request.max_steps, **self._moving
+            )
             samples = samples[len(grid) - len(times) :, :3]
         if outcome == self._finished and stepper.time != duration:
-            outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps)
+            outcome, low, _, more, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps, **self._moving)
             steps += more
         if early:
             samples = numpy.concatenate((numpy.array(early, dtype=times.dtype), samples))

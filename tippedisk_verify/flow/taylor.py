@@ -14,8 +14,9 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import compared
+from tippedisk_verify.flow.error_estimate import budgeted, twins_needed
 from tippedisk_verify.flow.integrator import Integrator
+from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, companion
 
@@ -92,10 +93,11 @@ class Taylor:
     def _with_error(self, request: Request, result: Result) -> Result:
         wider = companion(request.precision)
         begin = time.perf_counter()
-        check = self(
-            replace(request, precision=wider, tolerance=wider.epsilon * _TIGHTER, error_estimate=False, dense=False)
-        )
-        error = compared(request.precision, wider, result, check, request.shifted)
+        plain = replace(request, error_estimate=False, dense=False)
+        check = self(replace(plain, precision=wider, tolerance=wider.epsilon * _TIGHTER))
+        count = 0 if at_rest(request) else twins_needed(request.precision, wider)
+        twins = [self(replace(plain, rounding=Rounding(number, steps=True))) for number in range(1, count + 1)]
+        error = budgeted(request.precision, wider, result, check, twins)
         error = replace(error, seconds=time.perf_counter() - begin)
         return result._replace(error=error, built=result.built + check.built)
 

@@ -28,7 +28,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.averaged import averaged, constants_rounding
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
-from tippedisk_verify.theory.harmonic_balance import amplitude_squared, delta
+from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["DenseBranch", "Values"]
@@ -183,15 +183,10 @@ class DenseBranch:
 
         if not len(known):
             constants = self.parameters.at(DOUBLE)
-            square = amplitude_squared(constants, omegas**2, "consistent")
-            ratio = constants.e / (constants.r + constants.e)
-            frequency = ratio * omegas**2 + delta(constants, omegas, "consistent") * square
-            if not (square > 0).all() or not (frequency > 0).all():
+            starts = [start for omega in omegas.tolist() if (start := section_start(constants, omega))]
+            if len(starts) < len(omegas):
                 raise NoSuchCycleError("the one-harmonic law has no cycle to start from: Omega_h is far off")
-            amplitude = numpy.sqrt(square)
-            frequency = numpy.sqrt(frequency)
-            # gamma' = Omega sin(beta_bar) for a cosine of this amplitude.
-            return Guess(omegas * amplitude / frequency, -amplitude * frequency, numpy.pi / frequency)
+            return Guess(*numpy.transpose(starts))
         s = numpy.log(omegas - self.omega_h)
         if known[:, 1].max() < 2:
             s_known, gamma_bar, v, half_period = known[-_GROUP:].T

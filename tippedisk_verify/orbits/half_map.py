@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status, Variation
+from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import Friction, field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -69,17 +70,28 @@ class HalfFlights:
         # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
         self._edge = precision.number(-(precision.epsilon**2))
         self._mapped: Request | None = None
+        self._plain: dict[tuple[bool, tuple[Event, ...]], Request] = {}
 
-    def __call__(self, state: Sequence[Any], *, divergence: bool = False, events: tuple[Event, ...] = ()) -> Result:
+    def __call__(
+        self,
+        state: Sequence[Any],
+        *,
+        divergence: bool = False,
+        events: tuple[Event, ...] = (),
+        rounding: Rounding | None = None,
+    ) -> Result:
         """To the next crossing, without derivatives."""
-        return self._flown(self._request(state, divergence=divergence, events=(RETURNS, *events)))
+        asked = (divergence, events)
+        if asked not in self._plain:
+            self._plain[asked] = self._request(state, divergence=divergence, events=(RETURNS, *events))
+        return self._flown(self._plain[asked].starting_at((self._edge, *state), rounding))
 
-    def map(self, state: Sequence[Any]) -> HalfMap:
+    def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> HalfMap:
         """The map and its derivatives at ``state``."""
         request = self._mapped
         if request is None:
             request = self._mapped = self._request(state, variations=VARIATIONS, events=(RETURNS,))
-        result = self._flown(request.starting_at((self._edge, *state)))
+        result = self._flown(request.starting_at((self._edge, *state), rounding))
         rows, end = result.derivatives, result.state
         if self._precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer

@@ -4,32 +4,45 @@ A fixed point of the map is a symmetric limit cycle, T is twice its flight time,
 the map's. gamma is extreme on the section, for gamma' vanishes there.
 
 The flow's derivatives come from the variational equations in double; above double the same derivative serves in chord
-steps, each gaining about as many digits as a double has, and the variational equations run once more at the end. Every
-number is then computed again in a wider arithmetic: the difference is its error, rounding of the inputs included.
+steps, each gaining about as many digits as a double has, and the variational equations run once more at the end. What
+the numbers may be off is the subject of `cycle_budget`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import TURN, Engine, Event, Request, Status
+from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import Friction, checked_speed, field, shifted
-from tippedisk_verify.model.exact import PI, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
-from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
+from tippedisk_verify.orbits.cycle_budget import (
+    EXTREME,
+    Shot,
+    cycle_numbers,
+    half_widths_by_twins,
+    half_widths_by_wider_run,
+    logarithms_bounded,
+    numbers_at,
+    sharpened,
+    twins,
+)
+from tippedisk_verify.orbits.half_map import HalfFlights, newton_step
+from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
 __all__ = [
     "EXTREME",
     "LimitCycle",
     "Shot",
+    "cycle_in_double",
     "cycle_numbers",
     "limit_cycle",
     "measured_cycle",
@@ -37,19 +50,9 @@ __all__ = [
     "shoot_full_period",
 ]
 
-#: Where beta is extreme.
-EXTREME = Event("extreme", TURN.function, terminal=False)
-_QUARTER = PI * Fraction(1, 2)
 _MOST_STEPS = 25
-
-
-@dataclass(frozen=True)
-class Shot:
-    """How a Newton iteration went: where it ended and the size of its residual at each step."""
-
-    state: tuple[Any, Any]  #: (gamma_bar, v) on the section
-    residuals: tuple[float, ...]
-    map: HalfMap
+_LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
+_NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
 
 @dataclass(frozen=True)
@@ -189,27 +192,47 @@ def limit_cycle(
     """The limit cycle at ``omega`` [rad/s], each number to about ``digits`` significant digits.
 
     Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles part slowly.
-    Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not), with the error
-    measured in a wider arithmetic; ``precision`` fixes the arithmetic, and then the digits are what it gives. Raises
+    Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not); a wider
+    arithmetic measures the error only where the budget in double is too wide for the digits. ``precision`` fixes the
+    arithmetic, and then the digits are what it gives. Raises
     InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not
     reached.
     """
     value = checked_speed(omega)
     checked_digits(digits)
-    if guess is None:
-        guess = approximate_cycle(parameters, value)
-    shot = shoot(parameters, value, guess, engine, friction)
-    if precision is not None:
-        return measured_cycle(parameters, value, shot, engine, precision, friction)
-    if digits <= 12:
+    shot = _first_shot(parameters, value, engine, friction, guess)
+    if precision == DOUBLE or (precision is None and digits <= 12):
+        cycle = cycle_in_double(parameters, value, shot, engine, friction)
+        if precision == DOUBLE or _lacking(cycle, digits) is None:
+            return cycle
         cycle = measured_cycle(parameters, value, shot, engine, DOUBLE, friction)
         if _lacking(cycle, digits) is None:
             return cycle
+    if precision is not None:
+        return measured_cycle(parameters, value, shot, engine, precision, friction)
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
     cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)), friction)
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
+
+
+def _first_shot(
+    parameters: Parameters, value: Fraction, engine: Engine, friction: Friction, guess: Sequence[float] | None
+) -> Shot:
+    """Newton's iteration from the guess; without one from the one-harmonic law, or else from harmonic balance.
+
+    The law costs nothing and is near where cycles are small; what is found far from its guess is not trusted.
+    """
+    if guess is not None:
+        return shoot(parameters, value, guess, engine, friction)
+    near = section_start(parameters.at(DOUBLE), float(value))
+    if near is not None and near[0] < _LAW_SERVES:
+        with suppress(NoSuchCycleError):
+            shot = shoot(parameters, value, near[:2], engine, friction)
+            if abs(shot.state[0] / near[0] - 1) < _NEAR_THE_LAW:
+                return shot
+    return shoot(parameters, value, approximate_cycle(parameters, value), engine, friction)
 
 
 def _lacking(cycle: LimitCycle, digits: int) -> str | None:
@@ -219,6 +242,15 @@ def _lacking(cycle: LimitCycle, digits: int) -> str | None:
         if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
             return name
     return None
+
+
+def cycle_in_double(
+    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, friction: Friction = "linear"
+) -> LimitCycle:
+    """The cycle that Newton's iteration in double found, with half-widths from twins in double."""
+    flights = HalfFlights(parameters, value, engine, DOUBLE, friction)
+    numbers = numbers_at(flights, shot.state, shot.map, DOUBLE)
+    return _as_cycle(value, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
 
 
 def measured_cycle(
@@ -233,19 +265,17 @@ def measured_cycle(
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    rough = cycle_numbers(parameters, value, shot, engine, precision, friction)
-    sharp, doubt = _numbers_and_doubt(parameters, value, shot, engine, companion(precision), friction)
-    measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
-    # The wider run's own error, where the cycle attracts so weakly that it is no small part of the distance. All
-    # numbers move with the state: by how much, the two runs show.
-    apart = sum(
-        max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
-        for name in ("gamma_bar_0", "v_0")
+    wider = companion(precision)
+    flights = [HalfFlights(parameters, value, engine, kind, friction) for kind in (precision, wider)]
+    (rough, _), (sharp, doubt) = (
+        sharpened(shot, each, kind) for each, kind in zip(flights, (precision, wider), strict=True)
     )
-    share = (doubt["gamma_bar_0"] + doubt["v_0"]) / apart
-    for name, number in measured.items():
-        more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
-        measured[name] = Measured(number.value, number.uncertainty + more)
+    others = twins(flights[0], shot.state) if precision == DOUBLE else []
+    return _as_cycle(value, half_widths_by_wider_run(rough, sharp, doubt, others, precision, wider), shot)
+
+
+def _as_cycle(value: Fraction, measured: dict[str, Measured], shot: Shot) -> LimitCycle:
+    logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
@@ -257,82 +287,3 @@ def measured_cycle(
         stable=bool(abs(slow.value) < 1) if certain else None,
         residuals=shot.residuals,
     )
-
-
-def cycle_numbers(
-    parameters: Parameters,
-    omega: Fraction,
-    shot: Shot,
-    engine: Engine,
-    precision: Precision,
-    friction: Friction = "linear",
-) -> dict[str, Any]:
-    """All numbers of the cycle in one arithmetic."""
-    return _numbers_and_doubt(parameters, omega, shot, engine, precision, friction)[0]
-
-
-def _numbers_and_doubt(
-    parameters: Parameters, omega: Fraction, shot: Shot, engine: Engine, precision: Precision, friction: Friction
-) -> tuple[dict[str, Any], dict[str, Fraction]]:
-    """All numbers of the cycle, and what rounding of the map leaves undecided of its state and period."""
-    flights = HalfFlights(parameters, omega, engine, precision, friction)
-    state, noise = _sharpened(shot, flights, precision)
-    here = flights.map(state)
-    flight = flights(state, divergence=True, events=(EXTREME,))
-    turns = [record.state[0] for record in flight.events if record.name == EXTREME.name]
-    (a, b), (c, d) = here.matrix
-    trace, determinant = a + d, a * d - b * c
-    # The larger root of l^2 - trace l + determinant; the determinant is some 1e-25 and only corrects it.
-    root = precision.ops.sqrt(trace * trace / 4 - determinant)
-    half = trace / 2 + (root if trace > 0 else -root)
-    slow = half * half
-    log_slow = precision.ops.log(slow)
-    by_omega = newton_step(here.matrix, here.by_omega)
-    trivial = flights.trivial_multiplier(state, here)
-    time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
-    # Some tens of roundings of each residual, brought back by (1 - P')^-1.
-    zero, unit = 0 * time, 64 * float(precision.epsilon)
-    back = (newton_step(here.matrix, (unit * state[0], zero)), newton_step(here.matrix, (zero, unit * state[1])))
-    undecided = [max(sum((fraction(abs(part[k])) for part in back), Fraction(0)), 4 * noise[k]) for k in range(2)]
-    flight_times = (fraction(abs(a)) * b for a, b in zip(here.time_by_state, undecided, strict=True))
-    doubt = {"gamma_bar_0": undecided[0], "v_0": undecided[1], "period": 2 * sum(flight_times, Fraction(0))}
-    numbers = {
-        "period": 2 * here.time,
-        "gamma_bar_0": state[0],
-        "v_0": state[1],
-        "beta_max": max((abs(turn) for turn in turns), default=abs(0 * here.time)),
-        "multiplier_slow": slow,
-        "log_multiplier_slow": log_slow,
-        # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
-        "log_multiplier_fast": 2 * flight.divergence - log_slow,
-        "trivial_multiplier_defect": abs(trivial * trivial - 1),
-        "dperiod_domega": 2 * time,
-        "dgamma_bar_0_domega": by_omega[0],
-        "dv_0_domega": by_omega[1],
-    }
-    return numbers, doubt
-
-
-def _sharpened(
-    shot: Shot, flights: HalfFlights, precision: Precision
-) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
-    """Chord steps with the shot's derivative, until the step is below rounding; and the step where it stood still."""
-    state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
-    settled = Fraction(0), Fraction(0)
-    if precision == DOUBLE:
-        return state, settled
-    matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
-    previous: Fraction | None = None
-    for _ in range(precision.bits // 8 + 8):
-        flight = flights(state)
-        residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
-        step = newton_step(matrix, residual)
-        state = (state[0] + step[0], state[1] + step[1])
-        size = fraction(abs(step[0]) + abs(step[1]))
-        # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
-        if size < 1000 * precision.epsilon:
-            return state, settled
-        if previous is not None and 2 * size > previous:
-            return state, (fraction(abs(step[0])), fraction(abs(step[1])))
-        previous = size
-    raise Shortfall(f"the chord iteration has not converged in {precision.name} precision")

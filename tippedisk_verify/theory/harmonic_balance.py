@@ -8,6 +8,7 @@ of the cycle [rad/s].
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal, get_args
@@ -29,6 +30,7 @@ __all__ = [
     "kappa_1",
     "kappa_2",
     "one_harmonic",
+    "section_start",
     "slopes",
 ]
 
@@ -99,6 +101,21 @@ def amplitude_denominator(constants: Any, omega_squared: Any, form: Form) -> Any
     """chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; the law has a pole where it vanishes."""
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
+
+
+def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
+    """(gamma_bar, v) at beta = pi/2 with v < 0, and half the period, of the consistent law's cycle, in double.
+
+    None where the law has no cycle.
+    """
+    square = amplitude_squared(constants, omega**2, "consistent")
+    ratio = constants.e / (constants.r + constants.e)
+    frequency = ratio * omega**2 + delta(constants, omega, "consistent") * square
+    if not (square > 0 and frequency > 0):
+        return None
+    amplitude, frequency = math.sqrt(square), math.sqrt(frequency)
+    # gamma' = Omega sin(beta_bar) for a cosine of this amplitude.
+    return omega * amplitude / frequency, -amplitude * frequency, math.pi / frequency
 
 
 def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12) -> OneHarmonic:

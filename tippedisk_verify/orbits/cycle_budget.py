@@ -1,0 +1,227 @@
+"""The numbers of a limit cycle, and the budget of their half-widths (derived in docs/error_budgets.md).
+
+In double *twins* measure the error. Newton's iteration goes on for a few steps, each with the last bits of constants
+and speed moved: every step is solved anew with rounding of its own, its derivatives are taken at a state as far off
+as the solution itself, and with the parameters it moves what their rounding moves. So each number of each twin is
+another draw of the same error, and
+
+    half-width = TWIN_FACTOR * spread + ulp(q).
+
+Nothing else is in it: truncation is far below rounding at the integrator's own tolerance, and Newton's iteration is at
+rest to rounding. Above double the same numbers are computed in a *wider arithmetic*, and the distance is the error;
+what the wider run itself may be off is what the chord iteration leaves of the residual and, in double, the twins'
+spread brought to the wider arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.flow.contract import TURN, Engine, Event
+from tippedisk_verify.flow.error_estimate import wider_share
+from tippedisk_verify.flow.rounding import Rounding
+from tippedisk_verify.model.equations import Friction
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
+
+__all__ = [
+    "EXTREME",
+    "Shot",
+    "cycle_numbers",
+    "half_widths_by_twins",
+    "half_widths_by_wider_run",
+    "logarithms_bounded",
+    "numbers_at",
+    "sharpened",
+    "twins",
+]
+
+#: Where beta is extreme.
+EXTREME = Event("extreme", TURN.function, terminal=False)
+#: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 6e-7 for normal
+#: errors, and the half-width is 17 times the error in the median (tests/orbits/test_cycle_budget.py integrates both).
+TWINS = 5
+TWIN_FACTOR = 5
+#: Of each residual, in units of its rounding, what rounding of a half period leaves undecided in the wider run: some
+#: twenty steps, each with a few roundings of the state.
+_UNDECIDED = 64
+#: Of the step at which a chord iteration stands still, its ratio being at least 1/2 there.
+_STANDING = 4
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a Newton iteration went: where it ended and the size of its residual at each step."""
+
+    state: tuple[Any, Any]  #: (gamma_bar, v) on the section
+    residuals: tuple[float, ...]
+    map: HalfMap
+
+
+def cycle_numbers(
+    parameters: Parameters,
+    omega: Fraction,
+    shot: Shot,
+    engine: Engine,
+    precision: Precision,
+    friction: Friction = "linear",
+) -> dict[str, Any]:
+    """All numbers of the cycle in one arithmetic."""
+    return sharpened(shot, HalfFlights(parameters, omega, engine, precision, friction), precision)[0]
+
+
+def numbers_at(
+    flights: HalfFlights,
+    state: tuple[Any, Any],
+    here: HalfMap,
+    precision: Precision,
+    rounding: Rounding | None = None,
+) -> dict[str, Any]:
+    """All numbers of the cycle through ``state``, a fixed point of the map, from the map's derivatives there."""
+    flight = flights(state, divergence=True, events=(EXTREME,), rounding=rounding)
+    turns = [record.state[0] for record in flight.events if record.name == EXTREME.name]
+    (a, b), (c, d) = here.matrix
+    trace, determinant = a + d, a * d - b * c
+    # The larger root of l^2 - trace l + determinant; the determinant is some 1e-25 and only corrects it.
+    root = precision.ops.sqrt(trace * trace / 4 - determinant)
+    half = trace / 2 + (root if trace > 0 else -root)
+    slow = half * half
+    log_slow = precision.ops.log(slow)
+    by_omega = newton_step(here.matrix, here.by_omega)
+    trivial = flights.trivial_multiplier(state, here)
+    time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
+    return {
+        "period": 2 * here.time,
+        "gamma_bar_0": state[0],
+        "v_0": state[1],
+        "beta_max": max((abs(turn) for turn in turns), default=abs(0 * here.time)),
+        "multiplier_slow": slow,
+        "log_multiplier_slow": log_slow,
+        # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
+        "log_multiplier_fast": 2 * flight.divergence - log_slow,
+        "log_multipliers": 2 * flight.divergence,
+        "trivial_multiplier_defect": abs(trivial * trivial - 1),
+        "dperiod_domega": 2 * time,
+        "dgamma_bar_0_domega": by_omega[0],
+        "dv_0_domega": by_omega[1],
+    }
+
+
+def twins(flights: HalfFlights, state: tuple[Any, Any]) -> list[dict[str, Any]]:
+    """The numbers of the cycle near ``state`` in double, each time with other last bits."""
+    found = []
+    for pattern in range(1, TWINS + 1):
+        rounding = Rounding(pattern)
+        here = flights.map(state, rounding)
+        numbers = numbers_at(flights, state, here, DOUBLE, rounding)
+        step = newton_step(here.matrix, here.residual)
+        state = (state[0] + step[0], state[1] + step[1])
+        later = here.time_by_state[0] * step[0] + here.time_by_state[1] * step[1]
+        found.append(numbers | {"gamma_bar_0": state[0], "v_0": state[1], "period": numbers["period"] + 2 * later})
+    return found
+
+
+def half_widths_by_twins(numbers: dict[str, Any], others: Sequence[dict[str, Any]]) -> dict[str, Measured]:
+    """Numbers in double with half-widths from their twins."""
+    measured = {}
+    for name, number in numbers.items():
+        width = TWIN_FACTOR * _spread(name, numbers, others) + abs(float(number)) * 2.0**-52
+        measured[name] = Measured(Fraction(float(number)), Fraction(width))
+    return measured
+
+
+def _spread(name: str, numbers: dict[str, Any], others: Sequence[dict[str, Any]]) -> float:
+    values = [float(numbers[name]), *(float(other[name]) for other in others)]
+    return max(values) - min(values)
+
+
+def half_widths_by_wider_run(
+    rough: dict[str, Any],
+    sharp: dict[str, Any],
+    doubt: dict[str, Fraction],
+    others: Sequence[dict[str, Any]],
+    precision: Precision,
+    wider: Precision,
+) -> dict[str, Measured]:
+    """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
+
+    ``doubt`` is what the wider iteration leaves undecided of state and period; the other numbers move with the state:
+    by how much, the two runs show. ``others`` are the twins, in double.
+    """
+    measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
+    apart = sum(
+        max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
+        for name in ("gamma_bar_0", "v_0")
+    )
+    share = (doubt["gamma_bar_0"] + doubt["v_0"]) / apart
+    for name, number in measured.items():
+        more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
+        if others:
+            more += Fraction(_spread(name, rough, others) * wider_share(precision, wider))
+        measured[name] = Measured(number.value, number.uncertainty + more)
+    return measured
+
+
+def logarithms_bounded(measured: dict[str, Measured]) -> None:
+    """Of multipliers that are lost in rounding, what is known of their logarithms.
+
+    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
+    """
+    slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
+    if 2 * slow.uncertainty < abs(slow.value):
+        return
+    highest = Fraction(math.log(abs(slow.value) + slow.uncertainty))
+    lowest = min(both.value / 2, highest)
+    middle, half = (highest + lowest) / 2, (highest - lowest) / 2 + both.uncertainty + abs(highest) / 2**50
+    measured["log_multiplier_slow"] = Measured(middle, half)
+    measured["log_multiplier_fast"] = Measured(both.value - middle, half)
+
+
+def sharpened(shot: Shot, flights: HalfFlights, precision: Precision) -> tuple[dict[str, Any], dict[str, Fraction]]:
+    """All numbers of the cycle, and what rounding of the map leaves undecided of its state and period.
+
+    Raises Shortfall if the chord iteration does not settle.
+    """
+    state, standing = _chords(shot, flights, precision)
+    here = shot.map if precision == DOUBLE else flights.map(state)
+    zero, unit = 0 * here.time, _UNDECIDED * float(precision.epsilon)
+    back = (newton_step(here.matrix, (unit * state[0], zero)), newton_step(here.matrix, (zero, unit * state[1])))
+    undecided = [
+        max(sum((fraction(abs(part[k])) for part in back), Fraction(0)), _STANDING * standing[k]) for k in range(2)
+    ]
+    times = (fraction(abs(a)) * b for a, b in zip(here.time_by_state, undecided, strict=True))
+    doubt = {"gamma_bar_0": undecided[0], "v_0": undecided[1], "period": 2 * sum(times, Fraction(0))}
+    return numbers_at(flights, state, here, precision), doubt
+
+
+def _chords(
+    shot: Shot, flights: HalfFlights, precision: Precision
+) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
+    """Chord steps with the shot's derivative, until the step is below rounding; and the step where it stood still."""
+    state = (precision.number(shot.state[0]), precision.number(shot.state[1]))
+    settled = Fraction(0), Fraction(0)
+    if precision == DOUBLE:
+        return state, settled
+    matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
+    previous: Fraction | None = None
+    for _ in range(precision.bits // 8 + 8):
+        flight = flights(state)
+        residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
+        step = newton_step(matrix, residual)
+        state = (state[0] + step[0], state[1] + step[1])
+        size = fraction(abs(step[0]) + abs(step[1]))
+        # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
+        if size < 1000 * precision.epsilon:
+            return state, settled
+        if previous is not None and 2 * size > previous:
+            return state, (fraction(abs(step[0])), fraction(abs(step[1])))
+        previous = size
+    raise Shortfall(f"the chord iteration has not converged in {precision.name} precision")
