@@ -20,7 +20,7 @@ from typing import Any
 from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["TWINS", "budgeted", "twins_needed", "wider_share"]
+__all__ = ["TWINS", "budgeted", "twins_needed"]
 
 #: Of these, and the run itself, the spread is less than a 64th of their standard deviation once in a million times.
 TWINS = 3
@@ -42,11 +42,6 @@ def twins_needed(precision: Precision, wider: Precision) -> int:
     return TWINS if wider.bits - precision.bits < _FAR_WIDER else 0
 
 
-def wider_share(precision: Precision, wider: Precision) -> float:
-    """What the wider run may be off by rounding, in units of the twins' spread."""
-    return _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
-
-
 def budgeted(
     precision: Precision, wider: Precision, result: Result, check: Result, twins: Sequence[Result]
 ) -> ErrorEstimate:
@@ -62,7 +57,7 @@ def budgeted(
         return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
     ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
     more = wider.array([1 + _WIDER_TRUNCATION])
-    share = wider_share(precision, wider)
+    share = _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
 
     def widths(values: Any, truths: Any, others: Sequence[Any]) -> Any:
         exact = _widened(values, wider)

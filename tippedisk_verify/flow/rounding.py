@@ -15,6 +15,8 @@ from tippedisk_verify.model.precision import Precision
 
 __all__ = ["Rounding", "nudged", "step_nudges"]
 
+#: Of the numbers that move up, and as many down: they then err by about half a place, as rounding makes them.
+_SHARE_MOVED = 1 / 6
 _PATTERNS = 64  # of the moves after steps, before they begin anew: more than a result remembers
 
 
@@ -35,8 +37,7 @@ def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
     one, ulp = precision.number(1), precision.number(precision.epsilon)
     # Irrational turns, other ones for each place and pattern, so that no two numbers or patterns move together.
     turns = (place * (0.5698402909980532 + pattern * 0.7548776662466927) % 1 for place in range(1, count + 1))
-    # Below 1 numbers lie twice as close together: so that both moves are of one place, the one down is half as far.
-    return tuple(one - ulp / 2 if turn < 0.25 else one + ulp if turn >= 0.75 else one for turn in turns)
+    return tuple(one - ulp if turn < _SHARE_MOVED else one + ulp if turn >= 1 - _SHARE_MOVED else one for turn in turns)
 
 
 def step_nudges(rounding: Rounding, size: int, precision: Precision) -> Callable[[Any], bool]:

@@ -32,6 +32,9 @@ _PASSES = Event("passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 
 # The branch starts this far from the saddle, along the eigenvector. The symmetry about the saddle leaves no quadratic
 # terms, so the start misses the unstable manifold by the cube, most of it along directions that decay.
 _OFFSET = Fraction(1, 2**17)
+#: At which the baseline is asked again: its own is 1e-13.
+_TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
+_SPREADS = 4
 _LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
 
 
@@ -89,20 +92,18 @@ def bisect_omega_h(
     With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
     arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
     Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
-    Another engine has no wider arithmetic; there the half-width is the shift under a hundredfold looser tolerance.
+    Another engine has no wider arithmetic; there looser tolerances say how far the answer is off.
     Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and Omega_crit.
     """
     follow = _Follower(parameters, engine, friction)
-    lower, upper = _bisected(follow, DOUBLE)
+    lower, upper = _bisected(follow)
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     if not confirm:
         return Connection(Measured(centre, half_width), "bisection in double", follow.runs)
     if engine.name != "taylor":
-        loose = sum(_bisected(follow, DOUBLE, tolerance=1e-11), Fraction(0)) / 2
-        # Its tightest tolerance is near round-off, so the error need not shrink with the tolerance: four times the
-        # shift, and sixteen ulps of the speed for what the passage does to rounding.
-        half_width += 4 * abs(loose - centre) + centre / 2**48
-        return Connection(Measured(centre, half_width), "bisection at two tolerances", follow.runs)
+        return Connection(
+            Measured(centre, half_width + _spread_of_tolerances(follow, centre)), "bisection, tolerances", follow.runs
+        )
     wider = companion(DOUBLE)
     while (
         follow(centre - half_width, wider, _OFFSET / 8) != "passes"
@@ -112,6 +113,26 @@ def bisect_omega_h(
         if half_width > centre / 1000:
             raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
     return Connection(Measured(centre, half_width), f"bisection, confirmed in {wider.name} precision", follow.runs)
+
+
+def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
+    """What the baseline's truncation may move Omega_h by.
+
+    At its tightest tolerance it is near round-off, and where the smooth law's field has its kinks the error no longer
+    follows the tolerance: it is another one for every sequence of steps. Each tolerance is a draw of it, all of them
+    larger than the one at hand, and their spread with the answer, taken so many times, holds it as in `cycle_budget`.
+    To it sixteen ulps of the speed for what the passage does to rounding.
+    """
+    values = [centre]
+    for tolerance in _TOLERANCES:
+        bracket = centre * Fraction(1, 10**9)
+        lower, upper = centre - bracket, centre + bracket
+        while follow(lower, DOUBLE, tolerance=tolerance) != "passes":
+            upper, lower = lower, lower - 8 * (upper - lower)
+        while follow(upper, DOUBLE, tolerance=tolerance) == "passes":
+            lower, upper = upper, upper + 8 * (upper - lower)
+        values.append(_narrowed(follow, lower, upper, tolerance)[0])
+    return _SPREADS * (max(values) - min(values)) + centre / 2**48
 
 
 class _Follower:
@@ -141,24 +162,31 @@ class _Follower:
         raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
 
 
-def _bisected(follow: _Follower, precision: Precision, tolerance: float | None = None) -> tuple[Fraction, Fraction]:
-    """Two neighbouring doubles between which the branch changes sides."""
+def _bisected(follow: _Follower) -> tuple[Fraction, Fraction]:
+    """Two neighbouring doubles between which the branch changes sides.
 
-    def passes(omega: Fraction) -> bool:
-        return follow(omega, precision, tolerance=tolerance) == "passes"
-
+    Raises NoConnectionError where it does not between Omega_crit / 2 and Omega_crit.
+    """
     top = Fraction(float(omega_crit(follow.parameters)))
     upper, lower = top, top * Fraction(63, 64)
-    if passes(upper):
+    if follow(upper, DOUBLE) == "passes":
         raise NoConnectionError(
             "the saddle's unstable branch passes already at Omega_crit: no connection below it to look for"
         )
-    while not passes(lower):
+    while follow(lower, DOUBLE) != "passes":
         upper, lower = lower, lower - top / 64
         if lower < top / 2:
             raise NoConnectionError(
                 "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
             )
+    return _narrowed(follow, lower, upper, None)
+
+
+def _narrowed(
+    follow: _Follower, lower: Fraction, upper: Fraction, tolerance: float | None
+) -> tuple[Fraction, Fraction]:
+    """Two neighbouring doubles, in double, between which the branch changes sides."""
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
-        lower, upper = (middle, upper) if passes(middle) else (lower, middle)
+        passes = follow(middle, DOUBLE, tolerance=tolerance) == "passes"
+        lower, upper = (middle, upper) if passes else (lower, middle)
     return lower, upper

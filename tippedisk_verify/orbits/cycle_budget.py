@@ -23,7 +23,6 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import TURN, Engine, Event
-from tippedisk_verify.flow.error_estimate import wider_share
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
@@ -50,9 +49,9 @@ EXTREME = Event("extreme", TURN.function, terminal=False)
 #: errors, and the half-width is 17 times the error in the median (tests/orbits/test_cycle_budget.py integrates both).
 TWINS = 5
 TWIN_FACTOR = 5
-#: Of each residual, in units of its rounding, what rounding of a half period leaves undecided in the wider run: some
-#: twenty steps, each with a few roundings of the state.
-_UNDECIDED = 64
+#: Of the wider run's error, in units of the spread brought to its arithmetic: four standard deviations, where the six
+#: values lie within an eighth of one (1e-6).
+_WIDER_SHARE = 32
 #: Of the step at which a chord iteration stands still, its ratio being at least 1/2 there.
 _STANDING = 4
 
@@ -90,9 +89,10 @@ def numbers_at(
     turns = [record.state[0] for record in flight.events if record.name == EXTREME.name]
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
-    # The larger root of l^2 - trace l + determinant; the determinant is some 1e-25 and only corrects it.
-    root = precision.ops.sqrt(trace * trace / 4 - determinant)
-    half = trace / 2 + (root if trace > 0 else -root)
+    # The larger root of l^2 - trace l + determinant; mostly the determinant is some 1e-25 and only corrects it. Of a
+    # complex pair the modulus is what tells.
+    discriminant, sqrt = trace * trace / 4 - determinant, precision.ops.sqrt
+    half = abs(trace) / 2 + sqrt(discriminant) if discriminant >= 0 else sqrt(determinant)
     slow = half * half
     log_slow = precision.ops.log(slow)
     by_omega = newton_step(here.matrix, here.by_omega)
@@ -165,7 +165,7 @@ def half_widths_by_wider_run(
     for name, number in measured.items():
         more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
         if others:
-            more += Fraction(_spread(name, rough, others) * wider_share(precision, wider))
+            more += Fraction(_WIDER_SHARE * _spread(name, rough, others)) / 2 ** (wider.bits - precision.bits)
         measured[name] = Measured(number.value, number.uncertainty + more)
     return measured
 
@@ -186,17 +186,13 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 
 
 def sharpened(shot: Shot, flights: HalfFlights, precision: Precision) -> tuple[dict[str, Any], dict[str, Fraction]]:
-    """All numbers of the cycle, and what rounding of the map leaves undecided of its state and period.
+    """All numbers of the cycle, and what the chord iteration leaves undecided of its state and period.
 
     Raises Shortfall if the chord iteration does not settle.
     """
     state, standing = _chords(shot, flights, precision)
     here = shot.map if precision == DOUBLE else flights.map(state)
-    zero, unit = 0 * here.time, _UNDECIDED * float(precision.epsilon)
-    back = (newton_step(here.matrix, (unit * state[0], zero)), newton_step(here.matrix, (zero, unit * state[1])))
-    undecided = [
-        max(sum((fraction(abs(part[k])) for part in back), Fraction(0)), _STANDING * standing[k]) for k in range(2)
-    ]
+    undecided = [_STANDING * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(here.time_by_state, undecided, strict=True))
     doubt = {"gamma_bar_0": undecided[0], "v_0": undecided[1], "period": 2 * sum(times, Fraction(0))}
     return numbers_at(flights, state, here, precision), doubt

@@ -5,9 +5,7 @@ Omega_crit the squared amplitude is analytic. So one polynomial in s = log(Omega
 serves the whole branch. The nodes are solved a few at a time, from the Hopf point on, each group predicted from those
 before; then a list of any length is predicted by the polynomial and corrected in one step of all lanes.
 
-What is claimed for a number is the sum of what the rounding of the parameters does to it, what round-off in the flow
-does to it (through the shooting problem's inverse), what the last Newton step leaves, and for interpolated numbers the
-truncation. The first two are measured on some of the nodes, by cycles solved again.
+What is claimed for a number is the subject of `branch_budget`; for interpolated numbers the truncation is added.
 """
 
 from __future__ import annotations
@@ -25,7 +23,8 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.averaged import averaged, constants_rounding
+from tippedisk_verify.orbits.averaged import averaged
+from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths, truncation
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
 from tippedisk_verify.theory.harmonic_balance import section_start
@@ -35,12 +34,6 @@ __all__ = ["DenseBranch", "Values"]
 
 _GROUP = 8  # nodes that are solved together
 _NODES_PER_UNIT = 12  # of s; the coefficients then fall to rounding, a hundredfold with every eight nodes
-_EVERY = 8  # nodes between those on which errors are measured
-_TWINS = 2
-_SHIFT = 1e-3  # of the constants, as a part of the distance to the nearer end of the branch
-# What rounding the start gives, in units of 2^-53, for (beta, gamma, v): gamma is up to 3 pi / 2, v up to 10 rad/s.
-_START_ROUNDING = (1.0, 4.0, 8.0)
-_START_SHIFT = 1e-5  # the same for the starts: so little that Newton's iteration ends after one step
 _UNIT = 2.0**-53
 
 _NUMBERS = (
@@ -121,7 +114,7 @@ class DenseBranch:
         # The speed is what was rounded: s follows from it, so that no error is left in the abscissa.
         self._s = numpy.log(omegas - self.omega_h)
         self._weights = (-1.0) ** numpy.arange(count) * numpy.sin(angles)
-        self._cosines = numpy.cos(numpy.outer(numpy.arange(count - count // 6, count), angles)) * (2 / count)
+        self._cosines = numpy.cos(numpy.outer(numpy.arange(count - count // 3, count), angles)) * (2 / count)
         known = numpy.empty((0, 4))
         rows = numpy.empty((count, 4))
         solved = 0
@@ -203,101 +196,20 @@ class DenseBranch:
 
     # -------------------------------------------------------------------------------------------- the errors
     @cached_property
-    def _error_sources(self) -> tuple[Any, dict[str, tuple[Any, ...]]]:
-        """On every eighth node and at both ends, in rising s: what moves each number.
-
-        The rounding of the parameters, the flow's round-off, and a wrong start. Each constant in turn is moved a little
-        and the cycle solved again: a difference quotient. The flow's round-off is seen on twins, the same cycle solved
-        from starts some roundings away. What follows from the derivatives is taken before the last Newton step, so each
-        of (gamma_bar_0, v_0, T / 2) is moved in turn too, by much more than rounding, and how the numbers change at
-        such a start is measured.
-        """
+    def _budget(self) -> BranchBudget:
         import numpy
 
-        # Both ends among them: towards the Hopf point sensitivities grow without bound.
-        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
-        omegas, count = self.nodes.omega, len(self._constants)
-        room = numpy.minimum(omegas - self.omega_h, self.omega_crit - omegas)[every]
-        shift = _SHIFT * room / omegas[every]
-        which = numpy.tile(every, _TWINS + count + 3)
-        constants = numpy.tile(self._constants, (len(which), 1))
-        jitter = numpy.ones(len(which))
-        for twin in range(_TWINS):
-            jitter[twin * len(every) : (twin + 1) * len(every)] += (4 + 3 * twin) * (-1) ** twin * _UNIT
-        for index in range(count):
-            begin = _TWINS * len(every) + index * len(every)
-            constants[begin : begin + len(every), index] *= 1 + shift
-        at = self.nodes
-        starts = numpy.stack((at.gamma_bar_0, at.v_0, at.period / 2))
-        away = _START_SHIFT * room / omegas[every] * numpy.abs(starts[:, every])
-        guessed = starts[:, which]
-        guessed[:2] *= jitter
-        for index in range(3):
-            begin = (_TWINS + count + index) * len(every)
-            guessed[index, begin : begin + len(every)] += away[index]
-        guess = Guess(*guessed)
-        found = corrected(constants, omegas[which], guess, self._lanes, tolerance=1e-5)
-        roundings = numpy.abs(constants_rounding(self.parameters))
-        sources = {}
-        for name in _NUMBERS:
-            values, base = getattr(found, name), getattr(at, name)
-            # Not against the node itself: its own last step is accounted for, and would hide how little this is.
-            twins = values[: _TWINS * len(every)].reshape(_TWINS, -1)
-            spread = twins.max(axis=0) - twins.min(axis=0)
-            moved = values[_TWINS * len(every) :].reshape(count + 3, -1)
-            slopes = numpy.abs(moved[:count] - base[every]) / shift
-            by_start = numpy.abs(moved[count:] - base[every]) / away
-            # A small sample's spread: the largest of five neighbours, four times.
-            flow = 4 * _largest_nearby(spread / self._scale(name, at)[every])
-            sources[name] = roundings @ slopes, flow, *by_start
-        return self._s[every], sources
-
-    def _scale(self, name: str, cycles: Cycles) -> Any:
-        """What round-off in the flow is proportional to: for the solved numbers what a rounded start does to them."""
-        import numpy
-
-        rows = {"gamma_bar_0": 0, "v_0": 1, "period": 2, "beta_max": 0}
-        if name not in rows:
-            return numpy.full(len(cycles.omega), _UNIT)
-        return numpy.abs(cycles.sensitivity[:, rows[name]]) @ numpy.array(_START_ROUNDING) * _UNIT
-
-    @cached_property
-    def _along(self) -> Any:
-        """|d(log_multiplier_fast) / d(gamma_bar_0)| along the branch at the nodes: what a wrong start does, roughly."""
-        import numpy
-
-        by_s = numpy.gradient(self.nodes.gamma_bar_0, self._s)
-        return _largest_nearby(numpy.abs(numpy.gradient(self.nodes.log_multiplier_fast, self._s) / by_s))
+        omegas = self.nodes.omega
+        room = numpy.minimum(omegas - self.omega_h, self.omega_crit - omegas)
+        return BranchBudget(self._constants, self.nodes, self._s, room, self._lanes)
 
     def half_widths(self, cycles: Cycles) -> dict[str, Any]:
         """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays."""
-        return {name: common + own for name, (common, own) in self._widths(cycles).items()}
-
-    def _widths(self, cycles: Cycles) -> dict[str, tuple[Any, Any]]:
-        """The same in two parts: what the rounding of the parameters does, and each cycle's own round-off."""
         import numpy
 
-        s = numpy.log(cycles.omega - self.omega_h)
-        s_known, sources = self._error_sources
-        # At fixed Omega a wrong start counts against Omega - Omega_h itself, along the branch against its square root.
-        whole = self.omega_crit - self.omega_h
-        near_h = numpy.exp((math.log(whole) - s) / 2)
-        wrong = [self._scale(name, cycles) for name in ("gamma_bar_0", "v_0", "period")]
-        widths = {}
-        for name in _NUMBERS:
-            # Chords: these lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
-            parameters, flow, *by_start = (numpy.interp(s, s_known, source) for source in sources[name])
-            # The twins' spread is already four times the largest of five neighbours.
-            own = (flow + 1) * self._scale(name, cycles) + 2 * _UNIT * numpy.abs(getattr(cycles, name))
-            if name not in ("period", "gamma_bar_0", "v_0", "beta_max"):  # those are taken after the last step
-                for slope, error, last in zip(by_start, wrong, numpy.abs(cycles.last_step).T, strict=True):
-                    own += 2 * slope * (error + last)
-            if name == "log_multiplier_fast":
-                # The integral of the divergence is taken after the last step: there the start's own error counts.
-                along = numpy.interp(s, self._s[::-1], self._along[::-1])
-                own += along * (1 + 8 * near_h) * wrong[0]
-            widths[name] = 2 * parameters, own
-        return widths
+        widths = self._budget.half_widths(cycles, numpy.log(cycles.omega - self.omega_h))
+        half, both = widths.pop("half_multiplier"), widths.pop("log_multipliers")
+        return widths | multiplier_widths(cycles.half_multiplier, cycles.log_multipliers, half, both)
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
@@ -306,44 +218,54 @@ class DenseBranch:
 
         speeds = self._checked(omegas)
         ratios = self._ratios(speeds)
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         widths: dict[str, Any] = {}
         below = self.omega_crit - speeds
         s = numpy.log(speeds - self.omega_h)
-        for name, (scaled, common, own) in self._scaled.items():
-            values = ratios @ scaled
+        for name, (scaled, width) in self._scaled.items():
+            at = ratios @ scaled
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
-            # independent of the others'. The coefficients fall geometrically: what is left out is less than the
-            # largest of the last ones twice.
-            moved = numpy.interp(s, self._s[::-1], common[::-1])
-            error = moved + numpy.sqrt(ratios**2 @ own**2) + 2 * numpy.abs(self._cosines @ scaled).max()
+            # independent of the others'. One width is for both, whichever prevails.
+            moved = numpy.interp(s, self._s[::-1], width[::-1])
+            level = math.sqrt(2 / len(scaled) * (width @ width) / len(scaled))
+            error = numpy.sqrt(moved**2 + ratios**2 @ width**2) + truncation(self._cosines @ scaled, level)
             if name in _SQUARED:
-                found[name] = _SQUARED[name] * numpy.sqrt(values * below)
-                widths[name] = error * below / (2 * numpy.abs(found[name]))
-            elif name == "log_multiplier_slow":
-                found[name], widths[name] = values * below, error * below
+                values[name] = _SQUARED[name] * numpy.sqrt(at * below)
+                widths[name] = error * below / (2 * numpy.abs(values[name]))
+            elif name == "half_multiplier":
+                values[name], widths[name] = 1 - at * below, error * below
             else:
-                found[name], widths[name] = values, error
-            widths[name] += 4 * _UNIT * numpy.abs(found[name])
-        return Values(omega=speeds, uncertainty=widths, **found)
+                values[name], widths[name] = at, error
+            widths[name] += 4 * _UNIT * numpy.abs(values[name])
+        half, both = values.pop("half_multiplier"), values.pop("log_multipliers")
+        of_multipliers = multiplier_widths(half, both, widths.pop("half_multiplier"), widths.pop("log_multipliers"))
+        del of_multipliers["multiplier_slow"]
+        log_slow = 2 * numpy.log(numpy.abs(half))
+        return Values(
+            omega=speeds,
+            log_multiplier_slow=log_slow,
+            log_multiplier_fast=both - log_slow,
+            uncertainty=widths | of_multipliers,
+            **values,
+        )
 
     @cached_property
-    def _scaled(self) -> dict[str, tuple[Any, Any, Any]]:
-        """Node values of what is analytic up to the Hopf point, with the two parts of their half-widths."""
+    def _scaled(self) -> dict[str, tuple[Any, Any]]:
+        """Node values of what is analytic up to the Hopf point, with their half-widths."""
         import numpy
 
         nodes, below = self.nodes, self.omega_crit - self.nodes.omega
-        parts = self._widths(nodes)
+        widths = self._budget.half_widths(nodes, self._s)
         scaled = {}
-        for name in ("gamma_bar_0", "v_0", "beta_max", "period", "log_multiplier_slow", "log_multiplier_fast"):
+        for name in ("gamma_bar_0", "v_0", "beta_max", "period", "half_multiplier", "log_multipliers"):
             values = getattr(nodes, name)
             if name in _SQUARED:
                 scale, value = 2 * numpy.abs(values) / below, values**2 / below
-            elif name == "log_multiplier_slow":
-                scale, value = 1 / below, values / below
+            elif name == "half_multiplier":
+                scale, value = 1 / below, (1 - values) / below
             else:
                 scale, value = 1.0, values
-            scaled[name] = value, scale * parts[name][0], scale * parts[name][1]
+            scaled[name] = value, scale * widths[name]
         return scaled
 
     def _checked(self, omegas: Sequence[float]) -> Any:
@@ -417,14 +339,6 @@ class DenseBranch:
                 )
             )
         return cycles
-
-
-def _largest_nearby(values: Any) -> Any:
-    """The largest of five neighbours."""
-    import numpy
-
-    padded = numpy.pad(values, 2, mode="edge")
-    return numpy.max([padded[k : k + len(values)] for k in range(5)], axis=0)
 
 
 def _extrapolated(s_known: Any, columns: Sequence[Any], s: Any, degree: int) -> list[Any]:

@@ -99,15 +99,17 @@ def limit_of_cycles(
 ) -> tuple[Measured, int]:
     """Omega_h [rad/s] to ``digits`` significant digits, and the number of cycles solved for it.
 
-    The half-width is four times the last change of the limit, which falls by a growing factor from cycle to cycle.
+    The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
+    factor from cycle to cycle, a hundredfold and more, so an eighth more holds what the last one is off itself.
     Raises Shortfall if the family ends before.
     """
     descent = Descent(parameters, engine, friction)
     while True:
         omega_h = descent.law.omega_h
         descent.further(omega_h / 10 ** (digits + 3))
-        if 4 * descent.change <= omega_h / 10**digits:
-            return Measured(descent.law.omega_h, 4 * descent.change), descent.solved
+        half_width = descent.change * Fraction(9, 8)
+        if half_width <= omega_h / 10**digits:
+            return Measured(omega_h, half_width), descent.solved
 
 
 def _in_double(parameters: Parameters, engine: Engine, friction: Friction) -> list[PeriodPoint]:

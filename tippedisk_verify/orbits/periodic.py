@@ -51,6 +51,7 @@ __all__ = [
 ]
 
 _MOST_STEPS = 25
+_DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
@@ -64,7 +65,7 @@ class LimitCycle:
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
     v_0: Measured  #: v there [rad/s]
     beta_max: Measured  #: largest |beta - pi/2| [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier [1]
+    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
     log_multiplier_slow: Measured  #: natural logarithm of its absolute value
     log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
     trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
@@ -201,9 +202,9 @@ def limit_cycle(
     value = checked_speed(omega)
     checked_digits(digits)
     shot = _first_shot(parameters, value, engine, friction, guess)
-    if precision == DOUBLE or (precision is None and digits <= 12):
+    if precision == DOUBLE or (precision is None and digits <= _DOUBLE_DIGITS):
         cycle = cycle_in_double(parameters, value, shot, engine, friction)
-        if precision == DOUBLE or _lacking(cycle, digits) is None:
+        if precision == DOUBLE or _lacking(cycle, _DOUBLE_DIGITS) is None:
             return cycle
         cycle = measured_cycle(parameters, value, shot, engine, DOUBLE, friction)
         if _lacking(cycle, digits) is None:

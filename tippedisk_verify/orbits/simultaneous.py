@@ -51,7 +51,8 @@ class Cycles:
     gamma_bar_0: Any  #: [rad]
     v_0: Any  #: [rad/s]
     beta_max: Any  #: [rad]
-    multiplier_slow: Any  #: [1]
+    half_multiplier: Any  #: of the half map, the larger one; of a complex pair its modulus, signed [1]
+    multiplier_slow: Any  #: its square [1]
     log_multiplier_slow: Any
     log_multiplier_fast: Any
     trivial_multiplier_defect: Any
@@ -62,6 +63,11 @@ class Cycles:
     residual: Any  #: |S(flow) - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
     last_step: Any  #: (n, 3) the last Newton step, of (gamma_bar_0, v_0, T / 2): derivatives were taken before it
     sensitivity: Any  #: (n, 3, 3) d(gamma_bar_0, v_0, tau) / d(end of the flight), what an error in the flow does
+
+    @property
+    def log_multipliers(self) -> Any:
+        """The sum of both logarithms, which is the integral of the divergence."""
+        return self.log_multiplier_slow + self.log_multiplier_fast
 
 
 def corrected(
@@ -107,8 +113,11 @@ def corrected(
     unknowns[~converged] = numpy.nan
     (a, b), (c, d) = half_maps.transpose(1, 2, 0)
     trace, determinant = a + d, a * d - b * c
-    root = numpy.sqrt(trace**2 / 4 - determinant)
-    slow = (trace / 2 + numpy.where(trace > 0, root, -root)) ** 2
+    discriminant = trace**2 / 4 - determinant
+    root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
+    # Of a complex pair the modulus, with the sign that the larger one has where they meet.
+    half = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
+    slow = half**2
     log_slow = numpy.log(slow)
     beta_max = log_fast = numpy.full(count, numpy.nan)
     if whole:
@@ -120,6 +129,7 @@ def corrected(
         gamma_bar_0=unknowns[:, 0],
         v_0=unknowns[:, 1],
         beta_max=beta_max,
+        half_multiplier=half,
         multiplier_slow=slow,
         log_multiplier_slow=log_slow,
         log_multiplier_fast=log_fast,

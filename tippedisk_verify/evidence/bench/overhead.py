@@ -14,7 +14,7 @@ from tippedisk_verify.flow.system import direction_of, system_of
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import products
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
-from tippedisk_verify.orbits.periodic import shoot
+from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 
 __all__ = ["Overhead", "overheads"]
 
@@ -78,7 +78,7 @@ class _Listening:
 
 
 def overheads() -> list[Overhead]:
-    """A trajectory of 10 s, and the Newton iteration for a limit cycle against its flights alone."""
+    """A trajectory of 10 s, and a limit cycle, its Newton iteration and its half-widths, against bare flights."""
     engine = Taylor()
     problem = problem_named("cycle")
     request = problem.request()
@@ -100,6 +100,12 @@ def overheads() -> list[Overhead]:
         shoot(period.parameters, period.omega, guess, engine)
 
     found.append(_compared("Newton iteration for a limit cycle", solve, bare_flights))
+    speed = period.omega
+
+    def measure() -> None:
+        limit_cycle(period.parameters, speed, engine, guess=guess)
+
+    found.append(_compared("limit cycle with half-widths, over the same flights", measure, bare_flights))
     return found
 
 

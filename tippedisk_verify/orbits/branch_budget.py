@@ -1,0 +1,144 @@
+"""What the numbers of a branch of limit cycles may be off: the budget of `dense` (derived in docs/error_budgets.md).
+
+On every fourth node, and at both ends, the cycle is solved again a few times with other last bits of the constants,
+each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of three
+neighbours is the measure of rounding, of the parameters' too. Between those nodes it is interpolated by chords, which
+lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+
+What follows from derivatives is taken before the last Newton step: how it changes with the start is measured as well,
+by starts moved much farther than rounding moves them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
+
+__all__ = ["BranchBudget", "multiplier_widths", "truncation"]
+
+#: With them, and the node itself, six values each on three neighbouring nodes.
+TWINS = 5
+#: An error beyond so many times the largest of three spreads of six values has a probability of 1.5e-6 for normal
+#: errors; the half-width is 12 times the error in the median.
+TWIN_FACTOR = 2.5
+_EVERY = 4  # nodes between those where rounding is measured
+#: Of the constants that a twin moves up, and as many down: they then err by half a place, as rounding makes them.
+_SHARE_MOVED = 1 / 8
+_START_SHIFT = 1e-5  # of the distance to the nearer end: so little that Newton's iteration ends after one step
+#: What the slope for a moved start may be off, as a factor: the start's effect is linear but for parts of 1e-5.
+_SLOPE = 2
+_UNIT = 2.0**-53
+
+#: Numbers whose error is measured; those of the multipliers follow (`multiplier_widths`).
+_MEASURED = (
+    *("period", "gamma_bar_0", "v_0", "beta_max", "half_multiplier", "log_multipliers"),
+    *("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega"),
+)
+#: Those that are taken before the last Newton step.
+_BEFORE = ("half_multiplier", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
+
+
+class BranchBudget:
+    """Half-widths of the numbers of cycles on a branch, measured on some of its nodes.
+
+    ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
+    """
+
+    def __init__(self, constants: Any, nodes: Cycles, s: Any, room: Any, lanes: Lanes) -> None:
+        self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
+
+    def half_widths(self, cycles: Cycles, s: Any) -> dict[str, Any]:
+        """(n,) half-widths of the measured numbers of n cycles at the abscissas ``s``."""
+        import numpy
+
+        s_known, spreads, slopes = self._sources
+        last = numpy.abs(cycles.last_step).T
+        widths = {}
+        for name in _MEASURED:
+            widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) + 2 * _UNIT * numpy.abs(
+                getattr(cycles, name)
+            )
+            for slope, step in zip(slopes.get(name, ()), last, strict=False):
+                widths[name] += _SLOPE * numpy.interp(s, s_known, slope) * step
+        return widths
+
+    @cached_property
+    def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
+        """On some nodes, in rising s: the spread of each number, and its change with the start."""
+        import numpy
+
+        # Both ends among them: towards the Hopf point sensitivities grow without bound.
+        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
+        nodes, omegas = self._nodes, self._nodes.omega[every]
+        constants = numpy.broadcast_to(self._constants, (len(every), len(self._constants)))
+        start = numpy.stack((nodes.gamma_bar_0, nodes.v_0, nodes.period / 2))[:, every]
+        values = {name: [getattr(nodes, name)[every]] for name in _MEASURED}
+        random, guess = numpy.random.default_rng(1), start
+
+        def bits(shape: tuple[int, ...]) -> Any:
+            turns = random.random(shape)
+            return 1 + ((turns < _SHARE_MOVED).astype(float) - (turns >= 1 - _SHARE_MOVED)) * 2 * _UNIT
+
+        for _ in range(TWINS):
+            moved = constants * bits(constants.shape)
+            found = corrected(moved, omegas, Guess(*guess), self._lanes, tolerance=1e-5)
+            guess = numpy.stack((found.gamma_bar_0, found.v_0, found.period / 2))
+            for name, known in values.items():
+                known.append(getattr(found, name))
+        spreads = {name: _largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
+        slopes: dict[str, list[Any]] = {name: [] for name in _BEFORE}
+        away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
+        for index in range(3):
+            guess = start.copy()
+            guess[index] += away[index]
+            found = corrected(constants, omegas, Guess(*guess), self._lanes, tolerance=1e-5, whole=False)
+            for name in _BEFORE:
+                slopes[name].append(numpy.abs(getattr(found, name) - getattr(nodes, name)[every]) / away[index])
+        return self._s[every], spreads, slopes
+
+
+def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) -> dict[str, Any]:
+    """Half-widths of the multipliers' numbers from those of the half map's multiplier and of the logarithms' sum.
+
+    Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
+    multiplier may be at most.
+    """
+    import numpy
+
+    size = numpy.abs(half)
+    with numpy.errstate(divide="ignore", invalid="ignore"):
+        log_slow = 2 * numpy.log(size)
+        resolved = 2 * half_width < size
+        lost = numpy.maximum(log_slow - both / 2 + both_width, 2 * numpy.log(size + half_width) - log_slow)
+        width = numpy.where(resolved, 2 * half_width / (size - half_width), lost) + 8 * _UNIT * numpy.abs(log_slow)
+    return {
+        "multiplier_slow": 2 * size * half_width + half_width**2 + 4 * _UNIT * half**2,
+        "log_multiplier_slow": width,
+        "log_multiplier_fast": width + both_width,
+    }
+
+
+def truncation(coefficients: Any, width: float) -> float:
+    """What a Chebyshev polynomial leaves out, from the last third of its coefficients; infinite if that cannot be told.
+
+    Coefficients fall geometrically towards the level of rounding, ``width`` being that of a value. At that level what
+    is left out is less than the largest of the last ones twice (once for aliasing).
+    """
+    import numpy
+
+    before, last = (float(numpy.abs(part).max()) for part in numpy.array_split(coefficients, 2))
+    if last <= width:
+        return 2 * last
+    ratio = last / before
+    return float(2 * last * len(coefficients) / 2 * ratio / (1 - ratio)) if ratio < 0.5 else float("inf")
+
+
+def _largest_nearby(values: Any) -> Any:
+    """The largest of three neighbours."""
+    import numpy
+
+    padded = numpy.pad(values, 1, mode="edge")
+    return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)
