@@ -8,9 +8,11 @@ another draw of the same error, and
     half-width = TWIN_FACTOR * spread + ulp(q).
 
 Nothing else is in it: truncation is far below rounding at the integrator's own tolerance, and Newton's iteration is at
-rest to rounding. Above double the same numbers are computed in a *wider arithmetic*, and the distance is the error;
-what the wider run itself may be off is what the chord iteration leaves of the residual and, in double, the twins'
-spread brought to the wider arithmetic.
+rest to rounding. Where the equations amplify rounding the cycle is solved in the next wider arithmetic, whose error is
+the same one, smaller by the ratio of the roundings: the twins in double measure that too.
+
+With many more bits the same numbers are computed twice, in an arithmetic and in one with 64 bits more. The distance is
+the error, and what the wider run itself may be off is what its chord iteration leaves.
 """
 
 from __future__ import annotations
@@ -129,32 +131,27 @@ def twins(flights: HalfFlights, state: tuple[Any, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def half_widths_by_twins(numbers: dict[str, Any], others: Sequence[dict[str, Any]]) -> dict[str, Measured]:
-    """Numbers in double with half-widths from their twins."""
+def half_widths_by_twins(
+    numbers: dict[str, Any], others: Sequence[dict[str, Any]], precision: Precision = DOUBLE
+) -> dict[str, Measured]:
+    """Numbers in double, or in an arithmetic a little wider, with half-widths from twins in double."""
+    share = TWIN_FACTOR if precision == DOUBLE else _WIDER_SHARE * 2.0 ** (DOUBLE.bits - precision.bits)
+    known = others if precision != DOUBLE else [numbers, *others]
     measured = {}
     for name, number in numbers.items():
-        width = TWIN_FACTOR * _spread(name, numbers, others) + abs(float(number)) * 2.0**-52
-        measured[name] = Measured(Fraction(float(number)), Fraction(width))
+        values = [float(other[name]) for other in known]
+        exact = fraction(number)
+        measured[name] = Measured(exact, Fraction(share * (max(values) - min(values))) + abs(exact) * precision.epsilon)
     return measured
 
 
-def _spread(name: str, numbers: dict[str, Any], others: Sequence[dict[str, Any]]) -> float:
-    values = [float(numbers[name]), *(float(other[name]) for other in others)]
-    return max(values) - min(values)
-
-
 def half_widths_by_wider_run(
-    rough: dict[str, Any],
-    sharp: dict[str, Any],
-    doubt: dict[str, Fraction],
-    others: Sequence[dict[str, Any]],
-    precision: Precision,
-    wider: Precision,
+    rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
 ) -> dict[str, Measured]:
     """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
 
     ``doubt`` is what the wider iteration leaves undecided of state and period; the other numbers move with the state:
-    by how much, the two runs show. ``others`` are the twins, in double.
+    by how much, the two runs show.
     """
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     apart = sum(
@@ -164,8 +161,6 @@ def half_widths_by_wider_run(
     share = (doubt["gamma_bar_0"] + doubt["v_0"]) / apart
     for name, number in measured.items():
         more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
-        if others:
-            more += Fraction(_WIDER_SHARE * _spread(name, rough, others)) / 2 ** (wider.bits - precision.bits)
         measured[name] = Measured(number.value, number.uncertainty + more)
     return measured
 

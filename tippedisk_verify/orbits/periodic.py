@@ -206,9 +206,9 @@ def limit_cycle(
         cycle = cycle_in_double(parameters, value, shot, engine, friction)
         if precision == DOUBLE or _lacking(cycle, _DOUBLE_DIGITS) is None:
             return cycle
-        cycle = measured_cycle(parameters, value, shot, engine, DOUBLE, friction)
-        if _lacking(cycle, digits) is None:
-            return cycle
+        finer = _cycle_in_companion(parameters, value, shot, engine, friction)
+        if finer is not None and _lacking(finer, digits) is None:
+            return finer
     if precision is not None:
         return measured_cycle(parameters, value, shot, engine, precision, friction)
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
@@ -254,6 +254,19 @@ def cycle_in_double(
     return _as_cycle(value, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
 
 
+def _cycle_in_companion(
+    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, friction: Friction
+) -> LimitCycle | None:
+    """The same in the next wider arithmetic; None if its iteration stands still above what rounding explains."""
+    wider = companion(DOUBLE)
+    numbers, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider, friction), wider)
+    others = twins(HalfFlights(parameters, value, engine, DOUBLE, friction), shot.state)
+    measured = half_widths_by_twins(numbers, others, wider)
+    if any(measured[name].uncertainty < left for name, left in doubt.items()):
+        return None
+    return _as_cycle(value, measured, shot)
+
+
 def measured_cycle(
     parameters: Parameters,
     value: Fraction,
@@ -266,13 +279,13 @@ def measured_cycle(
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    wider = companion(precision)
-    flights = [HalfFlights(parameters, value, engine, kind, friction) for kind in (precision, wider)]
+    if precision == DOUBLE:
+        return cycle_in_double(parameters, value, shot, engine, friction)
     (rough, _), (sharp, doubt) = (
-        sharpened(shot, each, kind) for each, kind in zip(flights, (precision, wider), strict=True)
+        sharpened(shot, HalfFlights(parameters, value, engine, kind, friction), kind)
+        for kind in (precision, companion(precision))
     )
-    others = twins(flights[0], shot.state) if precision == DOUBLE else []
-    return _as_cycle(value, half_widths_by_wider_run(rough, sharp, doubt, others, precision, wider), shot)
+    return _as_cycle(value, half_widths_by_wider_run(rough, sharp, doubt, precision), shot)
 
 
 def _as_cycle(value: Fraction, measured: dict[str, Measured], shot: Shot) -> LimitCycle:
