@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import Friction, field, jacobian
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
@@ -52,6 +52,11 @@ def rates(constants: Constants, omega: Any, around: int, offsets: Sequence[Any])
     return field(OPS, constants, omega, "linear")(Turned(1, beta), Turned(around, gamma), v)
 
 
-def linearization(constants: Constants, omega: Any, around: int) -> tuple[tuple[Any, ...], ...]:
-    """The Jacobian at the equilibrium: exact for rational constants and speed, enclosed for balls."""
-    return jacobian(OPS, constants, omega, "linear")(Turned(1), Turned(around), 0)
+def linearization(
+    constants: Constants, omega: Any, around: int, friction: Friction = "linear", side: int | None = None
+) -> tuple[tuple[Any, ...], ...]:
+    """The Jacobian at the equilibrium: exact for rational constants and speed, enclosed for balls.
+
+    ``side`` as in `model.equations.jacobian`.
+    """
+    return jacobian(OPS, constants, omega, friction, side)(Turned(1), Turned(around), 0)

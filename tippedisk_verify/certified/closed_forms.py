@@ -1,14 +1,16 @@
 """What follows from the linearisation and the cubic terms at the equilibria, enclosed to any number of digits.
 
-For every disk (all parameters positive, e < r), with kappa = mu g / (epsilon b), b = Bbar / m, the characteristic
-polynomial at inverted (+) and noninverted (-) spinning is lambda^3 + a2 lambda^2 + a1 lambda + a0 with
+For every disk (r, e, m, A, g, mu, epsilon and Bbar = B - m e^2 positive, e < r), with kappa = mu g / (epsilon b) and
+b = Bbar / m, the characteristic polynomial at inverted (+) and noninverted (-) spinning is lambda^3 + a2 lambda^2 +
+a1 lambda + a0 with
 
     a2 = kappa (r +- e)^2,   a1 = Omega^2 - g (r +- e) / b,   a0 = +- kappa e (r +- e) Omega^2.
 
-Noninverted spinning has a0 < 0: one positive eigenvalue, at every speed. At inverted spinning
-a2 a1 - a0 = kappa (r + e) (r Omega^2 - g (r + e)^2 / b), which by Routh-Hurwitz is positive exactly where it is stable:
-above Omega_crit, for every disk. Here these facts are not taken on trust: the coefficients come from the Jacobian of
-`model.equations`, evaluated exactly, and each conclusion is drawn from the signs of its own exact numbers.
+Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum negative, so one is
+positive and two have a negative real part, at every speed. At inverted spinning a2, a0 > 0 and a2 a1 - a0 =
+kappa (r + e) (r Omega^2 - g (r + e)^2 / b), which by Routh-Hurwitz is positive exactly where it is stable: above
+Omega_crit, for every disk. None of this is taken on trust: `check_linearization` derives the coefficients from the
+Jacobian of `model.equations`, as polynomials in all parameters at once, and refuses a disk outside the hypotheses.
 
 Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd (the point symmetry),
 so Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied Bifurcation Theory, Eq. 5.39).
@@ -22,9 +24,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from typing import Any, Literal
 
-from flint import acb, acb_series, arb, ctx, fmpq, fmpq_poly
+from flint import Ordering, acb, acb_series, arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
 from tippedisk_verify.certified.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.certified.balls import ball_constants, inside, measured, negative, positive, working_precision
@@ -38,12 +41,15 @@ __all__ = [
     "Eigenvalue",
     "ProvedEquilibrium",
     "ProvedHopf",
+    "ProvedStability",
     "characteristic_polynomial",
+    "check_linearization",
     "chi",
     "critical_speed_squared",
     "hopf_balls",
     "proved_equilibrium",
     "proved_hopf",
+    "proved_stability",
     "real_root",
     "to_digits",
 ]
@@ -95,6 +101,21 @@ class ProvedHopf:
     amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
     period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
     criticality: Criticality
+    statement: str
+
+    def json(self) -> dict[str, object]:
+        entries = ((name, getattr(self, name)) for name in self.__dataclass_fields__)
+        return {name: value.json() if isinstance(value, Measured) else value for name, value in entries}
+
+
+@dataclass(frozen=True)
+class ProvedStability:
+    """Linear stability at every speed (Theorem 1), with the numbers at Omega_crit; for both friction laws."""
+
+    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
+    period: Measured  #: [s], 2 pi / omega for the pair +- i omega at Omega_crit
+    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
+    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
     statement: str
 
     def json(self) -> dict[str, object]:
@@ -176,7 +197,7 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
 
     Raises Shortfall where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to be had.
     """
-    _check_critical_speed(parameters.rational())
+    check_linearization(parameters.rational())
     with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
     falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
     if not negative(falling) or not (negative(sign) or positive(sign)):
@@ -206,16 +227,56 @@ def critical_speed_squared(constants: Constants) -> Any:
     return reach * reach * constants.g / (constants.r * constants.b)
 
 
-def _check_critical_speed(constants: Constants) -> None:
-    """That a2 a1 - a0 of the equations' own Jacobian vanishes at Omega_crit, exactly (it is affine in Omega^2)."""
-    margins = []
-    for speed in (Fraction(1), Fraction(2), Fraction(3)):
-        a2, a1, a0 = characteristic_polynomial(constants, speed, INVERTED)
-        margins.append(a2 * a1 - a0)
-    slope = (margins[1] - margins[0]) / 3
-    affine = margins[2] == margins[0] + 8 * slope
-    if not affine or margins[0] + slope * (critical_speed_squared(constants) - 1) != 0:
-        raise ArithmeticError("the linearisation does not lose stability at Omega_crit: the equations have changed")
+def check_linearization(constants: Constants) -> None:
+    """That the formulas for a2, a1 and a0 hold, and that the disk meets the hypotheses of what follows from them.
+
+    Raises InputError for a disk that does not, ArithmeticError if the equations of motion have other coefficients.
+    """
+    names = ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")
+    wrong = [name for name in names if not getattr(constants, name) > 0]
+    if wrong or not constants.e < constants.r:
+        fault = f"{wrong[0]} is not positive" if wrong else "e is not smaller than r"
+        raise InputError(f"nothing is proved of this disk: {fault}")
+    _check_coefficients()
+
+
+@cache
+def _check_coefficients() -> None:
+    """a2, a1 and a0 of the equations' own Jacobians, as polynomials in r, e, g, A / m, k, epsilon and Omega.
+
+    In a unit of length in which b is 1. With mu g = k epsilon the smooth law's Jacobian, from either side of
+    gamma_y = 0, is the linear law's.
+    """
+    ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
+    r, e, g, a, k, epsilon, omega = ring.gens()
+    constants = Constants(r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon)
+    for around, reach, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
+        expected = (k * reach**2, omega**2 - g * reach, sign * k * e * reach * omega**2)
+        linear = linearization(constants, omega, around)
+        smooth = [linearization(constants, omega, around, "smooth", side) for side in (1, -1)]
+        if characteristic_polynomial(constants, omega, around) != expected or smooth != [linear, linear]:
+            raise ArithmeticError("the linearisation has other coefficients: the equations of motion have changed")
+
+
+def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
+    """Stability at every speed, and Omega_crit with the numbers there enclosed to ``digits`` significant digits."""
+    check_linearization(parameters.rational())
+    names = ("omega_crit", "period", "lambda_3", "transversality")
+
+    def numbers() -> dict[str, Any]:
+        found = hopf_balls(ball_constants(parameters))
+        return {name: found[name] for name in names}
+
+    statement = (
+        "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two of negative real "
+        "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and unstable, with two "
+        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r Bbar)), whatever mu "
+        "and epsilon are; at Omega_crit a pair of complex conjugate eigenvalues crosses the imaginary axis with "
+        "nonzero speed; under both friction laws, which have the same linearisation."
+    )
+    return ProvedStability(
+        **{name: measured(value) for name, value in to_digits(numbers, digits).items()}, statement=statement
+    )
 
 
 def hopf_balls(constants: Constants) -> dict[str, Any]:

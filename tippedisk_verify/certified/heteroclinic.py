@@ -20,6 +20,19 @@ midpoint Omega_m and the half-width h.
 What is proved excludes, in I, a second speed whose branch stays in N after T seconds; it says nothing of orbits that
 leave N and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
 
+**The limit cycle next to it** (docs/certified.md, Theorem 7). With gamma in R, not modulo 2 pi, the symmetry S maps the
+two connections to each other and acts freely on a neighbourhood of them. In its quotient they are one homoclinic loop
+of one saddle, and Shilnikov's theorem is about such a loop. Each of its hypotheses is proved here, or
+`ProvedConnection.limit_cycle` says nothing:
+
+- the eigenvalues are real and simple, lambda_u > 0 > lambda_s > lambda_ss (`Frame`), and lambda_u + lambda_s < 0;
+- the splitting has a simple zero, by step 5: the points (z, Omega) from which the orbit stays in N form a smooth graph
+  over (z_s, z_f, Omega). No two of them differ by a vector of the unstable cone, so no tangent lies inside it. The
+  derivative of the arrivals by Omega does: it lies in G;
+- the connection comes in along the slow direction (`_arrives_slowly`), so not in the strong stable manifold.
+
+The cycle follows both connections, so it is on the side of Omega_h on which the branch leaves N with falling gamma.
+
 Omega_m comes from elsewhere, good to some digits more than I is long. It is a guess like any other.
 
 Where a ball becomes a point here: theta_0, T, Omega_m, h and the extents of N are exact numbers chosen freely.
@@ -91,6 +104,8 @@ class ProvedConnection:
     upright: bool  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
     bits: int  #: working precision of the last pass
     detail: str = ""
+    slowly: bool = False  #: the connection comes in along the slow stable direction
+    turns_back: str = ""  #: "above" or "below" Omega_h, in I: where the branch leaves N with falling gamma
 
     @property
     def proved(self) -> bool:
@@ -98,7 +113,7 @@ class ProvedConnection:
 
     @property
     def saddle_value(self) -> Measured | None:
-        """lambda_u + lambda_s [1/s]; where it is negative the cycle born of the connection attracts (Shilnikov)."""
+        """lambda_u + lambda_s [1/s]; where it is negative the cycle next to the connections attracts."""
         if not self.saddle_eigenvalues:
             return None
         unstable, slow, _ = self.saddle_eigenvalues
@@ -115,11 +130,27 @@ class ProvedConnection:
             f"at the same speed."
         )
 
+    @property
+    def limit_cycle(self) -> str | None:
+        """What follows by Shilnikov's theorem; None if one of its hypotheses is not proved."""
+        value = self.saddle_value
+        if not (self.proved and self.unique and self.slowly and value and value.value + value.uncertainty < 0):
+            return None
+        other = "below" if self.turns_back == "above" else "above"
+        return (
+            "a limit cycle ends in this heteroclinic cycle, by Shilnikov's theorem: with gamma in R (not modulo 2 pi) "
+            "the connections and the saddles have a neighbourhood in which, for all speeds close enough to Omega_h, "
+            f"there is exactly one periodic orbit {self.turns_back} Omega_h and none {other} it or at it; the orbit is "
+            "asymptotically stable, the point symmetry maps it to itself, and its period tends to infinity as Omega "
+            "tends to Omega_h."
+        )
+
     def json(self) -> dict[str, object]:
         return {
             "proved": self.proved,
             "status": self.status.name.lower(),
             "statement": self.statement,
+            "limit_cycle": self.limit_cycle,
             "omega_h": None if self.omega_h is None else self.omega_h.json(),
             "unique": self.unique,
             "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
@@ -177,7 +208,7 @@ class _Pass:
     @property
     def theta_0(self) -> Any:
         """Where the branch is left: an eighth of the series' reach, a power of two."""
-        return _share_of_reach(self.leaving)
+        return self.leaving.share_of_reach()
 
     def prove(self, share: Fraction) -> ProvedConnection:
         """``share`` of the half-width: the flight goes on until the fast coordinate is smaller."""
@@ -214,6 +245,9 @@ class _Pass:
             flight_time=time,
             upright=upright and _upright(self.frame.offset(block.box)),
             bits=self.bits,
+            slowly=_arrives_slowly(block.derivative, self._z(state)),
+            # z_u and gamma grow together, and beyond delta the sign of w_u decides through which face it leaves.
+            turns_back="above" if falling else "below",
         )
 
     def _thin_flight(self, resolved: Fraction) -> tuple[Fraction, Any] | Status:
@@ -223,7 +257,7 @@ class _Pass:
             return Status.UNSTABLE_BRANCH
         path = Path(Model(self.constants, self.thin), self._departing(start[0]))
         # Nearer than the series demand: the cones there need orbits that differ along the unstable direction.
-        reach, small = _share_of_reach(self.arriving) / 4, ball(resolved)
+        reach, small = self.arriving.share_of_reach() / 4, ball(resolved)
         while path.time < _LONGEST:
             step = path.step()
             if step is None:
@@ -265,8 +299,11 @@ class _Pass:
 
     def _at_arrival(self, state: Sequence[Any]) -> tuple[Any, tuple[Any, Any]]:
         """(theta, (w_u, w_f)) at the second saddle."""
+        return self.arriving.straightened(self._z(state))
+
+    def _z(self, state: Sequence[Any]) -> list[Any]:
         beta, gamma, v = state
-        return self.arriving.straightened(self.frame.coordinates((beta, gamma - arb.pi(), v)))
+        return self.frame.coordinates((beta, gamma - arb.pi(), v))
 
     def _eigenvalues(self) -> tuple[Measured, ...]:
         """Of the saddle for every speed of the interval, by descending value."""
@@ -281,6 +318,20 @@ def _upright(offset: Sequence[Any]) -> bool:
     return bool(2 * abs(offset[0]) < arb.pi())
 
 
+def _arrives_slowly(matrix: Any, z: Sequence[Any]) -> bool:
+    """Whether an orbit that is in the box z now, and in N for ever, converges along the slow stable direction.
+
+    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Where |z_f| = |z_s|, |z_f| grows less than |z_s| if the Gershgorin
+    discs of the two rows, enclosed over N in ``matrix``, lie apart; then |z_f| < |z_s| stays true. The eigenvector of
+    the fast eigenvalue, which lies in the fast row's disc, has |z_f| > |z_s|.
+    """
+    slow, fast = (
+        (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
+    )
+    apart = positive(slow[0] - slow[1] - (fast[0] + fast[1]))
+    return bool(apart and abs(z[FAST]) < abs(z[SLOW]))
+
+
 def _drift_apart(matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> bool:
     """Whether orbits that differ by G (Omega' - Omega) are in a cone in which they drift apart for ever."""
     unstable, slow, fast = (abs(part) for part in G)
@@ -291,10 +342,3 @@ def _drift_apart(matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> bool
         weights[index] = weights[index].max(2 * least[index])
     inside = positive(weights[0]) and unstable > weights[0] and slow < weights[1] and fast < weights[2]
     return bool(inside and all(map(positive, rates_of_cones(matrix, by_speed, weights))))
-
-
-def _share_of_reach(curve: Curve) -> Any:
-    """About an eighth of where the series' last coefficients say that it converges, a power of two, at most 1/4."""
-    sizes = [float(abs(series[-1])) for series in curve.graph]
-    rates = [size ** (-1 / curve.order) for size in sizes if size > 0]
-    return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))

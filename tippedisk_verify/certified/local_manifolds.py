@@ -47,6 +47,7 @@ Sources: P. Zgliczyński, Covering relations, cone conditions and the stable man
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -150,6 +151,12 @@ class Curve:
     def steepness(self, theta: Any) -> tuple[Any, Any]:
         """W(theta) / theta over a ball, which may hold 0."""
         return _horner(self.graph[0][1:], theta), _horner(self.graph[1][1:], theta)
+
+    def share_of_reach(self) -> Any:
+        """About an eighth of where the last coefficients say that the series converge, a power of two, at most 1/4."""
+        sizes = [float(abs(series[-1])) for series in self.graph]
+        rates = [size ** (-1 / self.order) for size in sizes if size > 0]
+        return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
         """z = (theta, W(theta) + w), its components in their places."""

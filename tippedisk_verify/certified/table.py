@@ -12,9 +12,8 @@ rational arithmetic and does not matter for what is proved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
@@ -24,29 +23,26 @@ from flint import arb, arb_series, ctx
 from tippedisk_verify.certified import closed_forms
 from tippedisk_verify.certified.angles import NONINVERTED
 from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, negative, positive, working_precision
+from tippedisk_verify.certified.rounding import TABLE, Box, decided, rounding_box, rounding_interval, rounds_to
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 
 __all__ = [
+    "OMEGA_H",
     "PRINTED_NUMBERS",
-    "TABLE",
     "Follows",
+    "OfDisk",
     "TableStudy",
     "omega_h_statements",
-    "rounding_box",
-    "rounds_to",
     "study_table",
+    "with_gravity",
 ]
 
-#: Table tab:dim_mass, as printed.
-TABLE = {"r": "0.045", "e": "2.5e-3", "m": "0.435", "A": "0.249e-3", "B": "0.227e-3"}
 #: Section sec:shooting: where the branch of limit cycles ends [rad/s].
 OMEGA_H = "30.07"
 _BITS = 200  # far more than any printed digit needs, and not seen in the time
 _MOST_BOXES = 200_000
-
-Box = Mapping[str, tuple[Fraction, Fraction]]
 
 
 def _omega_crit(p: Any) -> Any:
@@ -124,10 +120,26 @@ class Follows:
 
 
 @dataclass(frozen=True)
+class OfDisk:
+    """What one disk has to do with the table and the printed numbers."""
+
+    name: str
+    outside: tuple[str, ...]  #: quantities that do not round to the table, or are not the paper's mu or epsilon
+    missed: tuple[str, ...]  #: printed decimals that its numbers do not round to
+
+    @property
+    def statement(self) -> str:
+        table = f"does not round to Table 1 ({', '.join(self.outside)})" if self.outside else "rounds to Table 1"
+        numbers = f"does not give {', '.join(self.missed)}" if self.missed else "gives each of the numbers above"
+        return f"'{self.name}' {table}; it {numbers}."
+
+
+@dataclass(frozen=True)
 class TableStudy:
     """The printed numbers one by one and all at once, and what holds for every disk that rounds to the table."""
 
     gravity: Fraction
+    disk: OfDisk  #: the disk that was asked about
     numbers: tuple[Follows, ...]
     witness: Parameters | None  #: a disk that rounds to the table and gives all printed numbers at once
     alone: tuple[str, ...]  #: quantities whose rounding alone, all others as printed, can give all at once
@@ -147,6 +159,7 @@ class TableStudy:
                 )
                 + ")."
             )
+        found.append(self.disk.statement)
         if self.always_supercritical:
             found.append(
                 "for every disk that rounds to Table 1 the Hopf point is supercritical, and noninverted spinning is "
@@ -158,6 +171,7 @@ class TableStudy:
         return {
             "g": Measured(self.gravity, Fraction(0)).decimals()[0],
             "numbers": [number.json() for number in self.numbers],
+            "disk": {"name": self.disk.name, "outside": list(self.disk.outside), "missed": list(self.disk.missed)},
             "all_at_once": None if self.witness is None else self.witness.decimals(),
             "alone": list(self.alone),
             "always_supercritical": self.always_supercritical,
@@ -167,46 +181,57 @@ class TableStudy:
 
 
 def omega_h_statements(
-    proved: Mapping[str, Measured], witness: Parameters | None = None, printed: str = OMEGA_H
+    proved: Mapping[str, Measured],
+    witness: Parameters | None = None,
+    printed: str = OMEGA_H,
+    *,
+    excluded: Collection[str] = (),
 ) -> tuple[str, ...]:
     """Whether each proved Omega_h, by the name of its parameter set, rounds to the printed decimal.
 
-    ``witness`` is a disk that gives all of `PRINTED_NUMBERS`.
+    ``witness`` is a disk that gives all of `PRINTED_NUMBERS`. For the sets ``excluded`` no speed that rounds to the
+    decimal has a connection (`no_connection`); of others only the connection that was found is spoken of, because it is
+    the only one in its own interval and not in all the world.
     """
     found = []
     with working_precision(_BITS):
         for name, omega_h in proved.items():
             ends = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
-            answer = "rounds" if _decided(rounds_to(ends, printed)) else "does not round"
-            found.append(f"omega_h of '{name}' is {float(omega_h.value):.8g} rad/s and {answer} to {printed}.")
+            answer = "rounds" if decided(rounds_to(ends, printed)) else "does not round"
+            found.append(f"the connection of '{name}' at {omega_h} rad/s {answer} to {printed}.")
+            if name in excluded:
+                found.append(
+                    f"no speed that rounds to {printed} has a connection of '{name}' on which gamma grows all the way: "
+                    f"omega_h = {printed} does not follow from '{name}'."
+                )
             if answer == "rounds" and witness is not None and witness.name == name:
                 found.append(f"so all {len(PRINTED_NUMBERS) + 1} printed numbers at once follow from '{name}'.")
     return tuple(found)
 
 
-def rounding_box(table: Mapping[str, str] = TABLE) -> dict[str, tuple[Fraction, Fraction]]:
-    """The interval of each tabled quantity: half a unit of the printed last digit to either side."""
-    return {name: _interval(text) for name, text in table.items()}
+def with_gravity(parameters: Parameters, gravity: Fraction) -> Parameters:
+    """The disk with this g [m/s^2], named by it if it is not its own."""
+    if parameters.g == gravity:
+        return parameters
+    decimal = Measured(gravity, Fraction(0)).decimals()[0]
+    return parameters.changed(g=gravity, name=f"{parameters.name} with g = {decimal}")
 
 
-def rounds_to(value: Any, printed: str) -> bool | None:
-    """Whether every number of a ball rounds to the decimal; False if none does, None if the ball cannot tell."""
-    low, high = map(ball, _interval(printed))
-    if value >= low and value <= high:
-        return True
-    return False if value < low or value > high else None
+def study_table(parameters: Parameters = PRINTED) -> TableStudy:
+    """The study for a disk's value of g, and what that disk has to do with it.
 
-
-def study_table(gravity: Fraction = PRINTED.g) -> TableStudy:
-    """The study for one value of g [m/s^2]. Raises Shortfall if something could not be decided."""
+    Raises Shortfall if something could not be decided.
+    """
+    gravity = parameters.g
     fixed = {"g": gravity, "mu": PRINTED.mu, "epsilon": PRINTED.epsilon}
     box = rounding_box()
     with working_precision(_BITS):
         numbers = tuple(_follows(name, printed, formula, box, fixed) for name, printed, formula in PRINTED_NUMBERS)
-        witness = CALIBRATED if gravity == CALIBRATED.g and _gives_all(CALIBRATED, box) else None
-        alone = tuple(name for name in box if _all_with(name, numbers))
+        judged, candidate = _judged(parameters, box), with_gravity(CALIBRATED, gravity)
+        witness = candidate if _gives_all(candidate, box) else None
+        alone = tuple(name for name in box if _all_with(name, numbers, gravity, box))
     boxes = _cover_supercritical(box, fixed)
-    return TableStudy(gravity, numbers, witness, alone, True, boxes)
+    return TableStudy(gravity, judged, numbers, witness, alone, True, boxes)
 
 
 def _follows(
@@ -232,7 +257,7 @@ def _follows(
         name=name,
         printed=printed,
         from_table=measured(exactly),
-        from_table_follows=_decided(rounds_to(exactly, printed)),
+        from_table_follows=decided(rounds_to(exactly, printed)),
         least=measured(least),
         greatest=measured(greatest),
         can_follow=_meets(least, greatest, printed),
@@ -249,10 +274,11 @@ def _solutions(
 ) -> tuple[Fraction, Fraction] | None:
     """All x between the ends whose value rounds to the printed decimal, for a monotone function; None if none does.
 
-    An interval that holds them and is at most 2^-60 of the ends' distance too wide at either end.
+    An interval that holds them and is at most 2^-60 of the ends' distance too wide at either end. That there are some
+    is shown by one of them, in the middle. Raises Shortfall if that cannot be decided.
     """
     low, high = ends
-    bottom, top = map(ball, _interval(printed)[::sign])
+    bottom, top = map(ball, rounding_interval(printed)[::sign])
 
     def before(x: Fraction) -> bool:  # the value has not come as far as the decimal's interval
         return bool(value(x) < bottom if sign > 0 else value(x) > bottom)
@@ -275,6 +301,8 @@ def _solutions(
             middle = (inside + outside) / 2
             outside, inside = (middle, inside) if beyond(middle) else (outside, middle)
         high = outside
+    if not rounds_to(value((low + high) / 2), printed):
+        raise Shortfall(f"whether {printed} can be had by one quantity's rounding alone could not be decided")
     return low, high
 
 
@@ -323,7 +351,8 @@ def _cover_supercritical(box: Box, fixed: Mapping[str, Fraction]) -> int:
             found = closed_forms.hopf_balls(constants)
             _, _, a0 = closed_forms.characteristic_polynomial(constants, arb(1), NONINVERTED)
             if (
-                negative(found["first_lyapunov_coefficient"])
+                positive(constants.b)
+                and negative(found["first_lyapunov_coefficient"])
                 and negative(found["transversality"])
                 and negative(found["lambda_3"])
                 and negative(a0)
@@ -342,43 +371,42 @@ def _halves(box: Mapping[str, tuple[Fraction, Fraction]], weights: Mapping[str, 
     return [{**box, side: (low, middle)}, {**box, side: (middle, high)}]
 
 
-def _gives_all(parameters: Parameters, box: Box) -> bool:
-    inside = all(low <= getattr(parameters, name) <= high for name, (low, high) in box.items())
-    point = SimpleNamespace(
-        **{n: ball(getattr(parameters, n)) for n in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
+def _judged(parameters: Parameters, box: Box) -> OfDisk:
+    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
+    point = SimpleNamespace(**{name: ball(getattr(parameters, name)) for name in names})
+    ends = {**box, "mu": (PRINTED.mu, PRINTED.mu), "epsilon": (PRINTED.epsilon, PRINTED.epsilon)}
+    return OfDisk(
+        parameters.name,
+        tuple(name for name, (low, high) in ends.items() if not low <= getattr(parameters, name) <= high),
+        tuple(text for _, text, formula in PRINTED_NUMBERS if not decided(rounds_to(formula(point), text))),
     )
-    return inside and all(rounds_to(formula(point), printed) for _, printed, formula in PRINTED_NUMBERS)
 
 
-def _all_with(quantity: str, numbers: tuple[Follows, ...]) -> bool:
+def _gives_all(parameters: Parameters, box: Box) -> bool:
+    found = _judged(parameters, box)
+    return not found.outside and not found.missed
+
+
+def _all_with(quantity: str, numbers: tuple[Follows, ...], gravity: Fraction, box: Box) -> bool:
     """Whether one value of this quantity, the others as printed, gives every number."""
-    low, high = rounding_box()[quantity]
+    low, high = box[quantity]
     for number in numbers:
         if quantity in number.alone:
             low, high = max(low, number.alone[quantity][0]), min(high, number.alone[quantity][1])
         elif not number.from_table_follows:
             return False
-    # Intervals that only touch within what they are too wide by would leave the answer open.
-    if 0 <= high - low < Fraction(1, 2**50) * high:
+    # The intervals hold all such values, so there is none where they do not meet; where they do, one must be shown.
+    if low > high:
+        return False
+    if not _gives_all(PRINTED.changed(g=gravity, **{quantity: (low + high) / 2}), box):
         raise Shortfall(f"the intervals of {quantity} meet in too short a piece to tell")
-    return low < high
+    return True
 
 
 def _meets(least: Any, greatest: Any, printed: str) -> bool:
-    low, high = map(ball, _interval(printed))
+    low, high = map(ball, rounding_interval(printed))
     if greatest < low or least > high:
         return False
     if greatest > low and least < high:
         return True
     raise Shortfall(f"{printed} lies too close to the end of what the table allows")
-
-
-def _decided(answer: bool | None) -> bool:
-    if answer is None:
-        raise Shortfall("a number lies too close to a rounding boundary")
-    return answer
-
-
-def _interval(text: str) -> tuple[Fraction, Fraction]:
-    half = Fraction(10) ** int(Decimal(text).as_tuple().exponent) / 2
-    return Fraction(text) - half, Fraction(text) + half

@@ -194,9 +194,11 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
     from rich.table import Table
 
     from tippedisk_verify.evidence.claim_proofs import proof_of
+    from tippedisk_verify.evidence.claims import sets_with
     from tippedisk_verify.report.results import shown, summary, totals
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
+    audited = sets_with(order.parameters)
     table = Table(title=escape(f"Claims ({order.parameters.name}, {order.friction} friction)"), title_justify="left")
     for heading in ("claim", "paper", *sets, "verdict"):
         table.add_column(escape(heading), overflow="fold")
@@ -205,9 +207,8 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
         text = f"[{colours[verdict]}]{verdict}[/]" + (
             ": " + escape(", ".join(finding.sets)) if verdict == "holds-for" else ""
         )
-        verdict_text = text + (
-            " [dim](proved)[/]" if proof_of(claim.name, order.friction, order.parameters.name) else ""
-        )
+        proof = proof_of(claim, finding, order.friction, audited)
+        verdict_text = text + (f" [dim]({proof.grade})[/]" if proof else "")
         cells = [escape(shown(finding.computed[name])) if name in finding.computed else "" for name in sets]
         label = f"{claim.name} [{claim.unit}]" if claim.unit else claim.name
         table.add_row(escape(label), escape(claim.printed), *cells, verdict_text)

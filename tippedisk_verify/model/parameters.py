@@ -179,9 +179,15 @@ class Parameters:
         if faults:
             raise InputError(f"parameter file {path.name}: {fault}" for fault in faults)
         try:
-            return cls(**entries, name=path.name.encode(errors="replace").decode())
+            return cls(**entries, name=_file_name(path))
         except InputError as fault:
             raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
+
+
+def _file_name(path: Path) -> str:
+    """The file's name, as `Parameters.named` takes it from its folder, and unlike any named set's."""
+    name = path.name.encode(errors="replace").decode()
+    return name if "." in name else f"./{name}"
 
 
 def _toml_entries(path: Path) -> dict[str, Any]:

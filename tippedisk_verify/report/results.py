@@ -43,7 +43,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         for name, value in by_set.items()
         if isinstance(value, dict) and (digits := agreed_digits(value["value"], claim.printed)) is not None
     }
-    proof = proof_of(claim.name, order.friction, order.parameters.name)
+    proof = proof_of(claim, finding, order.friction, sets_with(order.parameters))
     return {
         "name": claim.name,
         "group": group_of(claim.name),
@@ -60,8 +60,8 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         "sets": list(finding.sets),
         "note": finding.note,
         "methods": list(finding.methods),
-        "grade": "computed" if proof is None else "proved",
-        "proof": None if proof is None else proof._asdict(),
+        "grade": "computed" if proof is None else proof.grade,
+        "proof": None if proof is None else proof.json(),
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
     }

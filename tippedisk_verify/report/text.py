@@ -86,10 +86,20 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
     if claim["note"]:
         said.append(f"Note: {_plain(claim['note'])}.")
     if claim["proof"]:
-        theorem, command = claim["proof"]["theorem"], claim["proof"]["command"]
-        said += [f"Proved: {theorem} of docs/certified.md, by ball arithmetic. Prove again: `{command}`", ""]
+        said += [*_proof(claim), ""]
     by = f"By {_plain(', '.join(claim['methods']))}. " if claim["methods"] else ""
     return [*said, f"{by}Recompute: `{_code(claim['command'])}`", ""]
+
+
+def _proof(claim: dict[str, Any]) -> list[str]:
+    proof = claim["proof"]
+    rest = f" Not proved: {_plain(proof['not_proved'])}." if proof["not_proved"] else ""
+    return [
+        f"{claim['grade'].capitalize()} by {proof['theorem']} of docs/certified.md ({' and '.join(proof['friction'])}"
+        f" friction): {_plain(proof['proves'])}.{rest}",
+        "",
+        *(f"- prove again for {_plain(name)}: `{_code(command)}`" for name, command in proof["commands"].items()),
+    ]
 
 
 def _figure(figure: dict[str, Any]) -> list[str]:
