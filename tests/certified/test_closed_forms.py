@@ -7,8 +7,17 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
+from tippedisk_verify.certified import angles, closed_forms
 from tippedisk_verify.certified.balls import ball_constants, working_precision
-from tippedisk_verify.certified.closed_forms import hopf_balls, proved_equilibrium, proved_hopf, real_root
+from tippedisk_verify.certified.closed_forms import (
+    characteristic_polynomial,
+    check_linearization,
+    hopf_balls,
+    proved_equilibrium,
+    proved_hopf,
+    proved_stability,
+    real_root,
+)
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.theory import hopf
@@ -67,6 +76,54 @@ def test_eigenvalues_are_the_ordinary_roads(name: str, omega: str) -> None:
     reach = PRINTED.r + (PRINTED.e if name == "inverted" else -PRINTED.e)
     trace = -PRINTED.mu * PRINTED.g * PRINTED.m * reach**2 / (PRINTED.epsilon * PRINTED.Bbar)
     assert abs(total - trace) <= sum(value.re.uncertainty for value in proved.eigenvalues)
+
+
+def test_theorem_1_is_refused_where_a_hypothesis_fails() -> None:
+    """With Bbar < 0 the coefficient a2 is negative: stable above Omega_crit would be false."""
+    constants = PRINTED.rational()
+    check_linearization(constants)
+    tipped = constants._replace(Bbar=-constants.Bbar, b=-constants.b)
+    assert characteristic_polynomial(tipped, Fraction(100), angles.INVERTED)[0] < 0
+    for changed in (
+        {"Bbar": -constants.Bbar, "b": -constants.b},
+        {"Bbar": Fraction(0)},
+        {"e": constants.r},
+        {"e": Fraction(0)},
+        {"mu": -constants.mu},
+    ):
+        with pytest.raises(InputError, match="not"):
+            check_linearization(constants._replace(**changed))
+
+
+def test_theorem_1_knows_other_equations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that differs in one coefficient of one law: of the linear one, or of the smooth one alone."""
+    original = closed_forms.linearization
+    for law, (row, column) in (("linear", (2, 0)), ("linear", (2, 1)), ("linear", (2, 2)), ("smooth", (2, 2))):
+
+        def other(constants, omega, around, friction="linear", side=None, law=law, row=row, column=column):
+            rows = [list(line) for line in original(constants, omega, around, friction, side)]
+            if friction == law:
+                rows[row][column] = rows[row][column] * 1001
+            return tuple(map(tuple, rows))
+
+        monkeypatch.setattr(closed_forms, "linearization", other)
+        closed_forms._check_coefficients.cache_clear()
+        with pytest.raises(ArithmeticError, match="equations of motion have changed"):
+            check_linearization(PRINTED.rational())
+    monkeypatch.undo()
+    closed_forms._check_coefficients.cache_clear()
+    check_linearization(PRINTED.rational())
+
+
+@pytest.mark.parametrize("parameters", [*NAMED_SETS.values(), SUBCRITICAL], ids=lambda p: p.name)
+def test_the_numbers_at_every_speed_are_the_hopf_points(parameters: Parameters) -> None:
+    found, point = proved_stability(parameters, 30), proved_hopf(parameters, 30)
+    for name in ("omega_crit", "period", "lambda_3", "transversality"):
+        assert getattr(found, name) == getattr(point, name)
+    assert found.transversality.value + found.transversality.uncertainty < 0
+    # The third eigenvalue at Omega_crit, by another road: the only real one of the three there.
+    third = equilibrium(parameters, hopf.omega_crit(parameters, 60).value, "inverted", 30).eigenvalues[2].re
+    assert abs(third.value - found.lambda_3.value) < abs(third.value) / 10**25
 
 
 @pytest.mark.parametrize("side", [-1, 1])

@@ -9,8 +9,13 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.certified import table
+from tippedisk_verify.certified import no_connection, table
+from tippedisk_verify.certified.heteroclinic import ProvedConnection, Status
+from tippedisk_verify.certified.no_connection import ProvedAbsence
 from tippedisk_verify.cli import main
+from tippedisk_verify.commands import certify
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 
 
 def _json(capsys, *arguments: str, status: int = 0) -> dict:
@@ -26,6 +31,10 @@ def test_equilibria(capsys) -> None:
     assert (result["inverted"]["stable"], result["noninverted"]["unstable_directions"]) == (False, 1)
     for value in result["inverted"]["eigenvalues"]:
         assert Fraction(value["re"]["uncertainty"]) <= abs(Fraction(value["re"]["value"])) / 10**27
+    always = _json(capsys, "certify", "equilibria", "--every-speed", "--friction", "smooth", "--digits", "20")
+    assert always["proved"] is True
+    assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
+    assert "unstable at every Omega > 0" in always["statement"]
     below = _json(capsys, "certify", "equilibria", "--below-crit", "-0.5", "--friction", "smooth")
     assert below["inverted"]["stable"] is True
 
@@ -42,12 +51,50 @@ def test_table(capsys, monkeypatch) -> None:
     result = _json(capsys, "certify", "table")
     assert [number["printed"] for number in result["numbers"]] == ["30.92", "0.886", "-129.04", "1.31e-7"]
     assert main(["certify", "table"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 6
+    assert len(capsys.readouterr().out.splitlines()) == 7
+
+
+def test_omega_h_of_another_g_is_proved_with_that_g(capsys, monkeypatch, tmp_path) -> None:
+    """The table's numbers and Omega_h are of the same disks. Of Table 1 the whole rounding interval is asked about."""
+    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # proved in test_table
+    asked = []
+
+    def connection(common, parameters, digits, near):
+        asked.append(parameters)
+        return ProvedConnection(Status.PROVED, Measured(Fraction(30), Fraction(1, 10**6)), True, (), None, True, 64)
+
+    def absence(common, parameters, low, high):
+        asked.append(parameters)
+        assert (low, high) == (Fraction("30.065"), Fraction("30.075"))
+        return ProvedAbsence(low, high, high, ("turns back",), 1)
+
+    monkeypatch.setattr(certify, "_connection", connection)
+    monkeypatch.setattr(certify, "_absence", absence)
+    disk = tmp_path / "elsewhere.toml"
+    disk.write_text(
+        'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
+        'g = "9.8"\nmu = "0.3"\nepsilon = "0.1"\n'
+    )
+    result = _json(capsys, "certify", "table", "--omega-h", "--parameters", str(disk))
+    assert {parameters.g for parameters in asked} == {Fraction(result["g"])} == {Fraction("9.8")}
+    assert [parameters.A for parameters in asked] == [PRINTED.A, CALIBRATED.A, PRINTED.A]
+    assert list(result["omega_h"]) == ["printed with g = 9.8", "calibrated with g = 9.8"]
+    assert any("no speed that rounds to 30.07" in line for line in result["statements"])
 
 
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
     result = _json(capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", status=1)
     assert (result["proved"], result["status"]) == (False, "not_near")
+    assert result["statement"].startswith("nothing is proved")
+
+
+def test_no_connection_in_an_interval(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(no_connection, "_FIRST_SHARE", Fraction(1))
+    result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0500", "30.05001")
+    assert (result["proved"], result["outcomes"]) == (True, ["turns back"])
+    assert "from 30.05 to 30.05001 rad/s" in result["statement"]
+    monkeypatch.setattr(no_connection, "_SMALLEST_SHARE", Fraction(1))
+    result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0488", "30.0489", status=1)
     assert result["statement"].startswith("nothing is proved")
 
 
@@ -59,6 +106,8 @@ def test_heteroclinic_and_table_by_the_ordinary_road(capsys) -> None:
     result = _json(capsys, "certify", "table", "--omega-h")
     assert any("'calibrated'" in line and "rounds to 30.07" in line for line in result["statements"])
     assert any("'printed'" in line and "does not round to 30.07" in line for line in result["statements"])
+    assert any("'printed'" in line and "no speed that rounds to 30.07" in line for line in result["statements"])
+    assert result["proved"] is True
 
 
 def test_without_a_saddle_nothing_is_proved(capsys, tmp_path) -> None:
@@ -90,6 +139,7 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
     [
         (["certify", "equilibria"], "--omega or --below-crit"),
         (["certify", "equilibria", "--omega", "fast"], "not a finite decimal"),
+        (["certify", "equilibria", "--omega", "30", "--every-speed"], "--every-speed takes the place"),
         (["certify", "hopf", "--friction", "smooth"], "smooth"),
         (["certify", "heteroclinic", "--friction", "smooth"], "linear friction law"),
         (["certify", "table", "--friction", "smooth"], "linear friction law"),
@@ -98,6 +148,11 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
         (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--near", "pi"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--near", "soon"], "not a finite decimal"),
+        (["certify", "heteroclinic", "--none-between", "30", "soon"], "not a finite decimal"),
+        (["certify", "heteroclinic", "--none-between", "30", "30"], "less than the second"),
+        (["certify", "heteroclinic", "--none-between", "0", "30"], "between 1e-6 and 1e6"),
+        (["certify", "heteroclinic", "--none-between", "30", "pi"], "between 1e-6 and 1e6"),
+        (["certify", "heteroclinic", "--none-between", "30", "31", "--near", "30"], "give one"),
         (["certify", "hopf", "--parameters", "unheard"], "not known"),
         (["certify", "proof"], "proof"),
     ],

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 import random
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
+import numpy
 import pytest
-from flint import ctx
+from flint import arb, arb_mat, ctx
 
 from tippedisk_verify.certified import heteroclinic as certified
 from tippedisk_verify.certified.angles import rates
@@ -18,7 +22,9 @@ from tippedisk_verify.certified.heteroclinic import ProvedConnection, Status, pr
 from tippedisk_verify.certified.local_manifolds import UNSTABLE, Curve
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.evidence.reference.store import reference
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
@@ -54,6 +60,57 @@ def test_json_is_plain(proof: ProvedConnection) -> None:
     assert proof.omega_h is not None
     assert Fraction(result["omega_h"]["value"]) == proof.omega_h.value
     assert Fraction(result["omega_h"]["uncertainty"]) == proof.omega_h.uncertainty
+
+
+def test_what_follows_of_limit_cycles_names_its_space(proof: ProvedConnection) -> None:
+    """With gamma a real number, and only with all hypotheses."""
+    said = proof.limit_cycle
+    assert said is not None
+    assert said in proof.json().values()
+    assert "gamma in R (not modulo 2 pi)" in said
+    assert "exactly one periodic orbit above Omega_h and none below it or at it" in said
+    assert "asymptotically stable" in said
+    unstable, slow, fast = proof.saddle_eigenvalues
+    repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)  # lambda_u + lambda_s = 0, to within its width
+    for changed in (
+        {"unique": False},
+        {"slowly": False},
+        {"saddle_eigenvalues": repelling},
+        {"saddle_eigenvalues": (Measured(9 + unstable.value, unstable.uncertainty), slow, fast)},
+        {"status": Status.SIDES},
+    ):
+        assert replace(proof, **changed).limit_cycle is None
+    page = (Path(__file__).parents[2] / "docs" / "certified.md").read_text(encoding="utf-8")
+    theorem = page[page.index("**Theorem 7") : page.index("**Theorem 8")]
+    for word in ("Let gamma be a real number", "figure of eight", "simple zero", "leading direction", "Shilnikov"):
+        assert word in theorem
+    # Nowhere is it said without its space.
+    assert page.count("Shilnikov") == theorem.count("Shilnikov")
+
+
+@pytest.mark.parametrize("below", ["0.00007", "0.009"])
+def test_on_the_cylinder_there_is_another_limit_cycle(taylor: Taylor, below: str) -> None:
+    """Below Omega_h, where with gamma in R there is none near the connections: gamma grows by 2 pi a period."""
+    omega = round(TRUTH["printed"].value, 8) - Fraction(below)
+    times = numpy.linspace(0, 20, 20_001)
+    start = (Fraction("0.0376"), Fraction("-2.9713"), Fraction("0.2482"))  # on the unstable branch, next to the saddle
+    run = taylor(Request(PRINTED, omega, start, 20, shifted=True, times=times))
+    beta, gamma, _ = run.samples.T
+    turns = numpy.searchsorted(gamma, 2 * math.pi * numpy.arange(4, 8))
+    assert beta.min() > 0  # gamma only grows
+    crossed = beta[turns]
+    # Each is up to 1 ms late, in which beta changes by 5e-4; the orbit itself has converged to less after three turns.
+    assert abs(numpy.diff(crossed)).max() < 1e-3
+
+
+def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
+    z = [arb(0, 1e-9), arb("0.01", 1e-9), arb("0.001", 1e-9)]
+    apart = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -100]])
+    assert certified._arrives_slowly(apart, z)
+    assert not certified._arrives_slowly(apart, [z[0], z[2], z[1]])
+    assert not certified._arrives_slowly(apart, [z[0], arb(0, "0.01"), z[2]])
+    near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])  # the discs are [-11, -5] and [-16.9, -10.9]
+    assert not certified._arrives_slowly(near, z)
 
 
 def test_arrivals_move_with_the_speed_as_enclosed() -> None:

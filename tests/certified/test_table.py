@@ -11,10 +11,11 @@ import pytest
 from flint import arb
 
 from tippedisk_verify.certified import table
-from tippedisk_verify.certified.table import PRINTED_NUMBERS, rounding_box, rounds_to, study_table
+from tippedisk_verify.certified.rounding import rounding_box, rounds_to
+from tippedisk_verify.certified.table import PRINTED_NUMBERS, study_table
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.theory import harmonic_balance, hopf
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 
@@ -75,8 +76,29 @@ def test_what_follows_from_the_table(study: table.TableStudy) -> None:
     assert study.witness == CALIBRATED
     assert study.alone == ()
     assert study.always_supercritical
-    assert len(study.statements) == len(study.numbers) + 2
+    assert len(study.statements) == len(study.numbers) + 3
     assert study.json()["g"] == "9.81"
+
+
+@pytest.mark.parametrize(
+    ("disk", "outside", "missed"),
+    [
+        (PRINTED, (), ("30.92", "0.886", "-129.04", "1.31e-7")),
+        (CALIBRATED, (), ()),
+        (GEOMETRY, ("A",), ("1.31e-7",)),
+        (PRINTED.changed(mu="0.31"), ("mu",), ("30.92", "0.886", "-129.04", "1.31e-7")),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_the_disk_that_was_asked_about_is_judged(
+    monkeypatch: pytest.MonkeyPatch, disk: Parameters, outside: tuple[str, ...], missed: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # seconds, and proved above
+    study = study_table(disk)
+    assert (study.disk.outside, study.disk.missed) == (outside, missed)
+    assert study.disk.statement in study.statements
+    assert f"'{disk.name}'" in study.disk.statement
+    assert all(name in study.disk.statement for name in (*outside, *missed))
 
 
 def test_one_quantity_alone(study: table.TableStudy) -> None:
@@ -95,10 +117,49 @@ def test_one_quantity_alone(study: table.TableStudy) -> None:
 def test_another_g_is_another_question(monkeypatch) -> None:
     """With g = 9.83 Omega_crit of Table 1 as it stands rounds to 30.92; no disk is named that gives all."""
     monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # seconds, and proved above
-    study = study_table(Fraction("9.83"))
+    study = study_table(PRINTED.changed(g="9.83"))
     assert study.numbers[0].from_table_follows
     assert study.witness is None
     assert all(statement != "" for statement in study.statements)
+
+
+def test_a_rounding_that_cannot_be_told_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A number that r's rounding takes to the edge of the decimal's interval, to within its ball, and e's beyond it.
+
+    Some disk does give it, so only whether r alone suffices is open.
+    """
+
+    def edge(p: SimpleNamespace) -> object:
+        by_r, by_e = (p.r - arb(45) / 1000) * 2, (p.e - arb(25) / 10000) * 40  # r adds 1e-3 at most, e 2e-3
+        return by_r + by_e + arb("30.914", "1e-9")
+
+    monkeypatch.setattr(table, "PRINTED_NUMBERS", (("edge", "30.92", edge),))
+    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)
+    with pytest.raises(Shortfall, match="alone"):
+        study_table()
+
+
+def test_one_value_for_all_numbers_must_be_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One number needs r >= 0.0451, the other r <= 0.0451, to within their balls: whether both can be had is open."""
+
+    def first(p: SimpleNamespace) -> object:
+        return arb("30.9149", "1e-9") + (p.r - arb(45) / 1000)
+
+    def second(p: SimpleNamespace) -> object:
+        return arb("0.8864", "1e-9") + (p.r - arb(45) / 1000)
+
+    numbers = (("first", "30.92", first), ("second", "0.886", second))
+    monkeypatch.setattr(table, "PRINTED_NUMBERS", numbers)
+    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)
+    with pytest.raises(Shortfall):
+        study_table()
+
+
+def test_each_g_has_its_own_disks() -> None:
+    assert table.with_gravity(CALIBRATED, CALIBRATED.g) is CALIBRATED
+    other = table.with_gravity(CALIBRATED, Fraction("9.8"))
+    assert (other.g, other.name) == (Fraction("9.8"), "calibrated with g = 9.8")
+    assert other.changed(g=CALIBRATED.g, name="calibrated") == CALIBRATED
 
 
 def test_a_number_out_of_reach_is_refused(monkeypatch) -> None:
@@ -145,5 +206,13 @@ def test_rounding_is_decided_only_where_it_can_be() -> None:
     said = table.omega_h_statements({"x": Measured(Fraction("30.07"), Fraction(1, 10**6))})
     assert len(said) == 1
     assert "rounds to 30.07" in said[0]
+    said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))})
+    # Of a connection that was found nothing follows for others.
+    assert len(said) == 1
+    assert said[0].startswith("the connection of 'x' at 30.0489")
+    assert said[0].endswith("does not round to 30.07.")
+    said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))}, excluded=["x"])
+    assert "no speed that rounds to 30.07 has a connection" in said[1]
+    assert "does not follow" in said[1]
     said = table.omega_h_statements({"calibrated": Measured(Fraction("30.07"), Fraction(1, 10**6))}, CALIBRATED)
     assert said[1] == "so all 5 printed numbers at once follow from 'calibrated'."

@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 
 GOOD = (
@@ -97,6 +97,16 @@ def test_toml_round_trip(tmp_path: Path) -> None:
     read = Parameters.named(str(path))
     assert read == PRINTED.changed(C=None, name="disk.toml")
     assert read.decimals()["A"] == "0.000249"
+
+
+@pytest.mark.parametrize("name", ["printed", "geometry", "disk"])
+def test_a_file_is_never_taken_for_a_named_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Its own name leads back to it, so that a command that is given for it is about this disk."""
+    (tmp_path / name).write_text(GOOD.replace("9.81", "9.7"), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    read = Parameters.named(str(tmp_path / name))
+    assert read.name not in NAMED_SETS
+    assert Parameters.named(read.name) == read
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ _BITS = 53  # far more than intervals as wide as these need
 _ORDER = 19  # of the local series, a third of the bits
 _LONGEST = 30.0  # s
 _UPRIGHT = 1.5707  # rad, below pi/2: |beta_bar| less than this means that sin(beta) > 0
-_FIRST_SHARE = Fraction(1, 32)  # of the interval: for half a unit of the fourth digit next to Omega_h about what works
+_FIRST_SHARE = Fraction(1, 4)  # of the interval; halved until it works
 _WIDENED = Fraction(5, 4)
 _SMALLEST_SHARE = Fraction(1, 2**12)
 
