@@ -35,6 +35,9 @@ def test_equilibria(capsys) -> None:
     assert always["proved"] is True
     assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
     assert "unstable at every Omega > 0" in always["statement"]
+    # The sentence stands by itself: the disk, and the numbers as above.
+    assert PRINTED.definition() in always["statement"]
+    assert always["omega_crit"]["value"] in always["statement"]
     below = _json(capsys, "certify", "equilibria", "--below-crit", "-0.5", "--friction", "smooth")
     assert below["inverted"]["stable"] is True
 
@@ -66,7 +69,7 @@ def test_omega_h_of_another_g_is_proved_with_that_g(capsys, monkeypatch, tmp_pat
     def absence(common, parameters, low, high):
         asked.append(parameters)
         assert (low, high) == (Fraction("30.065"), Fraction("30.075"))
-        return ProvedAbsence(low, high, high, ("turns back",), 1)
+        return ProvedAbsence(parameters, low, high, high, ("turns back",), 1)
 
     monkeypatch.setattr(certify, "_connection", connection)
     monkeypatch.setattr(certify, "_absence", absence)
@@ -79,7 +82,7 @@ def test_omega_h_of_another_g_is_proved_with_that_g(capsys, monkeypatch, tmp_pat
     assert {parameters.g for parameters in asked} == {Fraction(result["g"])} == {Fraction("9.8")}
     assert [parameters.A for parameters in asked] == [PRINTED.A, CALIBRATED.A, PRINTED.A]
     assert list(result["omega_h"]) == ["printed with g = 9.8", "calibrated with g = 9.8"]
-    assert any("no speed that rounds to 30.07" in line for line in result["statements"])
+    assert any("no speed that does has a connection" in line for line in result["statements"])
 
 
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
@@ -93,6 +96,7 @@ def test_no_connection_in_an_interval(capsys, monkeypatch) -> None:
     result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0500", "30.05001")
     assert (result["proved"], result["outcomes"]) == (True, ["turns back"])
     assert "from 30.05 to 30.05001 rad/s" in result["statement"]
+    assert PRINTED.definition() in result["statement"]
     monkeypatch.setattr(no_connection, "_SMALLEST_SHARE", Fraction(1))
     result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0488", "30.0489", status=1)
     assert result["statement"].startswith("nothing is proved")
@@ -106,7 +110,7 @@ def test_heteroclinic_and_table_by_the_ordinary_road(capsys) -> None:
     result = _json(capsys, "certify", "table", "--omega-h")
     assert any("'calibrated'" in line and "rounds to 30.07" in line for line in result["statements"])
     assert any("'printed'" in line and "does not round to 30.07" in line for line in result["statements"])
-    assert any("'printed'" in line and "no speed that rounds to 30.07" in line for line in result["statements"])
+    assert any("'printed'" in line and "no speed that does has a connection" in line for line in result["statements"])
     assert result["proved"] is True
 
 

@@ -209,10 +209,12 @@ def test_rounding_is_decided_only_where_it_can_be() -> None:
     said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))})
     # Of a connection that was found nothing follows for others.
     assert len(said) == 1
-    assert said[0].startswith("the connection of 'x' at 30.0489")
+    assert "the connection of 'x' at 30.0489" in said[0]
     assert said[0].endswith("does not round to 30.07.")
     said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))}, excluded=["x"])
-    assert "no speed that rounds to 30.07 has a connection" in said[1]
-    assert "does not follow" in said[1]
+    assert len(said) == 1
+    assert said[0].endswith(
+        "does not round to 30.07, and no speed that does has a connection on which gamma grows all the way."
+    )
     said = table.omega_h_statements({"calibrated": Measured(Fraction("30.07"), Fraction(1, 10**6))}, CALIBRATED)
     assert said[1] == "so all 5 printed numbers at once follow from 'calibrated'."

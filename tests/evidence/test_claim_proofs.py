@@ -62,7 +62,7 @@ DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
     "omega_crit": _enclosed("omega_crit"),
     "omega_crit_friction": _said("whatever mu and epsilon are"),
     "lambda_3": _enclosed("lambda_3"),
-    "critical_pair": _said("complex conjugate eigenvalues crosses", verdict=False),
+    "critical_pair": _said("a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False),
     "inverted_stable_above": _said("inverted spinning is asymptotically stable at every Omega > Omega_crit"),
     "inverted_unstable_below": _said("and unstable", "at every Omega < Omega_crit"),
     "noninverted_unstable": _said("noninverted spinning is unstable at every Omega > 0"),

@@ -85,6 +85,13 @@ def test_each_fault_has_its_line(change: dict[str, object], word: str) -> None:
     assert len(caught.value.faults) == (2 if "e" in change else 1)
 
 
+def test_the_definition_names_the_disk_exactly() -> None:
+    """All that the equations need, and nothing of what they do not."""
+    disk = PRINTED.changed(mu=Fraction(1, 3))
+    said = "r = 0.045 m, e = 0.0025 m, m = 0.435 kg, A = 0.000249 kg m^2, B = 0.000227 kg m^2, g = 9.81 m/s^2"
+    assert disk.definition() == f"{said}, mu = 1/3, epsilon = 0.1 m/s"
+
+
 def test_several_faults_are_all_named() -> None:
     with pytest.raises(InputError) as caught:
         PRINTED.changed(m=-1, r="x", g=0)

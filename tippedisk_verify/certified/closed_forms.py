@@ -267,16 +267,17 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
         found = hopf_balls(ball_constants(parameters))
         return {name: found[name] for name in names}
 
+    found = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
     statement = (
+        f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth Coulomb friction law, "
         "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two of negative real "
         "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and unstable, with two "
-        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r Bbar)), whatever mu "
-        "and epsilon are; at Omega_crit a pair of complex conjugate eigenvalues crosses the imaginary axis with "
-        "nonzero speed; under both friction laws, which have the same linearisation."
+        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r (B - m e^2))) = "
+        f"{found['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of complex conjugate "
+        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {found['period']} s, crosses the imaginary axis with "
+        f"d(Re lambda)/dOmega = {found['transversality']} 1/rad, and the third is lambda_3 = {found['lambda_3']} 1/s."
     )
-    return ProvedStability(
-        **{name: measured(value) for name, value in to_digits(numbers, digits).items()}, statement=statement
-    )
+    return ProvedStability(**found, statement=statement)
 
 
 def hopf_balls(constants: Constants) -> dict[str, Any]:

@@ -138,11 +138,11 @@ class ProvedConnection:
             return None
         other = "below" if self.turns_back == "above" else "above"
         return (
-            "a limit cycle ends in this heteroclinic cycle, by Shilnikov's theorem: with gamma in R (not modulo 2 pi) "
-            "the connections and the saddles have a neighbourhood in which, for all speeds close enough to Omega_h, "
-            f"there is exactly one periodic orbit {self.turns_back} Omega_h and none {other} it or at it; the orbit is "
-            "asymptotically stable, the point symmetry maps it to itself, and its period tends to infinity as Omega "
-            "tends to Omega_h."
+            "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's theorem: with gamma "
+            "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in which, for all speeds "
+            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} Omega_h and none {other} "
+            "it or at it; the orbit is asymptotically stable, the point symmetry maps it to itself, and its period "
+            "tends to infinity as Omega tends to Omega_h."
         )
 
     def json(self) -> dict[str, object]:

@@ -43,8 +43,9 @@ _SMALLEST_SHARE = Fraction(1, 2**12)
 
 @dataclass(frozen=True)
 class ProvedAbsence:
-    """What is proved of the closed interval of speeds from ``low`` to ``high`` [rad/s], both exact."""
+    """What is proved of a disk on the closed interval of speeds from ``low`` to ``high`` [rad/s], both exact."""
 
+    parameters: Parameters
     low: Fraction
     high: Fraction
     reached: Fraction  #: up to here the pieces are proved to hold no connection; ``high`` if all are
@@ -62,9 +63,10 @@ class ProvedAbsence:
             return f"nothing is proved: {self.detail}."
         low, high = (_decimal(end) for end in (self.low, self.high))
         return (
-            f"under the linear friction law, at every Omega from {low} to {high} rad/s, gamma on the branch of the "
-            f"unstable manifold of (pi/2, -pi/2, 0) that leaves with growing gamma {' or '.join(self.outcomes)}: there "
-            "is no connection to (pi/2, 3 pi/2, 0) on which gamma grows all the way."
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, at every Omega from "
+            f"{low} to {high} rad/s, gamma on the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, "
+            f"0) that leaves with growing gamma {' or '.join(self.outcomes)}: there is no connection to (pi/2, 3 pi/2, "
+            "0) on which gamma grows all the way."
         )
 
     def json(self) -> dict[str, object]:
@@ -101,7 +103,7 @@ def prove_absence(
         try:
             outcome = _outcome(parameters, reached, following)
         except NoConnectionError as fault:
-            return ProvedAbsence(start, end, reached, (*outcomes,), pieces, str(fault))
+            return ProvedAbsence(parameters, start, end, reached, (*outcomes,), pieces, str(fault))
         if outcome is not None:
             reached, share, pieces = following, share * _WIDENED, pieces + 1
             outcomes[outcome] = None
@@ -111,8 +113,8 @@ def prove_absence(
             share /= 2
         else:
             where = f"the branch could not be shown to miss the second saddle next to {float(reached):.12g} rad/s"
-            return ProvedAbsence(start, end, reached, (*outcomes,), pieces, where)
-    return ProvedAbsence(start, end, reached, (*outcomes,), pieces)
+            return ProvedAbsence(parameters, start, end, reached, (*outcomes,), pieces, where)
+    return ProvedAbsence(parameters, start, end, reached, (*outcomes,), pieces)
 
 
 def _checked(number: object) -> Fraction:

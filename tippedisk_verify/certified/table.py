@@ -123,15 +123,15 @@ class Follows:
 class OfDisk:
     """What one disk has to do with the table and the printed numbers."""
 
-    name: str
+    parameters: Parameters
     outside: tuple[str, ...]  #: quantities that do not round to the table, or are not the paper's mu or epsilon
     missed: tuple[str, ...]  #: printed decimals that its numbers do not round to
 
     @property
     def statement(self) -> str:
         table = f"does not round to Table 1 ({', '.join(self.outside)})" if self.outside else "rounds to Table 1"
-        numbers = f"does not give {', '.join(self.missed)}" if self.missed else "gives each of the numbers above"
-        return f"'{self.name}' {table}; it {numbers}."
+        numbers = f"does not give {', '.join(self.missed)}" if self.missed else "gives all printed numbers"
+        return f"'{self.parameters.name}', with {self.parameters.definition()}, {table}; it {numbers}."
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,11 @@ class TableStudy:
         return {
             "g": Measured(self.gravity, Fraction(0)).decimals()[0],
             "numbers": [number.json() for number in self.numbers],
-            "disk": {"name": self.disk.name, "outside": list(self.disk.outside), "missed": list(self.disk.missed)},
+            "disk": {
+                "name": self.disk.parameters.name,
+                "outside": list(self.disk.outside),
+                "missed": list(self.disk.missed),
+            },
             "all_at_once": None if self.witness is None else self.witness.decimals(),
             "alone": list(self.alone),
             "always_supercritical": self.always_supercritical,
@@ -198,12 +202,8 @@ def omega_h_statements(
         for name, omega_h in proved.items():
             ends = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
             answer = "rounds" if decided(rounds_to(ends, printed)) else "does not round"
-            found.append(f"the connection of '{name}' at {omega_h} rad/s {answer} to {printed}.")
-            if name in excluded:
-                found.append(
-                    f"no speed that rounds to {printed} has a connection of '{name}' on which gamma grows all the way: "
-                    f"omega_h = {printed} does not follow from '{name}'."
-                )
+            further = ", and no speed that does has a connection on which gamma grows all the way" * (name in excluded)
+            found.append(f"the connection of '{name}' at {omega_h} rad/s {answer} to {printed}{further}.")
             if answer == "rounds" and witness is not None and witness.name == name:
                 found.append(f"so all {len(PRINTED_NUMBERS) + 1} printed numbers at once follow from '{name}'.")
     return tuple(found)
@@ -376,7 +376,7 @@ def _judged(parameters: Parameters, box: Box) -> OfDisk:
     point = SimpleNamespace(**{name: ball(getattr(parameters, name)) for name in names})
     ends = {**box, "mu": (PRINTED.mu, PRINTED.mu), "epsilon": (PRINTED.epsilon, PRINTED.epsilon)}
     return OfDisk(
-        parameters.name,
+        parameters,
         tuple(name for name, (low, high) in ends.items() if not low <= getattr(parameters, name) <= high),
         tuple(text for _, text, formula in PRINTED_NUMBERS if not decided(rounds_to(formula(point), text))),
     )

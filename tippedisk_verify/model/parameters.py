@@ -146,6 +146,17 @@ class Parameters:
             if item.name not in ("name", "_constants") and getattr(self, item.name) is not None
         }
 
+    def definition(self) -> str:
+        """The eight numbers that the equations need, with their units: which disk a statement is about."""
+        needed = (item for item in fields(self) if item.name in Constants._fields)
+        exactly = self.decimals()
+        texts = (
+            (item, exactly[item.name] if exact(exactly[item.name]).rational == value else str(value))
+            for item in needed
+            if (value := getattr(self, item.name))
+        )
+        return ", ".join(f"{item.name} = {text} {item.metadata['unit']}".removesuffix(" 1") for item, text in texts)
+
     @classmethod
     def named(cls, name_or_path: str) -> Parameters:
         """A named set, or the set in a TOML file (any name with a dot or a path separator).
