@@ -10,7 +10,7 @@ from typing import Any
 from tippedisk_verify.certified.balls import ball
 from tippedisk_verify.errors import Shortfall
 
-__all__ = ["TABLE", "Box", "decided", "rounding_box", "rounding_interval", "rounds_to"]
+__all__ = ["TABLE", "Box", "decided", "meets", "rounding_box", "rounding_interval", "rounds_to"]
 
 #: Table tab:dim_mass, as printed.
 TABLE = {"r": "0.045", "e": "2.5e-3", "m": "0.435", "A": "0.249e-3", "B": "0.227e-3"}
@@ -35,6 +35,16 @@ def rounds_to(value: Any, printed: str) -> bool | None:
     if value >= low and value <= high:
         return True
     return False if value < low or value > high else None
+
+
+def meets(least: Any, greatest: Any, printed: str) -> bool:
+    """Whether some number from the one ball to the other rounds to the decimal. Raises Shortfall if that is open."""
+    low, high = map(ball, rounding_interval(printed))
+    if greatest < low or least > high:
+        return False
+    if greatest > low and least < high:
+        return True
+    raise Shortfall(f"{printed} lies too close to the end of what the table allows")
 
 
 def decided(answer: bool | None) -> bool:

@@ -23,7 +23,7 @@ from flint import arb, arb_series, ctx
 from tippedisk_verify.certified import closed_forms
 from tippedisk_verify.certified.angles import NONINVERTED
 from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, negative, positive, working_precision
-from tippedisk_verify.certified.rounding import TABLE, Box, decided, rounding_box, rounding_interval, rounds_to
+from tippedisk_verify.certified.rounding import TABLE, Box, decided, meets, rounding_box, rounding_interval, rounds_to
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
@@ -260,7 +260,7 @@ def _follows(
         from_table_follows=decided(rounds_to(exactly, printed)),
         least=measured(least),
         greatest=measured(greatest),
-        can_follow=_meets(least, greatest, printed),
+        can_follow=meets(least, greatest, printed),
         alone=alone,
     )
 
@@ -401,12 +401,3 @@ def _all_with(quantity: str, numbers: tuple[Follows, ...], gravity: Fraction, bo
     if not _gives_all(PRINTED.changed(g=gravity, **{quantity: (low + high) / 2}), box):
         raise Shortfall(f"the intervals of {quantity} meet in too short a piece to tell")
     return True
-
-
-def _meets(least: Any, greatest: Any, printed: str) -> bool:
-    low, high = map(ball, rounding_interval(printed))
-    if greatest < low or least > high:
-        return False
-    if greatest > low and least < high:
-        return True
-    raise Shortfall(f"{printed} lies too close to the end of what the table allows")
