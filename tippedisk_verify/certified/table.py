@@ -130,7 +130,8 @@ class OfDisk:
     @property
     def statement(self) -> str:
         table = f"does not round to Table 1 ({', '.join(self.outside)})" if self.outside else "rounds to Table 1"
-        numbers = f"does not give {', '.join(self.missed)}" if self.missed else "gives all printed numbers"
+        missed = [f"{name} = {text}" for name, text, _ in PRINTED_NUMBERS if text in self.missed]
+        numbers = f"does not give {', '.join(missed)}" if missed else "gives all printed numbers"
         return f"'{self.parameters.name}', with {self.parameters.definition()}, {table}; it {numbers}."
 
 
