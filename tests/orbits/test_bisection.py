@@ -9,9 +9,10 @@ import pytest
 from tests.problems import SETS
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h, unstable_branch
+from tippedisk_verify.orbits.splitting import splitting_zero
 
 
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
@@ -39,3 +40,15 @@ def test_a_set_without_connection_is_told_so(taylor) -> None:
     """A disk eight times as inert about one axis: the branch turns back at every speed down to Omega_crit / 2."""
     with pytest.raises(NoConnectionError, match="connection"):
         bisect_omega_h(PRINTED.changed(A="2e-3", C=None), taylor)
+
+
+@pytest.mark.slow
+def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
+    """Its steps run over the kinks of this law's field, and the error does not follow the tolerance."""
+    disk = Parameters(
+        r="0.1331", e="0.01809", m="0.01754", A="1.99344e-4", B="1.90668e-4", g="9.80665", mu="0.484", epsilon="0.0275"
+    )
+    truth = splitting_zero(disk, Fraction("12.6157686416"), taylor, 18, "smooth").omega_h
+    found = bisect_omega_h(disk, Baseline("DOP853"), friction="smooth").omega_h
+    assert found.holds(truth.value)
+    assert found.uncertainty < Fraction(1, 10**10)
