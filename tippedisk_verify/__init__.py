@@ -29,11 +29,13 @@ Importing the package loads nothing heavy: each name is fetched when it is first
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
+TYPE_CHECKING = False  # to type checkers it is true; typing itself would delay the answer to Ctrl-C
 if TYPE_CHECKING:
+    from typing import Any
+
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.evidence.claims import Audit, Verdict
     from tippedisk_verify.evidence.conformance.grading import compare

@@ -1,18 +1,21 @@
-"""``python -m tippedisk_verify`` is the command line."""
+"""``python -m tippedisk_verify`` and the console script: the command line, with an answer to Ctrl-C from the start."""
 
-import os
 import signal
 
+from tippedisk_verify.interrupts import answer_interrupts
 
-def _early(number: int, frame: object) -> None:
-    """Ctrl-C while the command line is still being imported: nothing has begun, so nothing is to be ended."""
-    os.write(2, b"tippedisk-verify: interrupted\n")
-    os._exit(130)
+
+def entry() -> None:
+    """Run the command line and end the process with its exit status."""
+    answer_interrupts()
+    try:
+        from tippedisk_verify.cli import entry as run
+
+        run()
+    finally:
+        # All is done and said. What Python tears down now should neither be cut short nor complain.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, _early)
-
-    from tippedisk_verify.cli import entry
-
     entry()

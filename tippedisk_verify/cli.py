@@ -6,11 +6,8 @@ Nothing but click is imported until a command runs.
 
 from __future__ import annotations
 
-import gc
 import os
-import signal
 import sys
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from io import TextIOWrapper
@@ -22,7 +19,6 @@ from tippedisk_verify import __version__
 from tippedisk_verify.commands.basin import COMMANDS as BASIN_COMMANDS
 from tippedisk_verify.commands.bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.commands.certify import COMMANDS as CERTIFY_COMMANDS
-from tippedisk_verify.commands.common import Interrupts
 from tippedisk_verify.commands.conformance import COMMANDS as CONFORMANCE_COMMANDS
 from tippedisk_verify.commands.numbers import COMMANDS
 from tippedisk_verify.commands.reference import COMMANDS as REFERENCE_COMMANDS
@@ -63,10 +59,7 @@ for command in (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status. For tests: takes the arguments as a list."""
-    Interrupts.pressed = False
     try:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, Interrupts.handle)
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
         if sys.stdout is not None:
             sys.stdout.flush()  # here, where a full disk can still be told
@@ -98,28 +91,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as fault:
         where = f"{str(fault.filename)[-200:]}: " if fault.filename else ""
         return _refused(f"{where}{fault.strerror or fault}")
-    finally:
-        if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, signal.default_int_handler)
     return status if isinstance(status, int) else 0
 
 
 def entry() -> NoReturn:
-    """The console script: `main`, with its status as the process's, also after Ctrl-C."""
+    """The whole process: `main`, with its status as the process's."""
     # The matrices here are small. Threads that wait for each other cost tenfold where other work keeps the cores busy.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal or a locale that cannot show a character
-    status = main()
-    if status == 130:
-        # An interrupt inside exec() leaves a mark that makes Python end by the signal instead of with our status.
-        with suppress(OSError, AttributeError):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        gc.collect()  # a pool's semaphores are released with it, not by _exit
-        os._exit(status)
-    sys.exit(status)
+    sys.exit(main())
 
 
 def _refused(message: str) -> int:

@@ -14,6 +14,7 @@ from glob import escape
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.interrupts import unbroken
 
 __all__ = [
     "alone",
@@ -31,6 +32,7 @@ __all__ = [
 ]
 
 
+@unbroken()
 def output_folder(path: str | Path) -> Path:
     """The folder, made if it is missing and proved writable. Raises InputError if it cannot be used."""
     folder = Path(path)
@@ -61,6 +63,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
         raise InputError(f"{_named(path)} cannot be written: {fault.strerror or fault}") from None
 
 
+@unbroken()
 def _write_beside(path: Path, content: bytes) -> Path:
     descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
     try:

@@ -24,6 +24,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, checksum, write_bytes, write_csv
+from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.model.equations import checked_friction, checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -255,12 +256,17 @@ def swept(
     with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
         points = list(plan.points())
         rows = _taken_up(journal, plan, points)
-        advance("taken up", len(rows))
-        try:
-            return _swept(plan, out, journal, points, rows, pool, workers, advance)
-        except BaseException:
+
+        def discard() -> None:
             if not rows:  # nothing is lost with it
                 journal.unlink(missing_ok=True)
+
+        advance("taken up", len(rows))
+        try:
+            with undoing(discard):
+                return _swept(plan, out, journal, points, rows, pool, workers, advance)
+        except BaseException:
+            discard()
             raise
 
 

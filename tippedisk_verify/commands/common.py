@@ -1,21 +1,22 @@
-"""What the commands share: options, the live bar, printing, and Ctrl-C."""
+"""What the commands share: options, the live bar, printing, and processes."""
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 import click
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     "Common",
-    "Interrupts",
     "checked_jobs",
     "common_options",
     "plain_options",
@@ -167,26 +168,24 @@ def print_json(result: dict[str, Any]) -> None:
 def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
     """A live bar on a terminal's standard error, nothing anywhere else."""
     if common.quiet or not sys.stderr.isatty():
-        yield lambda label, steps: Interrupts.check()
+        yield lambda label, steps: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with undoing(_wipe_bar), Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=total)
+        yield lambda label, steps: bar.update(task, description=label, advance=steps)
 
-        def advance(label: str, steps: int) -> None:
-            Interrupts.check()
-            bar.update(task, description=label, advance=steps)
 
-        yield advance
+def _wipe_bar() -> None:
+    """Clear the bar's line and show the cursor, past the bar's own locks."""
+    os.write(2, b"\r\x1b[2K\x1b[?25h")
 
 
 def checked_jobs(jobs: int | None) -> int | None:
     """A number of processes that this machine can be asked for. Raises InputError for any other."""
-    import os
-
     most = max(_FEWEST_OFFERED, 2 * (os.cpu_count() or 1))
     if jobs is not None and not 1 <= jobs <= most:
         raise InputError(f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}")
@@ -200,76 +199,28 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
     processes that makes no sense.
     """
-    import signal
-    import threading
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import active_children, get_context
-
     workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
         yield None
         return
-    # Fresh processes: what the parent has compiled and its threads are not for forking.
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_end_with_parent)
-    main = threading.current_thread() is threading.main_thread()
-    # What is ignored here is ignored in the processes started now, from their first moment on.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
-    try:
-        for _ in range(workers):
-            pool.submit(_nothing)
-    finally:
-        if main:
-            signal.signal(signal.SIGINT, before)
-    try:
-        yield pool
-    except BaseException:
-        # What is under way is of no use any more; ended in order, the pool leaves nothing behind to be warned of.
-        for worker in active_children():
-            worker.terminate()
-        pool.shutdown(wait=True, cancel_futures=True)
-        raise
+    from concurrent.futures import ProcessPoolExecutor
+
+    from tippedisk_verify.commands.workers import Workers, end_with_parent, kill_workers, quiet_tracker
+
+    quiet_tracker()
+    with undoing(kill_workers):
+        with unbroken():  # its semaphores are made first and registered afterwards
+            pool = ProcessPoolExecutor(workers, mp_context=Workers(), initializer=end_with_parent)
+        try:
+            yield pool
+        except BaseException:
+            # What is under way is of no use any more; ended in order, the pool leaves nothing behind to be warned of.
+            kill_workers()
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
     pool.shutdown(wait=False, cancel_futures=True)
 
 
 def usable_cores() -> int:
     """The cores that this process may run on."""
-    import os
-
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _nothing() -> None:
-    """Makes the pool start a process."""
-
-
-def _end_with_parent() -> None:
-    """In a worker: leave when the process that started it is gone, even if it was killed."""
-    import os
-    import threading
-    from multiprocessing import parent_process
-
-    parent = parent_process()
-    if parent is None:
-        return
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-class Interrupts:
-    """Ctrl-C, remembered as well as raised: an extension module that is being imported may clear the exception."""
-
-    pressed = False
-
-    @classmethod
-    def handle(cls, number: int, frame: object) -> NoReturn:
-        cls.pressed = True
-        raise KeyboardInterrupt
-
-    @classmethod
-    def check(cls) -> None:
-        if cls.pressed:
-            raise KeyboardInterrupt

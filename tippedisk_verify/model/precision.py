@@ -8,9 +8,6 @@ first integrator, is needed.
 from __future__ import annotations
 
 import math
-import signal
-import threading
-from contextlib import contextmanager
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -21,7 +18,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import PI, Exact, exact, mantissa_exponent, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
     from types import ModuleType
 
 __all__ = [
@@ -286,36 +283,14 @@ def _has_extended() -> bool:
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
     """heyoka, with its code cache guarded and its log silenced."""
+    import heyoka
+
     from tippedisk_verify.model.code_cache import guarded
 
-    with _interrupts_deferred():
-        import heyoka
-
-        guarded(heyoka.llvm_state)
-        # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
-        heyoka.set_logger_level_critical()
+    guarded(heyoka.llvm_state)
+    # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
+    heyoka.set_logger_level_critical()
     return heyoka  # type: ignore[no-any-return]
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Hold Ctrl-C back: half-imported extension modules swallow it or break. Only the main thread gets it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    pressed = False
-
-    def remember(number: int, frame: object) -> None:
-        nonlocal pressed
-        pressed = True
-
-    before = signal.signal(signal.SIGINT, remember)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if pressed:
-        raise KeyboardInterrupt
 
 
 @lru_cache(maxsize=256)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
+
+from tippedisk_verify.interrupts import deaf_children, undoing
 
 __all__ = ["StartUp", "start_up"]
 
@@ -38,12 +42,17 @@ def start_up(repeats: int = 3) -> StartUp:
     def seconds(arguments: list[str], cache: str) -> float:
         environment = {**os.environ, "XDG_CACHE_HOME": cache}
         begin = time.perf_counter()
-        subprocess.run([sys.executable, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+        with deaf_children():
+            run = subprocess.Popen([sys.executable, *arguments], env=environment, stdout=subprocess.DEVNULL)
+        with undoing(run.kill):
+            if run.wait():
+                raise subprocess.CalledProcessError(run.returncode, run.args)
         return time.perf_counter() - begin
 
     found: dict[str, list[float]] = {name: [] for name in StartUp.__dataclass_fields__}
     for _ in range(repeats):
-        with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
+        with tempfile.TemporaryDirectory() as both, undoing(partial(shutil.rmtree, both, ignore_errors=True)):
+            first, second = f"{both}/first", f"{both}/second"
             found["python"].append(seconds(["-c", "pass"], first))
             found["imports"].append(seconds(["-c", _IMPORTS], first))
             found["bare_builds_cold"].append(seconds(["-c", _BUILDS], first))

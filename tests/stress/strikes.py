@@ -1,0 +1,146 @@
+"""Ctrl-C at a chosen step of the program, and at random moments after it has begun to listen.
+
+Both need a hand inside the process: Python imports a module named ``sitecustomize`` when it starts, and the one written
+here watches what happens then.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from tests.stress.runs import LONGEST, PROGRAM, environment
+
+INTERRUPTED = "tippedisk-verify: interrupted\n"
+
+_WATCH = '''
+"""Says in the file LISTENS that the program listens, and strikes it at the step that STRIKE names."""
+import atexit, os, signal, sys, weakref
+
+# An audit event and its first argument, or "call" and the name of a function; which time; and from within what.
+# "*" is any name.
+kind, name, count, *within = os.environ["STRIKE"].split()
+left = int(count)
+listens = False
+
+def interrupt(*given):
+    signal.raise_signal(signal.SIGINT)
+
+class Dying:
+    __del__ = interrupt
+
+class Gone:
+    pass
+
+def strike():
+    if within == ["destructor"]:
+        Dying()
+    elif within == ["weakref"]:
+        gone = Gone()
+        reference = weakref.ref(gone, interrupt)
+        del gone
+    elif within == ["exit"]:
+        atexit.register(interrupt)
+    else:
+        interrupt()
+
+def begin():
+    global listens
+    listens = True
+    with open(os.environ["LISTENS"], "w") as stream:
+        stream.write("yes")
+    if kind == "call":
+        sys.setprofile(called)
+
+def passed(found):
+    global left
+    if name in ("*", found):
+        left -= 1
+        if left == 0:
+            strike()
+
+def happened(event, arguments):
+    # The first module that the command line's entry imports, and the last moment before there is anything to stop.
+    if not listens and event == "import" and arguments[0] == "tippedisk_verify.cli":
+        begin()
+    elif listens and event == kind:
+        passed(arguments[0])
+
+def called(frame, event, argument):
+    if event == "call":
+        passed(frame.f_code.co_name)
+
+sys.addaudithook(happened)
+'''
+
+
+class Struck:
+    """Runs of the program with that hand inside; ``folder`` is for what the hand needs."""
+
+    def __init__(self, folder: Path, program: Sequence[str] = PROGRAM) -> None:
+        self._program = program
+        folder.mkdir(exist_ok=True)
+        (folder / "sitecustomize.py").write_text(_WATCH, encoding="utf-8")
+        self._path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+        self._listens = folder / "listens"
+
+    def at(self, step: str, arguments: Sequence[str], **streams: Any) -> tuple[int | None, str, str]:
+        """Exit status, standard output and error of a run interrupted at a step: "event name count [within]"."""
+        return _end(self._started(arguments, step, **streams))
+
+    def at_random(
+        self, arguments: Sequence[str], number: int, count: int, seed: int = 0
+    ) -> Iterator[tuple[int | None, str, str]]:
+        """The ends of ``count`` runs that this signal has ended, at moments spread evenly over a run.
+
+        Runs that were faster than the signal are checked and run again, so the machine's speed does not matter. What
+        comes before the program listens is for Python's own start to answer and is not tried.
+        """
+        draw = random.Random(seed)
+        run = self._listening(arguments)
+        begin = time.monotonic()
+        assert _end(run)[0] == 0
+        lasts = time.monotonic() - begin
+        struck = 0
+        while struck < count:
+            run = self._listening(arguments)
+            with suppress(subprocess.TimeoutExpired):
+                run.wait(draw.uniform(0, lasts))
+            if draw.random() < 0.5:
+                run.send_signal(number)
+            else:
+                with suppress(ProcessLookupError):  # as a terminal does, to all that belong to the command
+                    os.killpg(run.pid, number)
+            end = _end(run)
+            if end[0] == 0:
+                assert end[2] == ""
+            else:
+                struck += 1
+                yield end
+
+    def _listening(self, arguments: Sequence[str]) -> subprocess.Popen[str]:
+        run = self._started(arguments, "none none 0")
+        until = time.monotonic() + LONGEST
+        while not self._listens.exists() and run.poll() is None:
+            assert time.monotonic() < until, "the program does not start"
+            time.sleep(0.001)
+        return run
+
+    def _started(self, arguments: Sequence[str], step: str, **streams: Any) -> subprocess.Popen[str]:
+        self._listens.unlink(missing_ok=True)
+        pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step)
+        # A group of its own, as a shell gives to a command.
+        return subprocess.Popen([*self._program, *arguments], env=own, start_new_session=True, **{**pipes, **streams})
+
+
+def _end(run: subprocess.Popen[str]) -> tuple[int | None, str, str]:
+    """Standard error ends with the last process that could write to it, so none is left after this."""
+    out, told = run.communicate(timeout=LONGEST)
+    return run.returncode, out, told

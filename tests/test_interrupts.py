@@ -1,0 +1,145 @@
+"""Ctrl-C: one line and exit status 130 whenever it comes, nothing else said, nothing left half done."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.stress.runs import LONGEST
+from tests.stress.strikes import INTERRUPTED, Struck
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
+
+_ORBIT = "orbit --below-crit 0.5 --quiet"
+_SWEEP = "sweep hopf --over g=9.7:9.9:40 --quiet --out {folder}/a.csv"
+
+
+@pytest.fixture
+def struck(tmp_path: Path) -> Struck:
+    return Struck(tmp_path / "hand")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "step"),
+    [
+        *(("--version", f"call * {10**n}") for n in range(5)),
+        *(("hopf", f"call * {n}") for n in (2_000, 8_000, 32_000)),
+        # Where Python has nobody to hand an exception to, it prints it and goes on.
+        *((_ORBIT, step) for step in ("import mpmath 1 destructor", "import mpmath 1 weakref")),
+        # Imports by Python, by an extension module, and of one.
+        *((_ORBIT, f"import {name} 1") for name in ("click", "numpy", "numpy.dtypes", "datetime")),
+        *((_ORBIT, f"import {name} 1") for name in ("gmpy2.gmpy2", "heyoka")),
+        ("heteroclinic --method scipy", "import scipy.integrate 1"),
+        ("scene d --out {folder} --quiet", "import matplotlib.ft2font 1"),
+        (_ORBIT, "sqlite3.connect * 1"),
+        # In the midst of starting processes, waiting for them, and with their work at hand.
+        *((f"{_SWEEP} --jobs 2", f"call spawnv_passfds {n}") for n in (1, 2, 3)),
+        *((f"{_SWEEP} --jobs 2", step) for step in ("call wait 1", "call wait 10", "call keep 1")),
+    ],
+)  # fmt: skip
+def test_interrupt_is_130(arguments: str, step: str, struck: Struck, tmp_path: Path) -> None:
+    assert struck.at(step, arguments.format(folder=tmp_path).split())[::2] == (130, INTERRUPTED)
+
+
+def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module, _, function = project["scripts"]["tippedisk-verify"].partition(":")
+    struck = Struck(tmp_path, [sys.executable, "-c", f"from {module} import {function}; {function}()"])
+    assert struck.at("import click 1", ["--version"])[::2] == (130, INTERRUPTED)
+
+
+def test_a_result_that_is_out_is_not_called_interrupted(struck: Struck) -> None:
+    """While Python ends there is nothing left to stop."""
+    status, out, told = struck.at("import mpmath 1 exit", ["hopf"])
+    assert (status, told) == (0, "")
+    assert out.startswith("omega_crit")
+
+
+@pytest.mark.parametrize("step", ["tempfile.mkstemp * 1", "os.rename * 1"])
+def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    arguments = ["conformance", "questions", str(out / "sheet.csv"), "--levels", "3", "--quiet"]
+    assert struck.at(step, arguments)[::2] == (130, INTERRUPTED)
+    assert [path.name for path in out.iterdir()] == ["sheet.csv"]
+    assert (out / "sheet.csv").read_text(encoding="utf-8").endswith("\n")
+
+
+@pytest.mark.parametrize(("step", "left"), [("call _run 1", []), ("call keep 3", [".a.csv.journal"])])
+def test_a_sweep_keeps_a_journal_of_what_it_has(step: str, left: list[str], struck: Struck, tmp_path: Path) -> None:
+    """With a point in it the journal is taken up by the next run; without one it would only be in the way."""
+    out = tmp_path / "out"
+    out.mkdir()
+    arguments = f"{_SWEEP} --executor serial".format(folder=out).split()
+    assert struck.at(step, arguments)[::2] == (130, INTERRUPTED)
+    assert [path.name for path in out.iterdir()] == left
+    assert struck.at("none none 0", arguments)[0] == 0
+    assert [path.name for path in out.iterdir()] == ["a.csv"]
+    assert len((out / "a.csv").read_text().splitlines()) == 41
+
+
+def test_a_terminal_gets_its_cursor_back(struck: Struck, tmp_path: Path) -> None:
+    """The live bar hides it."""
+    ours, theirs = os.openpty()
+    shown = bytearray()
+
+    def read() -> None:
+        with suppress(OSError):  # which is how a terminal ends that nobody writes to any more
+            while True:
+                shown.extend(os.read(ours, 65536))
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:60", "--executor", "serial", "--out", str(tmp_path / "a.csv")]
+    assert struck.at("call keep 20", arguments, stderr=theirs)[0] == 130
+    os.close(theirs)
+    reader.join()
+    os.close(ours)
+    assert b"\x1b[?25l" in shown
+    assert shown.endswith(b"\r\x1b[2K\x1b[?25h\rtippedisk-verify: interrupted\r\n")
+
+
+def test_the_package_leaves_signals_to_its_users() -> None:
+    """Also where it loads what must not be loaded by halves, and where the command line runs inside a program."""
+    program = (
+        "import signal, sys\n"
+        "before = signal.signal(signal.SIGINT, mine := lambda *given: None)\n"
+        "changed = []; signal.signal = signal.pthread_sigmask = lambda *given: changed.append(given)\n"
+        "from tippedisk_verify.model.precision import heyoka_module; heyoka_module()\n"
+        "from tippedisk_verify.cli import main\n"
+        "assert main(['hopf', '--quiet']) == 0\n"
+        "assert signal.getsignal(signal.SIGINT) is mine and not changed, changed\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LONGEST, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+# Fifty moments in all; what takes long is struck less often.
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "count"),
+    [
+        ("--version", 8),
+        ("hopf", 8),
+        ("orbit --below-crit 0.5", 8),
+        ("scene d --out {folder}", 5),
+        ("verify --out {folder}", 5),
+        ("sweep orbit --over below-crit=0.1:0.7:40 --jobs 2 --out {folder}/a.csv", 6),
+        ("basin --below-crit 0.5 --count 10000 --jobs 2 --out {folder}", 5),
+        ("reference generate --only hopf --jobs 2 --out {folder}", 5),
+    ],
+)
+def test_fifty_moments(arguments: str, count: int, struck: Struck, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    for status, _, told in struck.at_random(arguments.format(folder=out).split(), signal.SIGINT, count):
+        assert (status, told) == (130, INTERRUPTED)
+        assert not list(out.rglob(".*-????????"))  # nothing that is written beside its place
