@@ -9,6 +9,7 @@ import sys
 import threading
 import tomllib
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -131,7 +132,7 @@ def test_the_package_leaves_signals_to_its_users() -> None:
         ("hopf", 8),
         ("orbit --below-crit 0.5", 8),
         ("scene d --out {folder}", 5),
-        ("verify --out {folder}", 5),
+        ("verify --only scene_a,scene_b,scene_c,scene_d,scene_e --out {folder}", 5),
         ("sweep orbit --over below-crit=0.1:0.7:40 --jobs 2 --out {folder}/a.csv", 6),
         ("basin --below-crit 0.5 --count 10000 --jobs 2 --out {folder}", 5),
         ("reference generate --only hopf --jobs 2 --out {folder}", 5),
@@ -140,6 +141,7 @@ def test_the_package_leaves_signals_to_its_users() -> None:
 def test_fifty_moments(arguments: str, count: int, struck: Struck, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
-    for status, _, told in struck.at_random(arguments.format(folder=out).split(), signal.SIGINT, count):
+    words = arguments.format(folder=out).split()
+    for status, _, told in islice(struck.at_random(words, signal.SIGINT, struck.lasts(words)), count):
         assert (status, told) == (130, INTERRUPTED)
-        assert not list(out.rglob(".*-????????"))  # nothing that is written beside its place
+        assert not list(out.glob(".*-????????"))  # nothing that is written beside its place

@@ -137,7 +137,7 @@ def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tippedisk_verify", *_SWEEP, "--jobs", "2", "--out", str(out)]
     run = subprocess.Popen(command, start_new_session=True)
     journal = tmp_path / ".a.csv.journal"
-    until = time.monotonic() + 120
+    until = time.monotonic() + 240  # s, against hanging only
     while time.monotonic() < until and not (journal.exists() and journal.read_bytes().count(b"\n") > 5):
         time.sleep(0.02)
     for path in Path("/proc").glob("[0-9]*/stat"):
@@ -149,29 +149,30 @@ def test_killed_workers_lose_nothing(tmp_path: Path) -> None:
         if parent == run.pid and worker:
             os.kill(int(path.parent.name), signal.SIGKILL)
             break
-    assert run.wait(timeout=180) == 0
+    assert run.wait(timeout=240) == 0
     speeds = [row["below-crit"] for row in _rows(out)]
     assert len(speeds) == len(set(speeds)) == 40
     assert {row["status"] for row in _rows(out)} == {"ok"}
 
 
 _CLUSTER = """
-import os, signal, sys, threading, time
+import os, signal, sys
 from distributed import LocalCluster
 from tippedisk_verify.cli import main
 
 if __name__ == "__main__":
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         victim = cluster.workers[0].process.process.pid
+        write_through, kept = os.fsync, []
 
-        def kill():
-            journal = sys.argv[1].rsplit("/", 1)[0] + "/.a.csv.journal"
-            while not (os.path.exists(journal) and open(journal, "rb").read().count(b"\\n") > 5):
-                time.sleep(0.02)
-            os.kill(victim, signal.SIGKILL)
-            print("killed", flush=True)
+        def kill_at_the_sixth(stream):  # each row is written through to the disk
+            write_through(stream)
+            kept.append(None)
+            if len(kept) == 6:
+                os.kill(victim, signal.SIGKILL)
+                print("killed", flush=True)
 
-        threading.Thread(target=kill, daemon=True).start()
+        os.fsync = kill_at_the_sixth
         address = cluster.scheduler_address.removeprefix("tcp://")
         status = main(sys.argv[2:] + ["--executor", "dask://" + address, "--out", sys.argv[1]])
     sys.exit(status)

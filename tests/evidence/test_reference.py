@@ -14,12 +14,15 @@ import time
 from collections.abc import Iterator
 from decimal import Decimal
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 
 import mpmath
 import pytest
 
 from tests.problems import paper_rates
+from tests.stress.runs import LONGEST
+from tests.stress.strikes import Struck
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.checking import check, recomputed, stored_entries
@@ -227,27 +230,16 @@ def _bytes(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def _killed(folder: Path, after: float) -> bool:
-    """Whether a run into the folder was killed before its end."""
-    only = [word for kind in _QUICK for word in ("--only", kind)]
-    command = [sys.executable, "-m", "tippedisk_verify", "reference", "generate", "--quiet", "--jobs", "1"]
-    run = subprocess.Popen([*command, "--out", str(folder), *only], stderr=subprocess.DEVNULL)
-    time.sleep(after)
-    run.send_signal(signal.SIGKILL)
-    return run.wait() == -signal.SIGKILL
-
-
-def _survives(tmp_path: Path, kills: int, seed: int) -> int:
-    """How many of the kills hit; each leaves whole files only, and runs that go on make what one run makes."""
-    whole = tmp_path / "whole"
-    begin = time.perf_counter()
-    generate(whole, only=_QUICK)
-    lasts = 0.7 + time.perf_counter() - begin  # and the start of a process
+def _survives(tmp_path: Path, kills: int, seed: int) -> None:
+    """Each kill leaves whole files only, and runs that go on make what one run makes."""
+    words = ["reference", "generate", "--quiet", "--jobs", "1"]
+    words += [*(word for kind in _QUICK for word in ("--only", kind)), "--out"]
+    struck = Struck(tmp_path / "hand")
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    lasts = struck.lasts([*words, str(whole)])
     expected = _bytes(whole)
-    draw, hits = random.Random(seed), 0
-    broken = tmp_path / "broken"
-    for _ in range(kills):
-        hits += _killed(broken, draw.uniform(0, lasts))
+    for status, _, _ in islice(struck.at_random([*words, str(broken)], signal.SIGKILL, lasts, seed), kills):
+        assert status == -signal.SIGKILL
         for name, content in _bytes(broken).items():
             if not any(part.startswith(".") for part in Path(name).parts):
                 assert content == expected[name], name
@@ -257,18 +249,17 @@ def _survives(tmp_path: Path, kills: int, seed: int) -> int:
             shutil.rmtree(broken)
     generate(broken, only=_QUICK)
     assert _bytes(broken) == expected
-    return hits
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> None:
-    assert _survives(tmp_path, 4, 11) > 0
+    _survives(tmp_path, 4, 11)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 def test_fifty_kills(tmp_path: Path) -> None:
-    assert _survives(tmp_path, 50, 12) > 25
+    _survives(tmp_path, 50, 12)
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
@@ -286,13 +277,13 @@ def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> N
                     found.append(path.parent.name)
         return found
 
-    until = time.monotonic() + 60
-    while len(alive()) < 3 and time.monotonic() < until:
+    until = time.monotonic() + LONGEST
+    while len(alive()) < 4:  # itself, Python's tracker of semaphores, two workers
+        assert time.monotonic() < until
         time.sleep(0.1)
-    time.sleep(1.0)
     run.send_signal(how)
-    assert run.wait(timeout=60) == (130 if how == signal.SIGINT else -how)
-    until = time.monotonic() + 60
+    assert run.wait(timeout=LONGEST) == (130 if how == signal.SIGINT else -how)
+    until = time.monotonic() + LONGEST
     while alive() and time.monotonic() < until:
         time.sleep(0.2)
     assert alive() == []

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import random
+import signal
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
@@ -94,34 +95,35 @@ class Struck:
         """Exit status, standard output and error of a run interrupted at a step: "event name count [within]"."""
         return _end(self._started(arguments, step, **streams))
 
-    def at_random(
-        self, arguments: Sequence[str], number: int, count: int, seed: int = 0
-    ) -> Iterator[tuple[int | None, str, str]]:
-        """The ends of ``count`` runs that this signal has ended, at moments spread evenly over a run.
-
-        Runs that were faster than the signal are checked and run again, so the machine's speed does not matter. What
-        comes before the program listens is for Python's own start to answer and is not tried.
-        """
-        draw = random.Random(seed)
+    def lasts(self, arguments: Sequence[str]) -> float:
+        """How long a whole run takes from when it listens [s]; for drawing moments, not for judging."""
         run = self._listening(arguments)
         begin = time.monotonic()
         assert _end(run)[0] == 0
-        lasts = time.monotonic() - begin
-        struck = 0
-        while struck < count:
+        return time.monotonic() - begin
+
+    def at_random(
+        self, arguments: Sequence[str], number: int, lasts: float, seed: int = 0
+    ) -> Iterator[tuple[int | None, str, str]]:
+        """The ends of runs that this signal has ended, at moments spread evenly over ``lasts`` seconds; without end.
+
+        A run that is faster than its signal must be as good as any, and does not count: so many as the caller takes are
+        struck, whatever the machine's speed. What comes before the program listens is for Python's own start to answer.
+        """
+        draw = random.Random(seed)
+        while True:
             run = self._listening(arguments)
             with suppress(subprocess.TimeoutExpired):
                 run.wait(draw.uniform(0, lasts))
-            if draw.random() < 0.5:
-                run.send_signal(number)
-            else:
-                with suppress(ProcessLookupError):  # as a terminal does, to all that belong to the command
-                    os.killpg(run.pid, number)
+            with suppress(ProcessLookupError):
+                if draw.random() < 0.5:
+                    run.send_signal(number)
+                else:
+                    os.killpg(run.pid, number)  # as a terminal does, to all that belong to the command
             end = _end(run)
             if end[0] == 0:
                 assert end[2] == ""
             else:
-                struck += 1
                 yield end
 
     def _listening(self, arguments: Sequence[str]) -> subprocess.Popen[str]:
@@ -142,5 +144,10 @@ class Struck:
 
 def _end(run: subprocess.Popen[str]) -> tuple[int | None, str, str]:
     """Standard error ends with the last process that could write to it, so none is left after this."""
-    out, told = run.communicate(timeout=LONGEST)
+    try:
+        out, told = run.communicate(timeout=LONGEST)
+    except subprocess.TimeoutExpired:
+        os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+        raise
     return run.returncode, out, told

@@ -5,13 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import os
-import random
 import resource
 import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
+from tests.stress.strikes import INTERRUPTED, Struck
 from tippedisk_verify.evidence.reference.manifest import faults_in_files
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
@@ -30,15 +29,6 @@ def _table(path: Path) -> list[dict[str, str]]:
 
 
 # ------------------------------------------------------------------------------------------ kill -9 and Ctrl-C
-def _struck(arguments: list[str], number: int, delay: float) -> subprocess.Popen[str]:
-    process = subprocess.Popen(
-        [*PROGRAM, *arguments], env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    time.sleep(delay)
-    process.send_signal(number)
-    return process
-
-
 def _sheet(folder: Path) -> list[str]:
     return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
 
@@ -65,32 +55,22 @@ def _whole(folder: Path) -> int:
     return len(found)
 
 
-def _kills(folder: Path, count: int, number: int) -> Iterator[int]:
+def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     """Runs that write, struck at random moments one after the other into the same folder; then each runs to its end."""
-    draw = random.Random(number)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    struck = Struck(tmp_path / "hand")
     commands = [
         [*GENERATE, str(folder / "data")],
         [*SWEEP, str(folder / "sweep.csv")],
         _sheet(folder),
         _branch(folder),
     ]
-    longest = []
-    for arguments in commands:
-        begin = time.monotonic()
-        assert run(arguments).returncode == 0
-        longest.append(time.monotonic() - begin)
+    ends = [struck.at_random(arguments, number, struck.lasts(arguments), count) for arguments in commands]
     files = _whole(folder)
-    soonest = 0.3 if number == signal.SIGINT else 0.0
     for n in range(count):
-        which = n % len(commands)
-        process = _struck(commands[which], number, max(soonest, draw.uniform(0.1, 1.1) * longest[which]))
-        _, err = process.communicate(timeout=LONGEST)
-        ended = process.returncode
-        # Python's own start answers Ctrl-C in its own way: with its own lines, or by ending before it listens at all.
-        deaf = ended == -signal.SIGINT and not err
-        began = not deaf and ("Traceback" not in err or "cli.py" in err)
-        assert ended in ({-signal.SIGKILL, 0} if number == signal.SIGKILL else {130, 0} if began else {1, -2}), err
-        assert not began or "Traceback" not in err
+        ended, _, told = next(ends[n % len(ends)])
+        assert (ended, told) == ((130, INTERRUPTED) if number == signal.SIGINT else (-number, ""))
         assert _whole(folder) >= files  # nothing that was there is lost or cut
         yield ended
     for arguments in commands:
@@ -103,21 +83,18 @@ def _kills(folder: Path, count: int, number: int) -> Iterator[int]:
 
 
 def test_kills_leave_whole_files(tmp_path: Path) -> None:
-    assert len(list(_kills(tmp_path, 4, signal.SIGKILL))) == 4
+    assert len(list(_strikes(tmp_path, 4, signal.SIGKILL))) == 4
 
 
 @pytest.mark.slow
 def test_interrupts_leave_whole_files(tmp_path: Path) -> None:
-    assert len(list(_kills(tmp_path, 4, signal.SIGINT))) == 4
+    assert len(list(_strikes(tmp_path, 4, signal.SIGINT))) == 4
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_a_hundred_strikes(number: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    ends = list(_kills(tmp_path, 100, number))
-    with capsys.disabled():
-        counted = {end: ends.count(end) for end in sorted(set(ends))}
-        print(f"\n{signal.Signals(number).name}: {len(ends)} runs struck, by end {counted}, files lost 0")
+def test_a_hundred_strikes(number: int, tmp_path: Path) -> None:
+    assert len(list(_strikes(tmp_path, 100, number))) == 100
 
 
 def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -274,7 +251,7 @@ def test_surroundings_do_not_change_a_digit(
     # In another character set the sign of an uncertainty is another byte: only digits are looked at.
     done = run(["hopf"], errors="replace", **changes)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("omega_crit: 30.8865926886435672782860900152")
+    assert done.stdout.startswith("omega_crit [rad/s]: 30.8865926886435672782860900152")
     # A file whose name is no text, and a figure for those who have no place for Matplotlib's settings.
     done = run(["conformance", "questions", os.fsdecode(bytes(tmp_path) + b"/\xff.csv"), "--levels", "3"], **changes)
     assert (done.returncode, done.stderr) == (0, "")
