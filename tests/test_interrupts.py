@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stress.runs import LONGEST
+from tests.stress.runs import LONGEST, PROGRAM
 from tests.stress.strikes import INTERRUPTED, Struck
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
@@ -87,8 +88,9 @@ def test_a_sweep_keeps_a_journal_of_what_it_has(step: str, left: list[str], stru
     assert len((out / "a.csv").read_text().splitlines()) == 41
 
 
-def test_a_terminal_gets_its_cursor_back(struck: Struck, tmp_path: Path) -> None:
-    """The live bar hides it."""
+def test_a_terminal_gets_its_cursor_back(struck: Struck, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The live bar hides it, and its thread draws on until the end."""
+    monkeypatch.setenv("TERM", "xterm")
     ours, theirs = os.openpty()
     shown = bytearray()
 
@@ -105,7 +107,17 @@ def test_a_terminal_gets_its_cursor_back(struck: Struck, tmp_path: Path) -> None
     reader.join()
     os.close(ours)
     assert b"\x1b[?25l" in shown
-    assert shown.endswith(b"\r\x1b[2K\x1b[?25h\rtippedisk-verify: interrupted\r\n")
+    assert shown.endswith(b"\r\x1b[2K\x1b[?25htippedisk-verify: interrupted\r\n")
+
+
+def test_a_file_that_has_the_number_of_standard_error_is_not_written_to(tmp_path: Path) -> None:
+    """Where standard error is closed from the start, the next file that is opened gets its number."""
+    out = tmp_path / "out"
+    out.mkdir()
+    struck = Struck(tmp_path / "hand", ["sh", "-c", 'exec "$@" 2>&-', "sh", *PROGRAM])
+    assert struck.at("call keep 3", f"{_SWEEP} --executor serial".format(folder=out).split())[0] == 130
+    journal = (out / ".a.csv.journal").read_text().splitlines()
+    assert len([json.loads(line) for line in journal]) == 3
 
 
 def test_the_package_leaves_signals_to_its_users() -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -68,16 +69,27 @@ def deaf_children() -> Iterator[None]:
 
 def _handle(number: int, frame: object) -> None:
     _pressed.append(None)
-    if not _holding:
+    if len(_pressed) == 1 and not _holding:
         _leave()
 
 
 def _leave() -> None:
+    stream = None if sys.stderr is None else 2  # where it was closed from the start, 2 may be any file
     try:
+        if stream is not None:
+            with suppress(OSError):
+                # Threads that draw a bar, or miss the processes that they wait for, have nothing more to say.
+                stream = os.dup(2)
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         for action in reversed(_undoing):
             with suppress(Exception):
                 action()
-        # A terminal has shown ^C: the line goes over it.
-        os.write(2, (b"\r" if os.isatty(2) else b"") + b"tippedisk-verify: interrupted\n")
+        if stream is not None:
+            os.write(stream, _clear(stream) + b"tippedisk-verify: interrupted\n")
     finally:
         os._exit(130)
+
+
+def _clear(stream: int) -> bytes:
+    """What takes ^C or a bar off a terminal's line, and shows the cursor, which a bar hides."""
+    return b"\r\x1b[2K\x1b[?25h" if os.isatty(stream) and os.environ.get("TERM", "dumb") != "dumb" else b""

@@ -174,14 +174,9 @@ def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with undoing(_wipe_bar), Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=total)
         yield lambda label, steps: bar.update(task, description=label, advance=steps)
-
-
-def _wipe_bar() -> None:
-    """Clear the bar's line and show the cursor, past the bar's own locks."""
-    os.write(2, b"\r\x1b[2K\x1b[?25h")
 
 
 def checked_jobs(jobs: int | None) -> int | None:
