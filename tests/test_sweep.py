@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import signal
 import subprocess
@@ -15,10 +16,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.dask_cluster import changed_package, surroundings
+from tippedisk_verify import __version__
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.sweep import Plan, axis, computed, swept
+from tippedisk_verify.sweep.plan import Plan, axis, computed, here
+from tippedisk_verify.sweep.running import swept
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -63,6 +67,33 @@ def test_a_point_without_numbers_says_why() -> None:
     assert "eccentricity" in row["status"]
 
 
+@pytest.mark.parametrize(
+    ("analysis", "point"),
+    [
+        ("orbit", {"omega": "91/3"}), ("orbit", {"below-crit": "0.5"}), ("equilibria", {"omega": "91/3", "mu": "0.2"}),
+        ("hopf", {"e": "1/400", "m": "0.4", "g": "9.8"}), ("heteroclinic", {"epsilon": "0.1"}),
+        ("trajectory", {"omega": "91/3", "beta": "pi/2", "gamma": "1.9", "v": "2", "duration": "1/3"}),
+    ],
+)  # fmt: skip
+def test_what_was_given_stays_beside_what_was_found(analysis: str, point: dict[str, str]) -> None:
+    axes = tuple((name, (value,)) for name, value in point.items())
+    row = computed(Plan(analysis, PRINTED, axes), point)
+    assert row["status"] == "ok"
+    assert {name: row[name] for name in point} == point
+    results = [name for name in row if f"{name}_uncertainty" in row]
+    assert results
+    assert not set(results) & set(point)
+
+
+def test_a_trajectory_ends_in_columns_of_its_own() -> None:
+    """beta' = v, and gamma' = 0 at beta = pi/2: a moment after the start."""
+    point = {"omega": "30", "beta": "pi/2", "gamma": "1.9", "v": "2", "duration": "1e-6"}
+    row = computed(Plan("trajectory", PRINTED, tuple((name, (value,)) for name, value in point.items())), point)
+    assert float(row["final_beta"]) == pytest.approx(math.pi / 2 + 2e-6, rel=0, abs=1e-9)  # v' is below 1000 rad/s^2
+    assert float(row["final_gamma"]) == pytest.approx(1.9, rel=0, abs=1e-9)
+    assert float(row["final_v"]) == pytest.approx(2, rel=0, abs=1e-3)
+
+
 # ------------------------------------------------------------------------------------------ runs
 def test_a_table_in_the_order_of_the_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "hopf.csv"
@@ -105,7 +136,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, monkeypatch: pytest.Monkey
         calls.append(point["g"])
         return {"g": point["g"], "status": "ok"}
 
-    monkeypatch.setattr("tippedisk_verify.sweep.computed", broken)
+    monkeypatch.setattr("tippedisk_verify.sweep.running.computed", broken)
     out = tmp_path / "a.csv"
     with pytest.raises(KeyboardInterrupt):
         swept(plan, out, pool=lambda: nullcontext(None))
@@ -118,6 +149,69 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [call for call in calls if call.startswith("9")] == [f"9.{n}" for n in range(10)]
     assert [row["g"] for row in _rows(out)] == [f"9.{n}" for n in range(10)]
     assert not journal.exists()
+
+
+def _interrupted(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep of ten points into this file, of which four were computed."""
+    calls: list[object] = []
+
+    def broken(plan: Plan, point: dict[str, str]) -> dict[str, str]:
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        calls.append(point)
+        return computed(plan, point)
+
+    plan = Plan("hopf", PRINTED, _TEN)
+    with monkeypatch.context() as patch:
+        patch.setattr("tippedisk_verify.sweep.running.computed", broken)
+        with pytest.raises(KeyboardInterrupt):
+            swept(plan, out, pool=lambda: nullcontext(None))
+
+
+_TEN = (("g", tuple(f"9.{n}" for n in range(10))),)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("theory/hopf.py", "from __future__", "# other words\nfrom __future__"), "has rows from changed code"),
+        (("__init__.py", f'"{__version__}"', '"0.0.1"'), f"from tippedisk_verify {__version__} instead of 0.0.1"),
+    ],
+    ids=["code", "version"],
+)  # fmt: skip
+def test_other_code_does_not_go_on_with_a_journal(
+    change: tuple[str, str, str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    swept(Plan("hopf", PRINTED, _TEN), tmp_path / "b.csv", pool=lambda: nullcontext(None))
+    out, journal = tmp_path / "a.csv", tmp_path / ".a.csv.journal"
+    _interrupted(out, monkeypatch)
+    before = journal.read_bytes()
+    over = f"g={','.join(_TEN[0][1])}"
+    run = subprocess.run(
+        [sys.executable, "-m", "tippedisk_verify", "sweep", "hopf", "--over", over, "--out", str(out)],
+        capture_output=True, text=True, cwd=tmp_path, env=surroundings(changed_package(tmp_path / "other", *change)),
+    )  # fmt: skip
+    assert run.returncode == 2
+    assert words in run.stderr
+    assert "remove the file" in run.stderr
+    assert run.stderr.count("\n") == 1
+    assert journal.read_bytes() == before
+    swept(Plan("hopf", PRINTED, _TEN), out, pool=lambda: nullcontext(None))
+    assert out.read_bytes() == (tmp_path / "b.csv").read_bytes()
+
+
+def test_rows_of_a_process_with_other_code_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As when a new version is installed while a pool's processes start."""
+    old = here() | {"numpy": "1.0"}
+    monkeypatch.setattr("tippedisk_verify.sweep.running.here", lambda: old)
+    arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:9", "--jobs", "2", "--out", str(tmp_path / "a.csv")]
+    assert main(arguments) == 1
+    told = capsys.readouterr().err
+    assert f"numpy {here()['numpy']} instead of 1.0" in told
+    assert told.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_journal_of_another_sweep_is_not_used(tmp_path: Path) -> None:
@@ -207,6 +301,7 @@ def test_bad_input(
     options: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tippedisk_verify.sweep.cluster._CONNECT", 0.5)  # s; longer, it is only tried again
     arguments = ["sweep", "hopf", "--over", "g=9.8", *([] if "--out" in options else ["--out", "a.csv"]), *options]
     assert main(arguments) == 2
     told = capsys.readouterr().err

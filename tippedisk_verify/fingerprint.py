@@ -10,13 +10,14 @@ import ast
 import hashlib
 import json
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["DRAWING", "NUMERICAL", "closure", "fingerprint", "processor", "versions"]
+__all__ = ["DRAWING", "NUMERICAL", "closure", "fingerprint", "origin", "processor", "unlike", "versions"]
 
 _PACKAGE = "tippedisk_verify"
 _ROOT = Path(__file__).parent
@@ -31,6 +32,35 @@ def fingerprint(module: str, inputs: dict[str, Any], packages: tuple[str, ...] =
     code = {name: _content(name) for name in closure(module)}
     parts = {"code": code, "inputs": inputs, "versions": versions(packages), "machine": _machine()}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+@lru_cache(maxsize=8)
+def origin(module: str) -> dict[str, str]:
+    """Where the module's numbers come from: this package's version, a hash of the code, and the numerical packages.
+
+    Two processes with the same origin may share their results; the processor is left out, because half-widths hold on
+    each. What has been read is loaded at once and the answer kept: a process that has run for weeks goes on saying
+    which code it runs, whatever has been installed meanwhile.
+    """
+    from tippedisk_verify import __version__
+
+    content = {name: _content(name) for name in closure(module)}
+    for name in content:
+        import_module(name)
+    code = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+    return {_PACKAGE: __version__, "code": code, **versions(NUMERICAL)}
+
+
+def unlike(other: Mapping[str, object], mine: Mapping[str, str]) -> str:
+    """What differs in another `origin`, in words for a message; empty if nothing does."""
+    different = [
+        f"{name} {str(other.get(name, 'unknown'))[:40]} instead of {text}"
+        for name, text in mine.items()
+        if name != "code" and other.get(name) != text
+    ]
+    if not different and other.get("code") != mine["code"]:
+        different = [f"changed code of {_PACKAGE} {mine[_PACKAGE]}"]
+    return ", ".join(different)
 
 
 def closure(module: str) -> tuple[str, ...]:

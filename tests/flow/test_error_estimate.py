@@ -19,7 +19,7 @@ _PASSING = tuple(Event(f"each {event.name}", event.function, terminal=False) for
 
 
 def held(taylor: Taylor, request: Request) -> list[tuple[str, float, float]]:
-    """(what, half-width, error) of every number whose half-width does not hold the same run's in quadruple precision."""
+    """(what, half-width, error) of every number whose half-width does not hold the same run's in 113 bits."""
     mine = taylor(replace(request, error_estimate=True))
     truth = taylor(replace(request, precision=QUADRUPLE))
     pairs = list(zip(mine.state, mine.error.state, truth.state, strict=True))

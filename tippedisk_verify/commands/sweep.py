@@ -34,11 +34,17 @@ __all__ = ["COMMANDS"]
 @click.option("--jobs", type=int, metavar="N", help="Processes of `local`; as many as there are cores if not given.")
 @common_options
 def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, executor: str, jobs: int | None) -> int:
-    """An analysis at every combination of the axes' values; interrupted, it goes on where it stopped."""
+    """An analysis at every combination of the axes' values; interrupted, it goes on where it stopped.
+
+    The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
+    trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
+    """
     import os
 
     from tippedisk_verify.files import output_file
-    from tippedisk_verify.sweep import Plan, axis, executor_at, swept
+    from tippedisk_verify.sweep.cluster import executor_at
+    from tippedisk_verify.sweep.plan import Plan, axis
+    from tippedisk_verify.sweep.running import swept
 
     plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits, common.friction)
     target = output_file(out)

@@ -1,44 +1,35 @@
-"""Any analysis over many points: parameters, speeds and initial states, on one core, all cores or a cluster.
+"""What a sweep computes: an analysis, the axes whose every combination is a point, and the row of one point.
 
-A point is a set of exact decimals. Points run on any `concurrent.futures.Executor`; each result goes to a journal
-beside the output as soon as it is there, so that an interrupted sweep goes on where it stopped and no point is computed
-twice. The output is written once, whole, in the order of the points, when all are there.
+A point is a set of exact decimals. Its row has what was given in columns named after the axes, and the results in
+columns of their own.
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager
+import platform
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, checksum, write_bytes, write_csv
-from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.equations import checked_friction, checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 
-__all__ = ["ANALYSES", "Plan", "axis", "executor_at", "swept"]
+__all__ = ["ANALYSES", "Plan", "answered", "axis", "computed", "here"]
 
 _PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 _MOST_POINTS = 1_000_000
 _MOST_BITS = 1_000_000_000  # of a range's numbers
-_LONGEST_LINE = 1_000_000  # bytes of a journal's line
-_WAITING = 4  # points for each worker that are handed out ahead
-_REVIVALS = 5  # of a pool whose processes died
 
 
 # ------------------------------------------------------------------------------------------ what can be swept
@@ -48,9 +39,10 @@ def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int, fricti
 
     options: dict[str, Any] = {"digits": digits, "friction": friction}
     cycle = followed_cycle(parameters, _speed(parameters, point, digits), default_engine(), **options)
-    names = ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
+    speed = {} if "omega" in point else {"omega": cycle.omega}
+    names = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
     found: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
-    return {**found, "stable": str(cycle.stable).lower()}
+    return {**speed, **found, "stable": str(cycle.stable).lower()}
 
 
 def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
@@ -96,10 +88,10 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int, f
     if result.error is None or not all(float(width) < float("inf") for width in result.error.state):
         raise Shortfall("rounding decides how this orbit ends: ask for more digits")
     numbers = {
-        name: Measured.of(value, width)
+        f"final_{name}": Measured.of(value, width)
         for name, value, width in zip(("beta", "gamma", "v"), result.state, result.error.state, strict=True)
     }
-    return {"status": result.status.name.lower(), "time": Measured.of(result.time, result.error.time), **numbers}
+    return {"ended": result.status.name.lower(), "time": Measured.of(result.time, result.error.time), **numbers}
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:
@@ -208,11 +200,9 @@ class Plan:
 
     @property
     def key(self) -> str:
-        """A hash of everything that the results depend on."""
-        from tippedisk_verify import __version__
-
+        """A hash of all that is asked for."""
         fixed = [_text(getattr(self.parameters, name)) for name in _PARAMETERS]
-        text = json.dumps([__version__, self.analysis, fixed, self.axes, self.digits, self.friction])
+        text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.friction])
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -230,188 +220,15 @@ def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
         if isinstance(value, Measured):
             row[name], row[f"{name}_uncertainty"] = value.decimals()
         else:
-            row["ended" if name == "status" else name] = str(value)
+            row[name] = str(value)
     return row
 
 
-# ------------------------------------------------------------------------------------------ running
-def swept(
-    plan: Plan,
-    out: Path,
-    *,
-    pool: Callable[[], AbstractContextManager[Executor | None]],
-    workers: int = 1,
-    advance: Callable[[str, int], None] = lambda label, steps: None,
-) -> tuple[int, int]:
-    """Run the plan and write ``out`` (.csv or .parquet); returns (points, those of them that have no numbers).
-
-    ``pool`` makes the executor, anew if its processes died. What an interrupted run of the same plan left in the
-    journal is taken up. Raises InputError for an unknown kind of file or a journal of another plan.
-    """
-    if out.suffix.lower() not in (".csv", ".parquet"):
-        raise InputError(f"'{out.name}' must end in .csv or .parquet")
-    if out.suffix.lower() == ".parquet":
-        _arrow()
-    journal = out.with_name(f".{out.name}.journal")
-    with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
-        points = list(plan.points())
-        rows = _taken_up(journal, plan, points)
-
-        def discard() -> None:
-            if not rows:  # nothing is lost with it
-                journal.unlink(missing_ok=True)
-
-        advance("taken up", len(rows))
-        try:
-            with undoing(discard):
-                return _swept(plan, out, journal, points, rows, pool, workers, advance)
-        except BaseException:
-            discard()
-            raise
+def here() -> dict[str, str]:
+    """The `origin` of the rows that this process computes."""
+    return origin(__name__)
 
 
-def _swept(
-    plan: Plan,
-    out: Path,
-    journal: Path,
-    points: Sequence[dict[str, str]],
-    rows: dict[int, dict[str, str]],
-    pool: Callable[[], AbstractContextManager[Executor | None]],
-    workers: int,
-    advance: Callable[[str, int], None],
-) -> tuple[int, int]:
-    with open(journal, "a", encoding="utf-8") as stream:
-        if not stream.tell():
-            stream.write(_head(plan).decode())
-
-        def keep(index: int, row: dict[str, str]) -> None:
-            rows[index] = row
-            stream.write(_line(index, row))
-            stream.flush()
-            os.fsync(stream.fileno())
-            advance(row["status"][:40], 1)
-
-        for attempt in range(_REVIVALS + 1):
-            missing = [index for index in range(len(points)) if index not in rows]
-            try:
-                with pool() as executor:
-                    _run(plan, points, missing, executor, workers, keep)
-                break
-            except BrokenProcessPool:
-                if attempt == _REVIVALS:
-                    raise Shortfall(
-                        f"the processes died {_REVIVALS + 1} times; {len(rows)} points are kept, run again to go on"
-                    ) from None
-    _write(out, [rows[index] for index in range(len(points))])
-    journal.unlink()
-    return len(points), sum(row["status"] != "ok" for row in rows.values())
-
-
-def _run(
-    plan: Plan,
-    points: Sequence[dict[str, str]],
-    missing: Sequence[int],
-    executor: Executor | None,
-    workers: int,
-    keep: Callable[[int, dict[str, str]], None],
-) -> None:
-    if executor is None:
-        for index in missing:
-            keep(index, computed(plan, points[index]))
-        return
-    ahead = iter(missing)
-    waiting: dict[Future[dict[str, str]], int] = {}
-    while True:
-        for index in itertools.islice(ahead, max(1, _WAITING * workers - len(waiting))):
-            waiting[executor.submit(computed, plan, points[index])] = index
-        if not waiting:
-            return
-        done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-        for future in done:
-            keep(waiting.pop(future), future.result())
-
-
-def _taken_up(journal: Path, plan: Plan, points: Sequence[Mapping[str, str]]) -> dict[int, dict[str, str]]:
-    """Rows that an interrupted run has left; cut off from the first line on whose checksum does not fit.
-
-    That is the line that was being written when it ended. Raises InputError if the file does not begin as a journal of
-    this plan: it is another's.
-    """
-    if not journal.exists():
-        return {}
-    rows: dict[int, dict[str, str]] = {}
-    with open(journal, "r+b") as stream:
-        first, head = stream.readline(_LONGEST_LINE), _head(plan)
-        if not head.startswith(first):
-            raise InputError(f"{journal} belongs to another sweep: remove it, or give another --out")
-        whole = len(first) if first == head else 0
-        while whole and (kept := _kept(line := stream.readline(_LONGEST_LINE), len(points))):
-            rows[kept[0]] = kept[1]
-            whole += len(line)
-        stream.truncate(whole)
-    return rows
-
-
-def _head(plan: Plan) -> bytes:
-    return (json.dumps({"plan": plan.key}) + "\n").encode()
-
-
-def _line(index: int, row: Mapping[str, str]) -> str:
-    return json.dumps({"point": index, "row": row, "checksum": checksum([index, row])}) + "\n"
-
-
-def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
-    """The point and the row of a journal's line, if it is as `_line` wrote it."""
-    try:
-        entry = json.loads(line)
-        index, row = entry["point"], entry["row"]
-        good = line.endswith(b"\n") and entry["checksum"] == checksum([index, row]) and 0 <= index < count
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return None
-    return (index, row) if good and isinstance(row, dict) else None
-
-
-def _columns(rows: Sequence[Mapping[str, str]]) -> list[str]:
-    """All columns in order of appearance, the status before the numbers."""
-    return list(dict.fromkeys(name for row in rows for name in row))
-
-
-def _write(out: Path, rows: Sequence[Mapping[str, str]]) -> None:
-    columns = _columns(rows)
-    if out.suffix.lower() == ".csv":
-        write_csv(out, columns, [[row.get(name, "") for name in columns] for row in rows])
-        return
-    arrow, parquet = _arrow()
-    # Decimal strings, as everywhere: a double would lose digits.
-    table = arrow.table({name: [row.get(name) for row in rows] for name in columns})
-    stream = io.BytesIO()
-    parquet.write_table(table, stream)
-    write_bytes(out, stream.getvalue())
-
-
-def _arrow() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv") from None
-    return pyarrow, pyarrow.parquet
-
-
-@contextmanager
-def executor_at(address: str) -> Iterator[Executor]:
-    """The executor of a Dask cluster, ``dask://HOST:PORT``. Raises InputError if it cannot be reached."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("a Dask cluster needs distributed: pip install 'tippedisk-verify[cluster]'") from None
-    host = address.removeprefix("dask://")
-    try:
-        client: Any = Client(f"tcp://{host}", timeout="4s", set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, TimeoutError, ValueError) as fault:
-        raise InputError(f"no Dask scheduler at {host[:80]}: {str(fault)[:80] or type(fault).__name__}") from None
-    try:
-        # A worker that dies takes its points along; the scheduler gives them to another, three times at most.
-        yield client.get_executor(pure=False, retries=3)
-    finally:
-        client.close()
+def answered(plan: Plan, point: Mapping[str, str]) -> tuple[str, dict[str, str], dict[str, str]]:
+    """What another process is asked for: which one it is, the `origin` of its rows, and the row."""
+    return f"process {os.getpid()} on {platform.node()}", here(), computed(plan, point)

@@ -1,0 +1,101 @@
+"""A Dask scheduler and workers as processes of their own, with this package, a changed one, or none."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import tippedisk_verify
+
+PACKAGE = Path(tippedisk_verify.__file__).parent
+_LONGEST = 120  # s; a process that is not ready by then hangs
+_HIDDEN = """
+import sys
+
+class Hidden:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "tippedisk_verify":
+            raise ModuleNotFoundError(f"No module named '{name}'", name=name)
+
+sys.meta_path.insert(0, Hidden())
+"""
+
+
+def without_package(folder: Path) -> Path:
+    """A folder for PYTHONPATH with which the package is not there."""
+    folder.mkdir()
+    (folder / "sitecustomize.py").write_text(_HIDDEN)
+    return folder
+
+
+def changed_package(folder: Path, module: str, old: str, new: str) -> Path:
+    """A folder for PYTHONPATH with which one module says something else."""
+    shutil.copytree(PACKAGE, folder / "tippedisk_verify", ignore=shutil.ignore_patterns("__pycache__"))
+    path = folder / "tippedisk_verify" / module
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    return folder
+
+
+def surroundings(path: Path | None) -> dict[str, str]:
+    return {**os.environ, "OPENBLAS_NUM_THREADS": "1", **({} if path is None else {"PYTHONPATH": str(path)})}
+
+
+@contextmanager
+def scheduler(folder: Path, path: Path | None = None) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
+    """A scheduler on a free port of this machine: the process, and HOST:PORT."""
+    file = folder / "scheduler.json"
+    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    with _process("dask_scheduler", options, folder, path) as process:
+        _until(file.exists)
+        while not (text := file.read_text()):
+            time.sleep(0.01)
+        yield process, json.loads(text)["address"].removeprefix("tcp://")
+
+
+@contextmanager
+def worker(host: str, folder: Path, path: Path | None = None, threads: int = 1) -> Iterator[subprocess.Popen[bytes]]:
+    """One more worker, in one process, as soon as the scheduler knows it."""
+    before = _workers(host)
+    options = [f"tcp://{host}", "--host", "127.0.0.1", "--no-nanny", "--no-dashboard", "--nthreads", str(threads)]
+    with _process("dask_worker", options, folder, path) as process:
+        _until(lambda: _workers(host) > before)
+        yield process
+
+
+@contextmanager
+def _process(name: str, options: list[str], folder: Path, path: Path | None) -> Iterator[subprocess.Popen[bytes]]:
+    command = [sys.executable, "-m", f"distributed.cli.{name}", *options]
+    with open(folder / f"{name}.log", "ab") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=surroundings(path), cwd=folder)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _workers(host: str) -> int:
+    from distributed import rpc
+
+    async def asked() -> int:
+        async with rpc(f"tcp://{host}") as one:
+            return len(await one.ncores())
+
+    return asyncio.run(asked())
+
+
+def _until(true: object) -> None:
+    begin = time.monotonic()
+    while not true():  # type: ignore[operator]
+        assert time.monotonic() - begin < _LONGEST
+        time.sleep(0.05)
