@@ -142,6 +142,27 @@ def _addresses(host: str) -> list[str]:
         return [address.removeprefix("tcp://") for address in client.nthreads()]
 
 
+# ------------------------------------------------------------------------------------------ workers with threads
+_SWEEPS: dict[str, list[str]] = {
+    "trajectory": ["--over", "omega=30.2:30.6:8", "--over", "v=0,3,6", "--over", "duration=1"],
+    "trajectories of 10 s": ["--over", "omega=30.2:30.6:20", "--over", "v=0,1,2,3,4,5,6,7,8,9"],
+    "heteroclinic": ["--over", "mu=0.25:0.35:6"],
+    "orbit": ["--over", "below-crit=0.1:0.7:30", "--friction", "smooth"],
+    "equilibria": ["--over", "omega=30.1:30.9:40", "--digits", "50"],
+}
+
+
+@pytest.mark.parametrize("what", ["trajectory", *(pytest.param(k, marks=pytest.mark.slow) for k in list(_SWEEPS)[1:])])
+def test_a_worker_with_four_threads_gives_the_serial_bytes(what: str, tmp_path: Path) -> None:
+    tables = [tmp_path / "serial.csv", tmp_path / "threads.csv"]
+    analysis = "trajectory" if what.startswith("traj") else what
+    arguments = ["sweep", analysis, *_SWEEPS[what], "--quiet"]
+    with scheduler(tmp_path) as (_, host), worker(host, tmp_path, threads=4):
+        for executor, table in zip(("serial", f"dask://{host}"), tables, strict=True):
+            assert main([*arguments, "--executor", executor, "--out", str(table)]) == 0
+    assert tables[1].read_bytes() == tables[0].read_bytes()
+
+
 # ------------------------------------------------------------------------------------------ whose code
 def test_a_scheduler_needs_no_package(sweep: _Sweep, tmp_path: Path, serial: bytes) -> None:
     with scheduler(tmp_path, without_package(tmp_path / "without")) as (_, host), worker(host, tmp_path, threads=4):

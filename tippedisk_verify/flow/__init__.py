@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from threading import local
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,17 +12,29 @@ if TYPE_CHECKING:
 __all__ = ["default_engine", "default_lanes"]
 
 
-@lru_cache(maxsize=1)
+class _Own(local):
+    """What each thread has for itself, so that none waits for another one's run."""
+
+    engine: Engine | None = None
+    lanes: Lanes | None = None
+
+
+_OWN = _Own()
+
+
 def default_engine() -> Engine:
-    """The Taylor engine, shared within the process so that it compiles once; it serves both friction laws."""
-    from tippedisk_verify.flow.taylor import Taylor
+    """The thread's Taylor engine, kept so that it compiles once; it serves both friction laws."""
+    if _OWN.engine is None:
+        from tippedisk_verify.flow.taylor import Taylor
 
-    return Taylor()
+        _OWN.engine = Taylor()
+    return _OWN.engine
 
 
-@lru_cache(maxsize=1)
 def default_lanes() -> Lanes:
-    """The engine for many runs at once, shared within the process for the same reason."""
-    from tippedisk_verify.flow.lanes import Lanes
+    """The thread's engine for many runs at once, kept for the same reason."""
+    if _OWN.lanes is None:
+        from tippedisk_verify.flow.lanes import Lanes
 
-    return Lanes()
+        _OWN.lanes = Lanes()
+    return _OWN.lanes

@@ -9,7 +9,9 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
+from threading import RLock
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError
@@ -40,6 +42,8 @@ _DEFAULT_TOLERANCE = 1e-13  # near the tightest, and still rising to it smoothly
 # A complex step so small that its square vanishes beside 1: the derivative is exact to round-off.
 _COMPLEX_STEP = 1e-40
 _PER_STEP = 40  # evaluations of the right-hand side that no method's step exceeds
+# Before SciPy 1.17 LSODA kept the state of its run in the library, one for all threads.
+_LSODA = RLock()
 
 
 class _OutOfStepsError(Exception):
@@ -124,20 +128,21 @@ class Baseline:
             options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
         times = None if request.times is None else numpy.asarray([DOUBLE.number(t) for t in request.times])
+        events = [_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
         try:
-            solution = solve_ivp(
-                counted,
-                (0.0, duration),
-                initial,
-                method=self.method,
-                t_eval=times,
-                dense_output=request.dense or bool(request.events),
-                rtol=tolerance,
-                atol=tolerance,
-                events=[_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
-                or None,
-                **options,
-            )
+            with _LSODA if self.method == "LSODA" else nullcontext():
+                solution = solve_ivp(
+                    counted,
+                    (0.0, duration),
+                    initial,
+                    method=self.method,
+                    t_eval=times,
+                    dense_output=request.dense or bool(request.events),
+                    rtol=tolerance,
+                    atol=tolerance,
+                    events=events or None,
+                    **options,
+                )
         except (_OutOfStepsError, ValueError, OverflowError) as stop:
             # The C library's sine of an infinity is a ValueError; anything else of that kind is a mistake of ours.
             finite = bool(numpy.isfinite(latest[1]).all())

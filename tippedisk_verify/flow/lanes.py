@@ -13,6 +13,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
+from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
@@ -62,15 +63,15 @@ _MOST_LANES = 64  # eight times what the widest registers hold; compiling takes 
 class Lanes:
     """The engine for many runs. What a call needs is compiled once per instance and kept.
 
-    ``width`` is the number of lanes; by default what this machine's SIMD registers hold. One instance must not be used
-    from two threads at once.
+    ``width`` is the number of lanes; by default what this machine's SIMD registers hold. Threads may share an instance:
+    a call waits until what it needs is free.
     """
 
     def __init__(self, width: int | None = None) -> None:
         if width is not None and not 1 <= width <= _MOST_LANES:
             raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
-        self._batches: dict[tuple[Any, ...], _Batch] = {}
+        self._batches: dict[tuple[Any, ...], OneAtATime] = {}
 
     def __call__(
         self,
@@ -110,14 +111,18 @@ class Lanes:
         key = (variations, divergence, events, shifted, friction)
         batch = self._batches.get(key)
         if batch is None:
-            batch = self._batches[key] = _Batch(self.width, *key)
-        pars = numpy.empty((len(names) + batch.products, count))
+            with BUILDING:
+                if key not in self._batches:  # another thread may have been faster
+                    self._batches[key] = OneAtATime(_Batch(self.width, *key))
+            batch = self._batches[key]
+        given_products = batch.runner.products
+        pars = numpy.empty((len(names) + given_products, count))
         pars[0] = omegas
         pars[1 : len(names)] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
-        if batch.products:
-            known = products(_constants(pars, friction), omegas)[: batch.products]
+        if given_products:
+            known = products(_constants(pars, friction), omegas)[:given_products]
             pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
-        flights = batch.run(pars, states.T, durations, max_steps)
+        flights: Flights = batch.run(pars, states.T, durations, max_steps)
         if not flights.crossings:
             return flights
         start = _Starts(events, pars, states, shifted, friction)

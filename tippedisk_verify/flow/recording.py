@@ -9,6 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from operator import neg
+from threading import Lock
 from typing import Any
 
 from tippedisk_verify.flow.contract import Request
@@ -117,10 +118,12 @@ def native_array(values: Any, precision: Precision) -> Any:
 
 
 def copied(output: Any, precision: Precision) -> Callable[[Any], Any]:
-    """heyoka's continuous output hands out its own memory; this hands out copies of the state's part."""
+    """heyoka's continuous output hands out its own memory; this hands out copies of the state's part, to any thread."""
+    lock = Lock()
 
     def states(times: Any) -> Any:
-        found = output(times if is_native(times, precision) else precision.array(list(times)))
-        return native_array(found[:, :3], precision)
+        wanted = times if is_native(times, precision) else precision.array(list(times))
+        with lock:
+            return native_array(output(wanted)[:, :3], precision)
 
     return states

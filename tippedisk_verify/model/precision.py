@@ -37,6 +37,7 @@ __all__ = [
 # Python converts integers of up to 4300 decimal digits; what is computed beyond what is asked for stays below that.
 _MOST_DIGITS = 4_000
 _MOST_BITS = 4_000_000
+_LOADING = threading.Lock()
 
 
 @dataclass(frozen=True, slots=False)
@@ -95,10 +96,13 @@ class Precision:
         """Numbers below 2**(this - 1) are subnormal."""
         return {"double": -1021, "extended": -16381, "quadruple": -16381}.get(self.kind, -(1 << 62))
 
-    @cached_property
+    @property
     def context(self) -> Any:
-        """An mpmath context of the same number of bits, private to this precision."""
-        return _context(self.bits)
+        """An mpmath context of the same number of bits, private to this precision and to the thread.
+
+        What computes in a context raises its precision meanwhile, so two threads cannot have the same.
+        """
+        return _OWN.context(self.bits)
 
     @cached_property
     def pi(self) -> Any:
@@ -207,16 +211,15 @@ class _MpfrFunctions:
 
     def __init__(self, precision: Precision) -> None:
         for name in ("sin", "cos", "exp", "log", "sqrt"):
-            setattr(self, name, self._function(precision, getattr(precision.context, name)))
+            setattr(self, name, self._function(precision, name))
 
     @staticmethod
-    def _function(precision: Precision, function: Any) -> Any:
-        ctx = precision.context
-
+    def _function(precision: Precision, name: str) -> Any:
         def applied(value: Any) -> Any:
             zero = value - value
             if zero == 0:
-                found = function(precision.mpf(value))
+                ctx = precision.context
+                found = getattr(ctx, name)(precision.mpf(value))
                 if isinstance(found, ctx.mpf) and ctx.isfinite(found):
                     return precision.number(found)
             return zero / 0
@@ -283,20 +286,30 @@ def _has_extended() -> bool:
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
     """heyoka, with its code cache guarded and its log silenced."""
-    import heyoka
-
     from tippedisk_verify.model.code_cache import guarded
 
-    guarded(heyoka.llvm_state)
-    # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
-    heyoka.set_logger_level_critical()
+    with _LOADING:
+        import heyoka
+
+        guarded(heyoka.llvm_state)
+        # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
+        heyoka.set_logger_level_critical()
     return heyoka  # type: ignore[no-any-return]
 
 
-@lru_cache(maxsize=256)
+class _Own(threading.local):
+    """Each thread's contexts."""
+
+    def __init__(self) -> None:
+        self.context = lru_cache(maxsize=256)(_context)
+
+
 def _context(precision_bits: int) -> Any:
     import mpmath
 
     context = mpmath.MPContext()
     context.prec = precision_bits
     return context
+
+
+_OWN = _Own()

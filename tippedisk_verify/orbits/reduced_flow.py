@@ -6,11 +6,12 @@ truncation is an error that no tolerance removes.
 
 from __future__ import annotations
 
+from threading import Lock
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Status
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 from tippedisk_verify.theory.slow_manifold import symbolic_orders
 
@@ -20,7 +21,8 @@ __all__ = ["ReducedFlow"]
 class ReducedFlow:
     """The reduced flow of one order, compiled once, in double; linear friction law.
 
-    Raises InputError for an order outside 0 to 3: beyond, the expressions grow too large to integrate.
+    Threads may share it: one run waits for the other. Raises InputError for an order outside 0 to 3: beyond, the
+    expressions grow too large to integrate.
     """
 
     def __init__(self, order: int, tolerance: float | None = None) -> None:
@@ -35,6 +37,7 @@ class ReducedFlow:
         self._names = tuple(pars)
         system = [(beta, total), (gamma, -(pars["omega"] * hy.cos(beta)))]
         options = {} if tolerance is None else {"tol": tolerance}
+        self._lock = Lock()
         self._stepper: Any = hy.taylor_adaptive(system, [1.0, 1.0], compact_mode=True, **options)
         self._reached = hy.taylor_outcome.time_limit
 
@@ -42,9 +45,14 @@ class ReducedFlow:
         self, parameters: Parameters, omega: float, start: tuple[float, float], duration: float, times: Any = None
     ) -> tuple[Status, Any, Any]:
         """(status, final (beta, gamma), samples (n, 2) at ``times`` or None), from (beta, gamma) at time 0."""
+        with self._lock:
+            return self._run(parameters.at(DOUBLE), omega, start, float(duration), times)
+
+    def _run(
+        self, constants: Constants, omega: float, start: tuple[float, float], duration: float, times: Any
+    ) -> tuple[Status, Any, Any]:
         import numpy
 
-        constants = parameters.at(DOUBLE)
         stepper = self._stepper
         values = (omega, *(getattr(constants, name) for name in self._names[1:]), constants.epsilon)
         stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
@@ -52,7 +60,7 @@ class ReducedFlow:
         stepper.state[:] = start
         samples = None
         if times is None:
-            outcome = stepper.propagate_until(float(duration))[0]
+            outcome = stepper.propagate_until(duration)[0]
         else:
             outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
             samples = samples[1:]

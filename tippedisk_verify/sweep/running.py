@@ -22,6 +22,7 @@ from typing import Any
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, checksum, write_bytes, write_csv
 from tippedisk_verify.fingerprint import unlike
+from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.sweep.cluster import Cluster
 from tippedisk_verify.sweep.plan import Plan, answered, computed, here
 
