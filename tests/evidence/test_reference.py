@@ -20,15 +20,16 @@ from pathlib import Path
 import mpmath
 import pytest
 
+from tests.dask_cluster import changed_package, surroundings
 from tests.problems import paper_rates
 from tests.stress.runs import LONGEST
 from tests.stress.strikes import Struck
 from tippedisk_verify.cli import main
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.checking import check, recomputed, stored_entries
 from tippedisk_verify.evidence.reference.entries import as_doubles, case_of, trimmed
-from tippedisk_verify.evidence.reference.generation import generate
-from tippedisk_verify.evidence.reference.kinds import KINDS
+from tippedisk_verify.evidence.reference.generation import computed, generate, pieces_of
+from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
 from tippedisk_verify.evidence.reference.places import SETS
 from tippedisk_verify.evidence.reference.store import Store, data_folder, reference, stored
@@ -260,6 +261,35 @@ def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 def test_fifty_kills(tmp_path: Path) -> None:
     _survives(tmp_path, 50, 12)
+
+
+def test_pieces_of_other_code_are_not_taken_up(tmp_path: Path) -> None:
+    """A run with changed code of the same version was interrupted before it could put its pieces together."""
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    generate(whole, only=("hopf",))
+    (broken / ".work").mkdir(parents=True)
+    program = (
+        "import sys\nfrom pathlib import Path\nfrom tippedisk_verify.evidence.reference.generation import *\n"
+        "from tippedisk_verify.evidence.reference.kinds import kind_named\n"
+        "for name in ('printed', 'calibrated'):\n"
+        "    for piece in pieces_of(kind_named('hopf'), name): computed(piece, Path(sys.argv[1]), piece.key)"
+    )
+    other = changed_package(
+        tmp_path / "other", "evidence/reference/kinds.py", '"omega_crit": "rad/s"', '"omega_crit": "furlong"'
+    )
+    command = [sys.executable, "-c", program, str(broken / ".work")]
+    subprocess.run(command, check=True, cwd=tmp_path, env=surroundings(other))
+    assert all("furlong" in piece.read_text() for piece in (broken / ".work").glob("*.json"))
+    assert list((broken / ".work").glob("*.json"))
+    generate(broken, only=("hopf",))
+    assert _bytes(broken) == _bytes(whole)
+
+
+def test_a_process_with_other_code_computes_no_piece(tmp_path: Path) -> None:
+    (piece,) = pieces_of(kind_named("hopf"), "printed")
+    with pytest.raises(Shortfall, match="has changed"):
+        computed(piece, tmp_path, piece.key[:-1])
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")

@@ -1,8 +1,9 @@
 """Making the reference files: in pieces that are kept as soon as they are computed, on as many cores as there are.
 
 A piece is a few items of one kind. Its result goes to ``.work`` in the output folder, under a name made from what was
-asked; a later run takes it from there. Files are put together when all their pieces exist, and renamed into place, the
-manifest last. Nothing in them depends on time or order, so a second run makes the same bytes on the same machine.
+asked and the code that answers; a later run of the same code takes it from there. Files are put together when all their
+pieces exist, and renamed into place, the manifest last. Nothing in them depends on time or order, so a second run makes
+the same bytes on the same machine.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify import __version__
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import FORMAT, STATIC, write_manifest
 from tippedisk_verify.evidence.reference.places import SETS
 from tippedisk_verify.evidence.reference.store import LARGEST, data_folder
 from tippedisk_verify.files import alone, checksum, output_folder, read_text, remains_of, write_text
+from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
@@ -49,7 +50,7 @@ class Piece:
     def key(self) -> str:
         """A name made from everything that the result depends on."""
         asked = [[item.id, dict(item.inputs), list(item.readings)] for item in self.items]
-        text = json.dumps([__version__, FORMAT, self.kind, self.set, asked], sort_keys=True)
+        text = json.dumps([origin(kind_named.__module__), FORMAT, self.kind, self.set, asked], sort_keys=True)
         return f"{self.kind}-{self.set}-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
 
 
@@ -59,9 +60,14 @@ def pieces_of(kind: Kind, set_name: str) -> list[Piece]:
     return [Piece(kind.name, set_name, tuple(items[n : n + kind.chunk])) for n in range(0, len(items), kind.chunk)]
 
 
-def computed(piece: Piece, folder: Path) -> list[dict[str, Any]]:
-    """The piece's entries: from the work folder if they are there, otherwise computed and left there."""
-    path = folder / f"{piece.key}.json"
+def computed(piece: Piece, folder: Path, key: str) -> list[dict[str, Any]]:
+    """The piece's entries: from the work folder if they are there, otherwise computed and left there.
+
+    ``key`` is the piece's own, in the process that asks. Raises Shortfall if it is another one here.
+    """
+    if piece.key != key:
+        raise Shortfall("the code, or a numerical package, has changed since this run began: start it again")
+    path = folder / f"{key}.json"
     if path.exists():
         found = _kept(path, piece)
         if found is not None:  # otherwise damaged by something else than us: our own writes are whole
@@ -135,10 +141,10 @@ def _generate(
             results[kind.name, set_name] = [[] for _ in pieces]
             for place, piece in enumerate(pieces):
                 if executor is None:
-                    results[kind.name, set_name][place] = computed(piece, work)
+                    results[kind.name, set_name][place] = computed(piece, work, piece.key)
                     advance(piece.items[0].id, len(piece.items))
                 else:
-                    waiting[executor.submit(computed, piece, work)] = piece, place
+                    waiting[executor.submit(computed, piece, work, piece.key)] = piece, place
     for done in as_completed(waiting):
         piece, place = waiting[done]
         results[piece.kind, piece.set][place] = done.result()
