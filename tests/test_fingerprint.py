@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tomllib
@@ -9,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.dask_cluster import changed_package, surroundings
 from tippedisk_verify import fingerprint as module
 from tippedisk_verify.evidence.catalogue import CLAIMS, home_of
 from tippedisk_verify.figures import catalogue
-from tippedisk_verify.fingerprint import DRAWING, closure, fingerprint
+from tippedisk_verify.fingerprint import DRAWING, closure, fingerprint, unlike
 
 # Dependencies that no number and no picture comes from.
 PRESENTATION = {"click", "rich", "jinja2", "fastjsonschema"}
@@ -72,6 +74,33 @@ def test_it_changes_with_versions_and_processor(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.undo()
     monkeypatch.setattr(module, "_installed", lambda package: "0")
     assert fingerprint(home, {}) != before
+
+
+def test_an_origin_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
+    """Not of what is installed later while the process still has the old code; the processor is not in it."""
+    other = changed_package(tmp_path, "theory/hopf.py", "from __future__", "# other words\nfrom __future__")
+    program = (
+        "import sys, json\nfrom tippedisk_verify.fingerprint import origin\n"
+        "before = origin('tippedisk_verify.theory.hopf')\n"
+        "if len(sys.argv) > 1: open(sys.argv[1], 'a').write('# and more')\n"
+        "assert origin('tippedisk_verify.theory.hopf') == before\nprint(json.dumps(before))"
+    )
+    path = other / "tippedisk_verify" / "theory" / "hopf.py"
+
+    def told(*arguments: str) -> dict[str, str]:
+        run = subprocess.run(
+            [sys.executable, "-c", program, *arguments], capture_output=True, check=True, cwd=tmp_path,
+            env=surroundings(other),
+        )  # fmt: skip
+        return json.loads(run.stdout)
+
+    mine, first, second = module.origin("tippedisk_verify.theory.hopf"), told(str(path)), told()
+    assert len({mine["code"], first["code"], second["code"]}) == 3
+    assert mine | {"code": ""} == first | {"code": ""} == second | {"code": ""}
+    assert unlike(mine, mine) == ""
+    assert "changed code" in unlike(first, mine)
+    assert unlike({}, mine).startswith("tippedisk_verify unknown instead of")
+    assert set(mine) == {"tippedisk_verify", "code", *module.NUMERICAL}
 
 
 def test_every_dependency_is_classified() -> None:

@@ -20,6 +20,7 @@ from tests.dask_cluster import changed_package, surroundings
 from tippedisk_verify import __version__
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.fingerprint import closure
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep.plan import Plan, axis, computed, here
 from tippedisk_verify.sweep.running import swept
@@ -149,6 +150,26 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [call for call in calls if call.startswith("9")] == [f"9.{n}" for n in range(10)]
     assert [row["g"] for row in _rows(out)] == [f"9.{n}" for n in range(10)]
     assert not journal.exists()
+
+
+def test_no_row_comes_from_code_that_its_origin_leaves_out() -> None:
+    """What is really imported while rows of all kinds are computed."""
+    points = [
+        ("orbit", {"below-crit": "0.5"}, ("linear", "smooth")), ("equilibria", {"omega": "30"}, ("linear",)),
+        ("hopf", {"g": "9.8"}, ("linear",)), ("heteroclinic", {"g": "9.81"}, ("linear",)),
+        ("trajectory", {"omega": "30", "duration": "1"}, ("linear", "smooth")),
+    ]  # fmt: skip
+    program = (
+        "import sys\nfrom tippedisk_verify.sweep.plan import Plan, computed\n"
+        "from tippedisk_verify.model.parameters import PRINTED\n"
+        f"for analysis, point, laws in {points}:\n"
+        "    axes = tuple((name, (value,)) for name, value in point.items())\n"
+        "    for law in laws:\n"
+        "        assert computed(Plan(analysis, PRINTED, axes, friction=law), point)['status'] == 'ok'\n"
+        "print('\\n'.join(name for name in sys.modules if name.startswith('tippedisk_verify.')))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) <= set(closure("tippedisk_verify.sweep.plan"))
 
 
 def _interrupted(out: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,12 +64,13 @@ def unlike(other: Mapping[str, object], mine: Mapping[str, str]) -> str:
 
 
 def closure(module: str) -> tuple[str, ...]:
-    """The module and all of this package that it imports, directly or through others, in alphabetical order.
+    """The module, what it lies in, and all of this package that they import, directly or not, in alphabetical order.
 
     The package's own ``__init__`` is left out: it only forwards names, and would tie everything to everything.
     """
     seen: set[str] = set()
-    ahead = [module]
+    parts = module.split(".")
+    ahead = [".".join(parts[:n]) for n in range(2, len(parts) + 1)]
     while ahead:
         name = ahead.pop()
         if name not in seen and name != _PACKAGE:
