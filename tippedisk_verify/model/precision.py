@@ -8,6 +8,7 @@ first integrator, is needed.
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
