@@ -32,7 +32,7 @@ from flint import Ordering, acb, acb_series, arb, ctx, fmpq, fmpq_mpoly_ctx, fmp
 from tippedisk_verify.certified.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.certified.balls import ball_constants, inside, measured, negative, positive, working_precision
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 
@@ -139,7 +139,7 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
     Shortfall where an eigenvalue with real part zero leaves stability to the nonlinear terms.
     """
     if name not in _AROUND:
-        raise InputError(f"equilibrium '{name[:40]}' is not known: use inverted or noninverted")
+        raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")

@@ -27,6 +27,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.start import at_rest, start_window, starts_on
 from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
@@ -55,7 +56,7 @@ class Baseline:
 
     def __init__(self, method: str = "DOP853") -> None:
         if method not in METHODS:
-            raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
+            raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
         self.method = method
 
     @property

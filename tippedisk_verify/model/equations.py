@@ -62,7 +62,7 @@ def shifted(ops: Any) -> Any:
 def checked_friction(friction: str) -> Friction:
     """The friction law of that name. Raises InputError if there is none."""
     if friction not in get_args(Friction):
-        raise InputError(f"friction law '{friction[:40]}' is not known: use linear or smooth")
+        raise InputError(f"friction law '{shown(friction)}' is not known: use linear or smooth")
     return friction  # type: ignore[return-value]
 
 

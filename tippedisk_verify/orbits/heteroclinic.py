@@ -16,7 +16,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.exact import Exact, fraction, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
@@ -71,7 +71,7 @@ def heteroclinic(
     connection, Shortfall if the digits are not reached.
     """
     if method not in METHODS:
-        raise InputError(f"method '{method[:40]}' is not known: use {', '.join(METHODS)}")
+        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
     checked_digits(digits)
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds")

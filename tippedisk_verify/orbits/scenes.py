@@ -15,7 +15,7 @@ from typing import Any, Literal
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.exact import PI, Exact, exact
+from tippedisk_verify.model.exact import PI, Exact, exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import is_stable, linearization
@@ -87,7 +87,7 @@ def scene_named(name: str) -> Scene:
     for scene in SCENES:
         if scene.name == name:
             return scene
-    raise InputError(f"scene '{name[:40]}' is not known: use a, b, c, d, e, f or all")
+    raise InputError(f"scene '{shown(name)}' is not known: use a, b, c, d, e, f or all")
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -86,7 +87,7 @@ def chi(constants: Any, form: Form) -> Any:
 
 def _checked_form(form: str) -> Form:
     if form not in get_args(Form):
-        raise InputError(f"form '{form[:40]}' is not known: use printed or consistent")
+        raise InputError(f"form '{shown(form)}' is not known: use printed or consistent")
     return form  # type: ignore[return-value]
 
 
