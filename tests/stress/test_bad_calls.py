@@ -111,7 +111,12 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
     ),
     ("cycle_above", lambda x: tv.cycle_above(tv.PRINTED, "0.1", default_engine(), digits=x), NO_COUNTS, True),
     ("heteroclinic", lambda x: tv.heteroclinic(tv.PRINTED, default_engine(), digits=x), (*NO_COUNTS, 1001), True),
-    ("heteroclinic", lambda x: tv.heteroclinic(tv.PRINTED, default_engine(), method=x), ("", "abc", "\0", *NO_OBJECTS), True),
+    (
+        "heteroclinic",
+        lambda x: tv.heteroclinic(tv.PRINTED, default_engine(), method=x),
+        ("", "abc", "\0", *NO_OBJECTS),
+        True,
+    ),
     ("bisect_omega_h", lambda x: tv.bisect_omega_h(tv.PRINTED, default_engine(), friction=x), NO_NUMBERS, True),
     ("basins", lambda x: tv.basins(tv.PRINTED, x, count=4, duration=5.0), NO_SPEEDS, True),
     ("basins", lambda x: tv.basins(tv.PRINTED, _OMEGA, count=x), (0, -1, 10**9, 10**400, 3.5), True),

@@ -5,18 +5,23 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import mpmath
 import numpy
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.problems import SETS, decimals, physical_parameters
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.theory import equilibria
 from tippedisk_verify.theory.equilibria import (
+    Linearization,
     characteristic_polynomial,
+    eigenvalue_discs,
     equilibrium,
     is_stable,
     left_eigenvector,
@@ -24,6 +29,7 @@ from tippedisk_verify.theory.equilibria import (
     location,
     right_eigenvector,
 )
+from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 
 @pytest.mark.parametrize("name", ["inverted", "noninverted"])
@@ -94,6 +100,64 @@ def test_against_numpy_in_double() -> None:
         mine = [complex(v.re, v.im) for v in equilibrium(parameters, "30.4", "inverted").eigenvalues]
         # LAPACK's backward error is a few ulps of the norm, about 4e3 here; the eigenvalues are well separated.
         assert numpy.allclose(theirs, mine, rtol=0, atol=4e3 * 16 * 2.0**-52)
+
+
+def test_the_order_of_coefficients_in_mpmath_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its functions of polynomials take the highest power first, or last, by version: reversed ones change nothing."""
+    right = equilibrium(PRINTED, "30.4", "noninverted", 30).json()
+    roots, value = mpmath.MPContext.polyroots, mpmath.MPContext.polyval
+
+    def reversed_roots(ctx, coefficients, **options):
+        with monkeypatch.context() as within:
+            within.setattr(mpmath.MPContext, "polyval", value)
+            return roots(ctx, coefficients[::-1], **options)
+
+    monkeypatch.setattr(mpmath.MPContext, "polyroots", reversed_roots)
+    monkeypatch.setattr(mpmath.MPContext, "polyval", lambda ctx, c, x, **more: value(ctx, c[::-1], x, **more))
+    assert equilibrium(PRINTED, "30.4", "noninverted", 30).json() == right
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        lambda found: [1 / value for value in found],  # the coefficients swapped
+        lambda found: [-value for value in found],
+        lambda found: [found[0], found[1], found[1]],
+        lambda found: [found[0] * (1 + 2**-40), *found[1:]],
+    ],
+    ids=["reciprocal", "negative", "one twice", "one slightly off"],
+)
+def test_what_is_no_eigenvalue_is_refused(planted, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = equilibria._candidates
+    monkeypatch.setattr(equilibria, "_candidates", lambda matrix, ctx: planted(found(matrix, ctx)))
+    for name in ("inverted", "noninverted"):
+        with pytest.raises(Shortfall):
+            equilibrium(PRINTED, "30.4", name)
+    with pytest.raises(Shortfall):
+        _ = Saddle(PRINTED, Fraction("30.4"), 100, 5).eigenvalues
+
+
+_POWERS = st.integers(-15, 15)
+_ENTRIES = st.builds(lambda digits, power: digits * Fraction(10) ** power, st.integers(-99, 99).filter(bool), _POWERS)
+
+
+@given(matrix=st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES))
+def test_eigenvalues_of_any_size_are_found(matrix) -> None:
+    """Entries thirty orders of magnitude apart: what the discs hold has the matrix's trace and determinant."""
+    _, a2, a1, a0 = characteristic_polynomial(matrix)
+    try:
+        discs = [(*map(fraction, (c.real, c.imag)), fraction(radius)) for c, radius in eigenvalue_discs(matrix, 40)]
+    except Shortfall:
+        assert a2**2 * a1**2 - 4 * a1**3 - 4 * a2**3 * a0 + 18 * a2 * a1 * a0 - 27 * a0**2 == 0  # a double one
+        return
+    assert discs == sorted(discs, key=lambda disc: (-disc[0], -disc[1]))
+    assert sum(im for _, im, radius in discs if abs(im) > radius) == 0
+    assert abs(sum(re for re, *_ in discs) + a2) <= sum(radius for *_, radius in discs)
+    product = (Fraction(1), Fraction(0))
+    for re, im, _ in discs:
+        product = (product[0] * re - product[1] * im, product[0] * im + product[1] * re)
+    # Each centre is off by less than 1e-40 of its size: three of them, and next to nothing from their products.
+    assert max(abs(product[0] + a0), abs(product[1])) <= 4 * Fraction(1, 10**40) * abs(a0)
 
 
 def test_eigenvectors_of_the_saddle() -> None:

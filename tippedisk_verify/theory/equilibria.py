@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact
+from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -26,6 +26,7 @@ __all__ = [
     "EquilibriumName",
     "Linearization",
     "characteristic_polynomial",
+    "eigenvalue_discs",
     "equilibrium",
     "is_stable",
     "left_eigenvector",
@@ -78,7 +79,7 @@ class Equilibrium:
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
     """(beta, gamma, v) of the equilibrium, exactly. Raises InputError for an unknown name."""
     if name not in get_args(EquilibriumName):
-        raise InputError(f"equilibrium '{name[:40]}' is not known: use inverted or noninverted")
+        raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
     side = _HALF if name == "inverted" else -_HALF
     return PI * _HALF, PI * side, Exact(Fraction(0))
 
@@ -137,40 +138,69 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
     checked_digits(digits)
     state = location(name)
     matrix = linearization(parameters, speed, name)
-    return Equilibrium(name, state, _eigenvalues(matrix, digits), is_stable(matrix))
+    first, second, third = (_enclosed(*disc) for disc in eigenvalue_discs(matrix, digits))
+    return Equilibrium(name, state, (first, second, third), is_stable(matrix))
 
 
-def _eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
+def eigenvalue_discs(matrix: Linearization, digits: int) -> list[tuple[Any, Any]]:
+    """(centre, radius) [1/s] of disjoint discs with one eigenvalue each, by descending real, then imaginary part.
+
+    Each radius is below 10**-digits of the centre's size, and follows from the matrix itself: candidates that are no
+    eigenvalues of it are refused, however they were found. Raises Shortfall where no such discs are found.
+    """
     guard = 15
-    while True:
+    while guard <= 16 * digits + 1000:
         working = bits_for_digits(digits + guard)
-        ctx, finer = (bits(count).context for count in (working, 2 * working))
-        exact = [Fraction(part) for part in characteristic_polynomial(matrix)]
-        coefficients, fine = ([c.mpf(part.numerator) / part.denominator for part in exact] for c in (ctx, finer))
-        try:
-            roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=2 * ctx.prec)
-        except ctx.NoConvergence:
-            raise Shortfall("the eigenvalues did not converge: are the parameters of a possible disk?") from None
-        polished = []
-        for root in roots:
-            better = root
-            for _ in range(3):
-                value, slope = ctx.polyval(coefficients, better, derivative=True)
-                if slope:
-                    better -= value / slope
-            # With twice the bits the residual is known to many digits. What is left: the coefficients are off by an
-            # ulp each and Horner's rule adds a few more.
-            value, slope = finer.polyval(fine, finer.mpc(better), derivative=True)
-            size = sum(abs(c) * abs(better) ** (3 - n) for n, c in enumerate(fine))
-            radius = 3 * (abs(value) + 16 * finer.eps * size) / abs(slope) if slope else ctx.inf
-            polished.append((better, radius))
-        if _disjoint(polished) and all(radius * ctx.mpf(10) ** digits < abs(root) for root, radius in polished):
-            break
+        candidates = _candidates(_rounded(matrix, bits(working).context), bits(working).context)
+        # With twice the bits the defect is known to many digits. What is left: the entries are off by an ulp each, and
+        # products and sums add a few more.
+        finer = bits(2 * working).context
+        entries = _rounded(matrix, finer)
+        discs = []
+        for centre in map(finer.mpc, candidates):
+            defect, slope, size = _defect(entries, centre)
+            discs.append((centre, 3 * (abs(defect) + 16 * finer.eps * size) / abs(slope) if slope else finer.inf))
+        if _disjoint(discs) and all(radius * finer.mpf(10) ** digits < abs(centre) for centre, radius in discs):
+            upper, radius = max(discs, key=lambda disc: disc[0].imag)
+            if upper.imag > radius:  # not real: the mirror image of its disc holds another
+                real = min(discs, key=lambda disc: abs(disc[0].imag))
+                discs = [real, (upper, radius), (finer.conj(upper), radius)]
+            return sorted(discs, key=lambda disc: (-disc[0].real, -disc[0].imag))
         guard *= 2
-        if guard > 16 * digits + 1000:
-            raise Shortfall("two eigenvalues coincide to all digits tried: move Omega away from the double eigenvalue")
-    polished.sort(key=lambda pair: (-pair[0].real, -pair[0].imag))
-    return tuple(_enclosed(root, radius) for root, radius in polished)  # type: ignore[return-value]
+    raise Shortfall("no three different eigenvalues fit the matrix: if two coincide, move Omega away from there")
+
+
+def _rounded(matrix: Linearization, ctx: Any) -> Linearization:
+    exact = (Fraction(part) for part in matrix)
+    return Linearization(*(ctx.mpf(part.numerator) / part.denominator for part in exact))
+
+
+def _defect(matrix: Linearization, value: Any) -> tuple[Any, Any, Any]:
+    """What (A - value) x leaves in the last row, where x solves the first two; its slope; its terms' sizes [1/s^3].
+
+    It is zero at the eigenvalues only: a polynomial of degree 3 in ``value``.
+    """
+    x = right_eigenvector(matrix, value)
+    terms = matrix.A31 * x[0], matrix.A32 * x[1], matrix.A33 * x[2], -value * x[2]
+    return sum(terms), matrix.A31 + (2 * matrix.A33 - 3 * value) * value, sum(map(abs, terms))
+
+
+def _candidates(matrix: Linearization, ctx: Any) -> list[Any]:
+    """Approximate eigenvalues, by the Durand-Kerner iteration for all three at once."""
+    constant = abs(matrix.A32 * matrix.omega)
+    size = max(abs(matrix.A33), ctx.sqrt(abs(matrix.A31)), ctx.cbrt(constant))  # none is larger than twice this
+    found = [size * ctx.mpc("0.4", "0.9") ** n for n in range(3)]  # neither real nor conjugate to one another
+    for _ in range(1000):  # far from the eigenvalues each step gains a factor only
+        settled = True
+        for n, value in enumerate(found):
+            first, second = (other for m, other in enumerate(found) if m != n)
+            apart = (value - first) * (value - second)
+            step = -_defect(matrix, value)[0] / apart if apart else ctx.eps * size
+            found[n] = value - step
+            settled &= bool(abs(step) <= 64 * ctx.eps * abs(value))
+        if settled:
+            break
+    return found
 
 
 def _disjoint(discs: list[tuple[Any, Any]]) -> bool:

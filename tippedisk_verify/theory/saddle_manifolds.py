@@ -16,6 +16,7 @@ Equations 218 (2005).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -26,7 +27,7 @@ from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.model.equations import Friction, field, jacobian
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.theory.equilibria import characteristic_polynomial, linearization, right_eigenvector
+from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
 
 __all__ = ["Saddle", "Series"]
 
@@ -147,14 +148,12 @@ class Saddle:
         """(unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
-        exact = [Fraction(part) for part in characteristic_polynomial(matrix)]
-        coefficients = [ctx.mpf(part.numerator) / part.denominator for part in exact]
-        roots = ctx.polyroots(coefficients, maxsteps=200, extraprec=ctx.prec)
-        if any(abs(root.imag) > ctx.sqrt(ctx.eps) * abs(root) for root in roots):
+        discs = eigenvalue_discs(matrix, math.ceil(self.working_bits * math.log10(2)))
+        if any(abs(centre.imag) > radius for centre, radius in discs):
             raise NoConnectionError(
                 "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
             )
-        fast, slow, unstable = sorted(root.real for root in roots)
+        unstable, slow, fast = (ctx.mpf(centre.real) for centre, _ in discs)
         if not slow < 0 < unstable:
             raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
         return unstable, slow, fast
