@@ -1,6 +1,7 @@
 """An implementation of one's own, with SciPy, graded number by number."""
 
 import math
+from collections.abc import Sequence
 
 from scipy.integrate import solve_ivp
 
@@ -12,7 +13,7 @@ omega_crit = math.sqrt((r + e) ** 2 / r * m * g / Bbar)
 omega = omega_crit - 0.5
 
 
-def tippedisk(t, state):
+def tippedisk(t: float, state: Sequence[float]) -> tuple[float, float, float]:
     beta, gamma, v = state
     sb, cb, sg, cg = math.sin(beta), math.cos(beta), math.sin(gamma), math.cos(gamma)
     rho = r + e * sg
@@ -25,11 +26,11 @@ def tippedisk(t, state):
     return v, -omega * cb, (h - m * g * rho * cb + rho * sb * friction) / mass
 
 
-def upright(t, state):
+def upright(t: float, state: Sequence[float]) -> float:
     return state[0] - math.pi / 2
 
 
-upright.direction = -1
+upright.direction = -1  # type: ignore[attr-defined]  # SciPy reads it there
 run = solve_ivp(
     tippedisk, (0, 120), (math.pi / 2, math.pi / 2 + 1.7, -1.7), "LSODA", events=upright, rtol=1e-9, atol=1e-10
 )

@@ -11,7 +11,7 @@ print(f"largest angle     {cycle.beta_max} rad from upright")
 print(f"slow multiplier   {cycle.multiplier_slow}")
 
 # SciPy's DOP853 once around: it must come back to where it began.
-start = (0, cycle.gamma_bar_0.value, cycle.v_0.value)
+start = (Fraction(0), cycle.gamma_bar_0.value, cycle.v_0.value)
 request = tv.Request(tv.PRINTED, speed, start, cycle.period.value, shifted=True)
 end = tv.Baseline("DOP853")(request).state
 away = max(abs(float(after) - float(before)) for after, before in zip(end, start, strict=True))

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
 
-EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SAYS = {
     "close_to_the_connection": "from Omega_h + 1e-10 to Omega_h + 1e-12",
+    "from_python": "30.04886826072250",
     "grade_from_python": "digits: agrees",
     "one_limit_cycle": "SciPy comes back to within",
     "scenes_picture": "scene d: limit cycle, scene f: inverted spinning",
@@ -29,6 +33,12 @@ def test_an_example_runs(path: Path, tmp_path: Path) -> None:
         assert picture.stat().st_size < 300_000  # small enough for a README
 
 
+def test_the_example_in_the_readme_is_one_of_them() -> None:
+    """So it runs as printed, and mypy reads it."""
+    code = (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
+    assert textwrap.indent(code, "    ") in README
+
+
 def test_the_headline_digits_of_the_readme() -> None:
     """Each number in the table is the true one, rounded to the places that it has."""
     import tippedisk_verify as tv
@@ -37,9 +47,10 @@ def test_the_headline_digits_of_the_readme() -> None:
     from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
     from tippedisk_verify.theory.harmonic_balance import chi
 
-    text = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
     rows = {
-        cells[1].split()[0].rstrip(","): cells[3:5] for line in text.splitlines() if len(cells := line.split("|")) == 6
+        cells[1].split()[0].rstrip(","): cells[3:5]
+        for line in README.splitlines()
+        if len(cells := line.split("|")) == 6
     }
     for place, parameters in enumerate((tv.PRINTED, tv.CALIBRATED)):
         truths = {
