@@ -172,6 +172,11 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters, columns: int
         axis.view_init(elev=30, azim=32)
         axis.set_box_aspect((1, 1.35, 0.8), zoom=1.02)
     _legend(figure, columns if len(panels) > 1 else 1, surface=True)
+    # Before Matplotlib 3.11.2 the layout takes ticks in 3D from where the last drawing put them: let there be one.
+    layout = figure.get_layout_engine()
+    figure.set_layout_engine("none")
+    figure.draw_without_rendering()
+    figure.set_layout_engine(layout)
     return figure
 
 

@@ -1,0 +1,22 @@
+"""The tests before a release: `nox`.
+
+With the newest packages on each Python that pyproject.toml names and this machine has, and at the lowest versions that
+it allows, on the oldest of these. `nox -s newest-3.13 -- tests/theory` runs a part.
+"""
+
+import nox
+
+PYTHONS = nox.project.python_versions(nox.project.load_toml("pyproject.toml"))
+nox.options.default_venv_backend = "uv"
+
+
+@nox.session(python=PYTHONS)
+def newest(session: nox.Session) -> None:
+    session.install(".[test]")
+    session.run("pytest", *session.posargs)
+
+
+@nox.session(python=PYTHONS[:1])
+def floors(session: nox.Session) -> None:
+    session.install("--resolution=lowest-direct", ".[test]")
+    session.run("pytest", *session.posargs)
