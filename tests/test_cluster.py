@@ -164,6 +164,7 @@ def test_a_worker_with_four_threads_gives_the_serial_bytes(what: str, tmp_path: 
 
 
 # ------------------------------------------------------------------------------------------ whose code
+@pytest.mark.slow
 def test_a_scheduler_needs_no_package(sweep: _Sweep, tmp_path: Path, serial: bytes) -> None:
     with scheduler(tmp_path, without_package(tmp_path / "without")) as (_, host), worker(host, tmp_path, threads=4):
         assert sweep(host) == 0
@@ -232,7 +233,8 @@ def test_a_worker_of_other_code_that_joins_later(
 
 # ------------------------------------------------------------------------------------------ gone in mid-run
 @pytest.mark.parametrize(
-    "number", [signal.SIGKILL, signal.SIGTERM, pytest.param(signal.SIGSTOP, marks=pytest.mark.slow)]
+    "number",
+    [signal.SIGKILL, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGTERM, signal.SIGSTOP))],
 )
 def test_a_scheduler_that_goes_away(
     number: int, sweep: _Sweep, tmp_path: Path, serial: bytes, monkeypatch: pytest.MonkeyPatch
@@ -248,6 +250,7 @@ def test_a_scheduler_that_goes_away(
     sweep.ends_as(serial)
 
 
+@pytest.mark.slow
 def test_workers_that_go_away(sweep: _Sweep, tmp_path: Path, serial: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(running, "_PATIENCE", 0.5)
     monkeypatch.setattr(cluster, "_WORKERLESS", 1.0)

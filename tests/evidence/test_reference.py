@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from decimal import Decimal
 from fractions import Fraction
 from itertools import islice
@@ -261,6 +262,17 @@ def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 def test_fifty_kills(tmp_path: Path) -> None:
     _survives(tmp_path, 50, 12)
+
+
+@pytest.mark.parametrize(
+    "kinds",
+    [("hopf", "equilibrium"), pytest.param(("rhs", "harmonic-balance", "slow-manifold"), marks=pytest.mark.slow)],
+)
+def test_threads_make_the_same_bytes(kinds: tuple[str, ...], tmp_path: Path) -> None:
+    generate(tmp_path / "serial", only=kinds)
+    with ThreadPoolExecutor(8) as pool:
+        generate(tmp_path / "threads", only=kinds, executor=pool)
+    assert _bytes(tmp_path / "threads") == _bytes(tmp_path / "serial")
 
 
 def test_pieces_of_other_code_are_not_taken_up(tmp_path: Path) -> None:

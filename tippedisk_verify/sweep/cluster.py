@@ -127,8 +127,10 @@ def executor_at(address: str) -> Iterator[Cluster]:
             with warnings.catch_warnings(action="ignore"):  # of versions: the workers' are looked at
                 client: Any = Client(f"tcp://{host}", timeout=_CONNECT, set_as_default=False)  # type: ignore[no-untyped-call]
         except Exception as fault:  # whatever else listens there may answer anything
-            reason = "what answers is no Dask" if isinstance(fault, MemoryError) else str(fault)[:80]
-            raise InputError(f"no Dask scheduler at {host[:80]}: {reason or type(fault).__name__}") from None
+            reason = str(fault)[:80] or type(fault).__name__
+            if isinstance(fault, TimeoutError | MemoryError):
+                reason = "no answer" if isinstance(fault, TimeoutError) else "what answers is something else"
+            raise InputError(f"no Dask scheduler at {host[:80]}: {reason}") from None
         try:
             cluster = Cluster(client, host)
             while not cluster.look():
