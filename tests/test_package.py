@@ -76,6 +76,20 @@ def test_a_closed_form_claim_needs_nothing_heavy() -> None:
     assert run.stderr.strip() == "[]"
 
 
+def test_without_heyoka_what_needs_it_says_so_in_one_line() -> None:
+    """As on a platform that it has no wheels for; closed forms are to be had there too."""
+    program = (
+        "import sys; sys.modules['heyoka'] = None; from tippedisk_verify.cli import main\n"
+        "assert main(['hopf', '--quiet']) == 0\n"
+        "sys.exit(main(['heteroclinic', '--quiet', '--method', 'bisection']))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert run.stderr.startswith("tippedisk-verify: a library is missing: heyoka")
+    assert "Linux" in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
 def test_public_names_exist() -> None:
     for name in tv.__all__:
         assert getattr(tv, name) is not None

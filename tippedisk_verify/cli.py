@@ -75,6 +75,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _told(str(shortfall), 1)
     except MemoryError:
         return _told("the memory is used up: ask for less at a time, or fewer --jobs", 1)
+    except ModuleNotFoundError as fault:
+        return _told(f"a library is missing: {fault}", 1)
     except (ImportError, SystemError) as fault:  # what is left of a MemoryError while libraries are loaded
         return _told(f"a library cannot be loaded, perhaps for lack of memory: {fault}", 1)
     except RuntimeError as fault:

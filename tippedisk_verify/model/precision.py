@@ -286,11 +286,16 @@ def _has_extended() -> bool:
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """heyoka, with its code cache guarded and its log silenced."""
+    """heyoka, with its code cache guarded and its log silenced. Raises ImportError where it cannot be had."""
     from tippedisk_verify.model.code_cache import guarded
 
     with _LOADING:
-        import heyoka
+        try:
+            import heyoka
+        except ImportError as fault:
+            raise type(fault)(
+                f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and aarch64, glibc 2.28 or newer"
+            ) from fault
 
         guarded(heyoka.llvm_state)
         # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
