@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
+from tests.stress.honesty.arithmetics import Arithmetic
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 
@@ -31,10 +33,20 @@ class Number:
 
 @dataclass(frozen=True)
 class Asked:
-    """A question in words, and what compares its answer with the truth. The function may raise any refusal."""
+    """A question in words, what answers it in an arithmetic, and what compares an answer with the truth.
+
+    The truth is found once for all arithmetics, in twice the digits of a double or more, and in ``beyond`` bits more
+    where it is asked for again. Both functions may raise any refusal.
+    """
 
     text: str
-    numbers: Callable[[], list[Number]]
+    answer: Callable[[Arithmetic], Any]
+    compared: Callable[[Any, int], list[Number]]
+
+    @classmethod
+    def closed(cls, text: str, numbers: Callable[[], list[Number]]) -> Asked:
+        """What needs no integrator, and so no arithmetic but its own."""
+        return cls(text, lambda arithmetic: None, lambda answer, beyond: numbers())
 
 
 def printed(name: str, claim: Measured, truth: Measured | Fraction, working_bits: int | None = None) -> Number:

@@ -2,104 +2,115 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from random import Random
 from typing import Any
 
-from tippedisk_verify.evidence.stress.comparison import Asked, Number, printed
-from tippedisk_verify.evidence.stress.cycle_requests import NAMES, compared_cycle, decimal_near
-from tippedisk_verify.evidence.stress.draws import decimal, disk, log_uniform, written
-from tippedisk_verify.evidence.stress.motion_requests import compared_runs
-from tippedisk_verify.flow import default_engine
+from tests.stress.honesty.comparison import Asked, Number, printed
+from tests.stress.honesty.cycle_requests import NAMES, Truths, decimal_near
+from tests.stress.honesty.draws import decay, decimal, disk, log_uniform, written
+from tests.stress.honesty.motion_requests import asked_run
+from tests.stress.honesty.truths import rough_omega_h, true_omega_h
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near
-from tippedisk_verify.orbits.splitting import splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 
 __all__ = ["connection", "cycle_closer", "cycle_next_to_it", "passage"]
 
 _FAMILIES = ("named", "nearby", "nearby", "friction")
+_STIFFEST = 2e3  # 1/s; the truth about a stiffer disk takes minutes
 
 
-def _true_omega_h(parameters: Parameters, friction: Friction, digits: int = 30) -> Any:
-    engine = default_engine()
-    near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
-    return splitting_zero(parameters, near, engine, digits, friction)
+def _disk(random: Random, families: Sequence[str]) -> Parameters:
+    family = random.choice(families)
+    while decay(parameters := disk(random, family)) > _STIFFEST:
+        pass
+    return parameters
 
 
-def connection(random: Random, method: str, friction: Friction = "linear") -> Asked:
+def connection(
+    random: Random, method: str, friction: Friction = "linear", families: Sequence[str] = _FAMILIES
+) -> Asked:
     """Omega_h by one of its roads, with the saddle's eigenvalues there."""
-    parameters = disk(random, random.choice(_FAMILIES))
+    parameters = _disk(random, families)
     digits = 12 if method in ("manifolds", "limit-cycles") else 6
 
-    def numbers() -> list[Number]:
-        found = heteroclinic(parameters, default_engine(), digits=digits, method=method, friction=friction)
-        truth = _true_omega_h(parameters, friction)
-        compared = [printed("omega_h", found.omega_h, truth.omega_h)]
+    def compared(found: Any, beyond: int) -> list[Number]:
+        truth = true_omega_h(parameters, friction, 50 if beyond else 30)
+        numbers = [printed("omega_h", found.omega_h, truth.omega_h)]
         saddle = equilibrium(parameters, truth.omega_h.value, "noninverted", 28).eigenvalues
-        compared += [
+        numbers += [
             printed(f"saddle_eigenvalue_{n}", claim, Measured(value.re.value, abs(value.re.value) / 10**27))
             for n, (claim, value) in enumerate(zip(found.saddle_eigenvalues, saddle, strict=True), start=1)
         ]
         value = saddle[0].re.value + saddle[1].re.value
-        compared.append(printed("saddle_value", found.saddle_value, Measured(value, abs(value) / 10**25)))
+        numbers.append(printed("saddle_value", found.saddle_value, Measured(value, abs(value) / 10**25)))
         if found.splitting_derivative is not None:
-            compared.append(printed("splitting_derivative", found.splitting_derivative, truth.derivative))
-        return compared
+            numbers.append(printed("splitting_derivative", found.splitting_derivative, truth.derivative))
+        return numbers
 
-    return Asked(f"Omega_h ({friction}) by {method}, {written(parameters)}", numbers)
+    return Asked(
+        f"Omega_h ({friction}) by {method}, {written(parameters)}",
+        lambda here: heteroclinic(parameters, here.engine, digits=digits, method=method, friction=friction),
+        compared,
+    )
 
 
-def cycle_closer(random: Random, friction: Friction = "linear") -> Asked:
+def cycle_closer(random: Random, friction: Friction = "linear", families: Sequence[str] = _FAMILIES) -> Asked:
     """A cycle a named distance above Omega_h."""
-    parameters = disk(random, random.choice(_FAMILIES))
+    parameters = _disk(random, families)
     above = decimal(log_uniform(random, 1e-12, 1e-2), 4)
+    truths = Truths(parameters, friction)
 
-    def numbers() -> list[Number]:
-        found = cycle_above(parameters, above, default_engine(), friction=friction)
-        omega_h = _true_omega_h(parameters, friction, 50).omega_h.value
-        true_speed = replace(found, omega=Measured(omega_h + above, Fraction(0)))
-        return [printed("omega", found.omega, omega_h + above), *compared_cycle(parameters, true_speed, friction, None)]
+    def compared(found: Any, beyond: int) -> list[Number]:
+        omega = true_omega_h(parameters, friction, 50).omega_h.value + above
+        at_true_speed = replace(found, omega=Measured(omega, Fraction(0)))
+        return [printed("omega", found.omega, omega), *truths.compared(at_true_speed, beyond)]
 
-    return Asked(f"cycle ({friction}) {float(above)!r} rad/s above Omega_h, {written(parameters)}", numbers)
+    return Asked(
+        f"cycle ({friction}) {float(above)!r} rad/s above Omega_h, {written(parameters)}",
+        lambda here: cycle_above(parameters, above, here.engine, friction=friction),
+        compared,
+    )
 
 
-def cycle_next_to_it(random: Random, friction: Friction = "linear") -> Asked:
+def cycle_next_to_it(random: Random, friction: Friction = "linear", families: Sequence[str] = _FAMILIES) -> Asked:
     """A cycle at a speed that happens to lie next to Omega_h."""
-    parameters = disk(random, random.choice(_FAMILIES))
+    parameters = _disk(random, families)
     above = decimal(log_uniform(random, 1e-9, 1e-2), 4)
+    truths = Truths(parameters, friction)
 
-    def numbers() -> list[Number]:
-        omega_h = _true_omega_h(parameters, friction, 20).omega_h.value
+    def answer(here: Any) -> Any:
+        omega_h = true_omega_h(parameters, friction, 20).omega_h.value
         omega = decimal_near(omega_h + above, 16)
-        found = cycle_near(parameters, omega, omega_h, default_engine(), friction=friction)
-        return compared_cycle(parameters, found, friction, None, NAMES)
+        return cycle_near(parameters, omega, omega_h, here.engine, friction=friction)
 
-    return Asked(f"cycle ({friction}) at a speed {float(above)!r} rad/s above Omega_h, {written(parameters)}", numbers)
+    return Asked(
+        f"cycle ({friction}) at a speed {float(above)!r} rad/s above Omega_h, {written(parameters)}",
+        answer,
+        lambda found, beyond: truths.compared(found, beyond, None, NAMES),
+    )
 
 
-def passage(random: Random, friction: Friction = "linear") -> Asked:
+def passage(random: Random, friction: Friction = "linear", families: Sequence[str] = _FAMILIES) -> Asked:
     """Runs of seconds past the saddles, at a speed next to Omega_h and from next to a saddle."""
-    parameters = disk(random, random.choice(_FAMILIES))
+    parameters = _disk(random, families)
     away, above = log_uniform(random, 1e-9, 1e-1), random.choice((-1, 1)) * log_uniform(random, 1e-12, 1e-1)
     lifted = decimal(random.choice((-1, 1)) * away, 4)
     duration = decimal(random.uniform(1, 10), 3)
 
-    def numbers() -> list[Number]:
-        near = bisect_omega_h(parameters, default_engine(), friction=friction, confirm=False).omega_h.value
+    def wanted() -> Request:
         start = (PI * Fraction(1, 2), exact(lifted) - PI * Fraction(1, 2), exact(0))
-        omega = decimal_near(near + Fraction(above), 14)
+        omega = decimal_near(rough_omega_h(parameters, friction) + Fraction(above), 14)
         times = [duration * Fraction(n, 6) for n in range(1, 7)]
-        return compared_runs(
-            Request(parameters, omega, start, duration, friction=friction, times=times, error_estimate=True)
-        )
+        return Request(parameters, omega, start, duration, friction=friction, times=times, error_estimate=True)
 
     text = f"passage ({friction}) of {float(duration)!r} s from {float(lifted)!r} rad beside the saddle,"
-    return Asked(f"{text} {above!r} rad/s beside Omega_h, {written(parameters)}", numbers)
+    return asked_run(f"{text} {above!r} rad/s beside Omega_h, {written(parameters)}", wanted)

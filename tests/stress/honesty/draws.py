@@ -1,7 +1,8 @@
 """Random disks, speeds and states, each repeatable from a seed and an index.
 
 Disks lie around the paper's and far from it: eccentricities from nothing to nearly the radius, inertias from equal to
-far apart, friction over decades. Every drawn value is a decimal of a few digits, so that a draw can be written down.
+far apart and on both sides of what makes the Hopf point supercritical, friction over decades. Every drawn value is a
+decimal of a few digits, so that a draw can be written down.
 """
 
 from __future__ import annotations
@@ -14,10 +15,24 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["FAMILIES", "STRUCTURED", "decimal", "disk", "generator", "log_uniform", "speed", "state", "written"]
+__all__ = [
+    "FAMILIES",
+    "FAR",
+    "STRUCTURED",
+    "decay",
+    "decimal",
+    "disk",
+    "generator",
+    "log_uniform",
+    "speed",
+    "state",
+    "written",
+]
 
-#: Where disks are drawn from.
+#: Where disks around the paper's, and extreme ones, are drawn from; `FAR` is apart.
 FAMILIES = ("named", "nearby", "friction", "near-equal", "spread", "tiny-eccentricity", "heavy")
+#: Disks far from the paper's in everything at once.
+FAR = ("far",)
 #: Those that nearly always have the paper's structure: a supercritical Hopf point and a connection below it.
 STRUCTURED = ("named", "nearby", "friction")
 
@@ -38,7 +53,7 @@ def log_uniform(random: Random, low: float, high: float) -> float:
 
 
 def disk(random: Random, family: str) -> Parameters:
-    """A tippedisk that can exist, of one of `FAMILIES`."""
+    """A tippedisk that can exist, of one of `FAMILIES` or of `FAR`."""
     while True:
         try:
             return _disk(random, family)
@@ -58,6 +73,8 @@ def _disk(random: Random, family: str) -> Parameters:
         return PRINTED.changed(
             **{name: decimal(float(getattr(PRINTED, name)) * random.uniform(0.9, 1.1)) for name in names}
         )
+    if family == "far":
+        return _far(random)
     r = decimal(log_uniform(random, 0.005, 0.5))
     share = {"tiny-eccentricity": log_uniform(random, 1e-7, 1e-2), "heavy": random.uniform(0.4, 0.95)}.get(
         family, random.uniform(0.01, 0.4)
@@ -68,6 +85,35 @@ def _disk(random: Random, family: str) -> Parameters:
     A = B * (1 + decimal(excess))
     g, mu = decimal(random.uniform(1, 20)), decimal(log_uniform(random, 0.02, 2))
     return Parameters(r=r, e=e, m=m, A=A, B=B, g=g, mu=mu, epsilon=decimal(log_uniform(random, 0.01, 1)))
+
+
+def _far(random: Random) -> Parameters:
+    """Radii from 1 to 30 cm, e / r from 0.005 to 0.6, friction over decades, both kinds of Hopf point."""
+    r, share = log_uniform(random, 0.01, 0.3), log_uniform(random, 0.005, 0.6)
+    m, inertia = log_uniform(random, 0.01, 10), random.uniform(0.1, 0.5)  # Bbar / (m r^2); 1/4 is a thin disk's
+    least = 1 + share**2 / inertia  # A = B
+    # A / Bbar from which on the Hopf point is supercritical; beyond e = r/2 none is.
+    bound = (2 - share) / (2 * (1 + share) * (1 - 2 * share)) if share < 0.5 else math.inf
+    above = bound < math.inf and (least > bound or random.random() < 0.6)
+    ratio = max(least, bound) * (1 + log_uniform(random, 1e-3, 1)) if above else random.uniform(least, min(bound, 4))
+    bbar = inertia * m * r**2
+    return Parameters(
+        r=decimal(r),
+        e=decimal(share * r),
+        m=decimal(m),
+        A=decimal(ratio * bbar),
+        B=decimal(bbar + m * (share * r) ** 2),
+        g=random.choice((decimal(9.81), decimal(9.80665), decimal(random.uniform(1, 20)))),
+        mu=decimal(log_uniform(random, 0.05, 1)),
+        epsilon=decimal(log_uniform(random, 1e-3, 1)),
+    )
+
+
+def decay(parameters: Parameters) -> float:
+    """How fast sliding dies down where the disk spins inverted [1/s], and Omega_crit where that is faster."""
+    p = parameters
+    rate = p.mu * p.g / p.epsilon * (p.r + p.e) ** 2 * p.m / p.Bbar
+    return max(float(rate), float(omega_crit(parameters)))
 
 
 def speed(random: Random, parameters: Parameters) -> Fraction:

@@ -1,8 +1,9 @@
 """Whether uncertainties hold: random disks, speeds and requests, each answer held against 30 digits or more.
 
-Of a hundred draws in a row ninety are closed forms, right-hand sides and runs of at most a second, nine are limit
-cycles, and one lies at or next to Omega_h. A draw depends on the seed and its index alone, so any one of them can be
-repeated by its number: ``drawn(seed, index)``.
+There are two rows of draws. Of a hundred ``around`` the paper's disk ninety are closed forms, right-hand sides and runs
+of at most a second, nine are limit cycles, and one lies at or next to Omega_h. Of a hundred ``far`` from it, for all of
+which an integrator is needed, half are runs, and half are cycles, branches and connections. A draw depends on its row,
+the seed and its index alone, so any one of them can be repeated by its number, in any arithmetic.
 """
 
 from __future__ import annotations
@@ -11,52 +12,80 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from random import Random
+from functools import lru_cache, partial
 from statistics import median
 from typing import Literal
 
+from tests.stress.honesty import connection_requests, cycle_requests, local_requests, motion_requests
+from tests.stress.honesty.arithmetics import DEFAULT, Arithmetic
+from tests.stress.honesty.comparison import Asked, Number, unlike
+from tests.stress.honesty.draws import FAR, generator
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.evidence.stress import connection_requests, cycle_requests, local_requests, motion_requests
-from tippedisk_verify.evidence.stress.comparison import Asked, Number, unlike
-from tippedisk_verify.evidence.stress.draws import generator
 
-__all__ = ["KINDS", "Draw", "Summary", "drawn", "honesty", "kind_of", "summary"]
+__all__ = ["CLOSED", "IN_LANES", "KINDS", "ROWS", "Draw", "Row", "Summary", "drawn", "honesty", "kind_of", "summary"]
 
 Outcome = Literal["holds", "violated", "refused"]
+Row = Literal["around", "far"]
 _BLOCK = 100
+_SHARPER = 90  # bits by which the truth about a violation is found again
 
-_CHEAP: dict[str, tuple[int, Callable[[Random], Asked]]] = {  # how many of ninety, and the request
-    "flow": (48, motion_requests.flow),
-    "right-hand side": (14, local_requests.right_hand_side),
-    "equilibria": (12, local_requests.equilibria),
-    "hopf": (7, local_requests.hopf),
-    "one-harmonic": (7, local_requests.harmonic),
-    "melnikov": (1, local_requests.melnikov),
-    "slow-manifold": (1, local_requests.slow_manifold_study),
+_flow, _connection = motion_requests.flow, connection_requests.connection
+_CLOSED: dict[str, Callable[..., Asked]] = {
+    "right-hand side": local_requests.right_hand_side,
+    "equilibria": local_requests.equilibria,
+    "hopf": local_requests.hopf,
+    "one-harmonic": local_requests.harmonic,
+    "melnikov": local_requests.melnikov,
+    "slow-manifold": local_requests.slow_manifold_study,
 }
-_CYCLES: dict[str, tuple[int, Callable[[Random], Asked]]] = {  # how many of nine
-    "limit-cycle": (2, cycle_requests.cycle),
-    "limit-cycle in double": (2, cycle_requests.cycle_in_double),
-    "smooth limit-cycle": (2, cycle_requests.smooth_cycle),
-    "harmonic-balance": (2, cycle_requests.balanced),
-    "branch": (1, cycle_requests.branch),
-}
-_NEAR_OMEGA_H: dict[str, Callable[[Random], Asked]] = {  # one in turn
-    "heteroclinic": partial(connection_requests.connection, method="manifolds"),
+_REQUESTS: dict[str, Callable[..., Asked]] = {
+    **_CLOSED,
+    **{name: partial(_flow, what=name) for name in motion_requests.RUNS},
+    "limit-cycle": cycle_requests.cycle,
+    "limit-cycle in double": cycle_requests.cycle_in_double,
+    "smooth limit-cycle": cycle_requests.smooth_cycle,
+    "smooth limit-cycle in double": partial(cycle_requests.cycle_in_double, friction="smooth"),
+    "harmonic-balance": cycle_requests.balanced,
+    "branch": cycle_requests.branch,
+    "heteroclinic": partial(_connection, method="manifolds"),
     "passage": connection_requests.passage,
     "next to Omega_h": connection_requests.cycle_next_to_it,
-    "bisection": partial(connection_requests.connection, method="bisection"),
-    "smooth heteroclinic": partial(connection_requests.connection, method="manifolds", friction="smooth"),
+    "bisection": partial(_connection, method="bisection"),
+    "smooth heteroclinic": partial(_connection, method="manifolds", friction="smooth"),
     "above Omega_h": connection_requests.cycle_closer,
     "smooth passage": partial(connection_requests.passage, friction="smooth"),
-    "limit of cycles": partial(connection_requests.connection, method="limit-cycles"),
-    "scipy bisection": partial(connection_requests.connection, method="scipy"),
+    "limit of cycles": partial(_connection, method="limit-cycles"),
+    "scipy bisection": partial(_connection, method="scipy"),
     "smooth next to Omega_h": partial(connection_requests.cycle_next_to_it, friction="smooth"),
+    "smooth bisection": partial(_connection, method="bisection", friction="smooth"),
+    "smooth scipy bisection": partial(_connection, method="scipy", friction="smooth"),
 }
-_TURNS = tuple(name for kinds in (_CHEAP, _CYCLES) for name, (count, _) in kinds.items() for _ in range(count))
-_REQUESTS = {name: request for kinds in (_CHEAP, _CYCLES) for name, (_, request) in kinds.items()} | _NEAR_OMEGA_H
 KINDS = tuple(_REQUESTS)
+#: Kinds that no arithmetic of the integrators touches, and kinds that run in lanes.
+CLOSED, IN_LANES = tuple(_CLOSED), ("branch",)
+
+#: How many of a hundred draws ask for what: in turn, from one hundred to the next, where it is several things.
+ROWS: dict[Row, tuple[tuple[int, tuple[str, ...]], ...]] = {
+    "around": (
+        (20, ("flow",)), (18, ("events",)), (10, ("derivatives",)),
+        (14, ("right-hand side",)), (12, ("equilibria",)), (7, ("hopf",)), (7, ("one-harmonic",)),
+        (1, ("melnikov",)), (1, ("slow-manifold",)),
+        (2, ("limit-cycle",)), (2, ("limit-cycle in double",)), (2, ("smooth limit-cycle",)),
+        (2, ("harmonic-balance",)), (1, ("branch",)),
+        (1, ("heteroclinic", "passage", "next to Omega_h", "bisection", "smooth heteroclinic", "above Omega_h",
+             "smooth passage", "limit of cycles", "scipy bisection", "smooth next to Omega_h")),
+    ),
+    "far": (
+        (10, ("flow",)), (11, ("events",)), (10, ("derivatives",)), (6, ("derivatives by parameters",)),
+        (3, ("divergence",)), (8, ("flow at a tolerance",)),
+        (16, ("limit-cycle in double",)), (9, ("smooth limit-cycle in double",)),
+        (4, ("limit-cycle",)), (4, ("smooth limit-cycle",)), (4, ("harmonic-balance",)), (6, ("branch",)),
+        (3, ("bisection", "smooth bisection")), (2, ("heteroclinic", "smooth heteroclinic")),
+        (1, ("scipy bisection", "smooth scipy bisection")), (1, ("passage", "smooth passage")),
+        (1, ("next to Omega_h", "smooth next to Omega_h")), (1, ("above Omega_h", "limit of cycles")),
+    ),
+}  # fmt: skip
+_TURNS = {row: tuple(names for count, names in shares for _ in range(count)) for row, shares in ROWS.items()}
 
 
 @dataclass(frozen=True)
@@ -69,6 +98,7 @@ class Draw:
     outcome: Outcome
     reason: str | None = None  #: of a refusal, or what went wrong
     numbers: tuple[Number, ...] = ()
+    arithmetic: str = DEFAULT.name
 
     @property
     def worst(self) -> Number | None:
@@ -91,32 +121,45 @@ class Draw:
         return median(number.ratio for number in self.numbers) if self.numbers else None
 
 
-def kind_of(index: int) -> str:
+def kind_of(index: int, row: Row = "around") -> str:
     """What the draw of that index asks for."""
     block, place = divmod(index, _BLOCK)
-    if place == _BLOCK - 1:
-        names = tuple(_NEAR_OMEGA_H)
-        return names[block % len(names)]
-    return _TURNS[place]
+    names = _TURNS[row][place]
+    return names[block % len(names)]
 
 
-def drawn(seed: int, index: int) -> Draw:
-    """The draw of that number, computed."""
-    kind = kind_of(index)
-    asked = _REQUESTS[kind](generator(seed, index))
+@lru_cache(maxsize=4)
+def _asked(seed: int, index: int, row: Row) -> Asked:
+    """Kept for a while, so that the truth is found once for all arithmetics."""
+    request, random = _REQUESTS[kind_of(index, row)], generator(seed, index)
+    return request(random) if row == "around" or kind_of(index, row) in CLOSED else request(random, families=FAR)
+
+
+def drawn(seed: int, index: int, arithmetic: Arithmetic = DEFAULT, row: Row = "around") -> Draw:
+    """The draw of that number, computed. A violation counts if a sharper truth confirms it."""
+    kind = kind_of(index, row)
+    asked = _asked(seed, index, row)
     try:
-        numbers = tuple(asked.numbers())
+        with arithmetic.active(f"{seed}/{index}"):
+            answer = asked.answer(arithmetic)
+        numbers = tuple(asked.compared(answer, 0))
+        if not all(number.holds for number in numbers):
+            numbers = tuple(asked.compared(answer, _SHARPER))
     except (Shortfall, InputError) as refusal:
-        return Draw(index, kind, asked.text, "refused", str(refusal))
+        return Draw(index, kind, asked.text, "refused", str(refusal), arithmetic=arithmetic.name)
     except Exception as fault:  # not a refusal but a defect, and part of the result
-        return Draw(index, kind, asked.text, "violated", f"{type(fault).__name__}: {fault}", (unlike("answer"),))
-    return Draw(index, kind, asked.text, "holds" if all(n.holds for n in numbers) else "violated", None, numbers)
+        reason = f"{type(fault).__name__}: {fault}"
+        return Draw(index, kind, asked.text, "violated", reason, (unlike("answer"),), arithmetic.name)
+    outcome: Outcome = "holds" if all(number.holds for number in numbers) else "violated"
+    return Draw(index, kind, asked.text, outcome, None, numbers, arithmetic.name)
 
 
-def honesty(draws: int | Iterable[int], seed: int = 1) -> Iterator[Draw]:
+def honesty(
+    draws: int | Iterable[int], seed: int = 1, arithmetic: Arithmetic = DEFAULT, row: Row = "around"
+) -> Iterator[Draw]:
     """The first ``draws`` draws of a seed, or those of the given indices, one after the other."""
     for index in range(draws) if isinstance(draws, int) else draws:
-        yield drawn(seed, index)
+        yield drawn(seed, index, arithmetic, row)
 
 
 @dataclass(frozen=True)

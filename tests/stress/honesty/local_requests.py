@@ -6,10 +6,10 @@ from fractions import Fraction
 from random import Random
 from typing import Any
 
+from tests.stress.honesty.comparison import Asked, Number, printed, unlike
+from tests.stress.honesty.draws import FAMILIES, decimal, disk, log_uniform, speed, state, written
 from tippedisk_verify.evidence.reference.entries import Case, Item, Road
 from tippedisk_verify.evidence.reference.local_roads import BALANCE, HOPF, RHS
-from tippedisk_verify.evidence.stress.comparison import Asked, Number, printed, unlike
-from tippedisk_verify.evidence.stress.draws import FAMILIES, decimal, disk, log_uniform, speed, state, written
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -42,7 +42,7 @@ def right_hand_side(random: Random) -> Asked:
     place = dict(zip(("Omega", "beta", "gamma", "v"), (speed(random, parameters), *state(random)), strict=True))
     where = ", ".join(f"{name} = {float(value)!r}" for name, value in place.items())
     case = _case(parameters, friction, place)
-    return Asked(
+    return Asked.closed(
         f"right-hand side, {friction}, {written(parameters)}, {where}", lambda: _by_roads(RHS[0], RHS[1], case, 240)
     )
 
@@ -73,7 +73,7 @@ def equilibria(random: Random) -> Asked:
             compared.append(unlike("stable"))
         return compared
 
-    return Asked(f"{name} at {float(omega)!r} rad/s to {digits} digits, {written(parameters)}", numbers)
+    return Asked.closed(f"{name} at {float(omega)!r} rad/s to {digits} digits, {written(parameters)}", numbers)
 
 
 def _mpf(ctx: Any, value: Any) -> Any:
@@ -93,7 +93,7 @@ def hopf(random: Random) -> Asked:
             printed(name, getattr(found, name), truth, bits_for_digits(digits + 15)) for name, truth in truths.items()
         ]
 
-    return Asked(f"Hopf point to {digits} digits, {written(parameters)}", numbers)
+    return Asked.closed(f"Hopf point to {digits} digits, {written(parameters)}", numbers)
 
 
 def harmonic(random: Random) -> Asked:
@@ -118,7 +118,7 @@ def harmonic(random: Random) -> Asked:
         ]
         return compared
 
-    return Asked(
+    return Asked.closed(
         f"one-harmonic law ({form}) at {float(omega)!r} rad/s to {digits} digits, {written(parameters)}", numbers
     )
 
@@ -141,7 +141,7 @@ def melnikov(random: Random) -> Asked:
             )
         return compared
 
-    return Asked(f"limit of cycles of size {size and float(size)} to {digits} digits, {written(parameters)}", numbers)
+    return Asked.closed(f"limit of cycles of size {size and float(size)} to {digits} digits, {written(parameters)}", numbers)
 
 
 def slow_manifold_study(random: Random) -> Asked:
@@ -179,4 +179,4 @@ def slow_manifold_study(random: Random) -> Asked:
             compared.append(printed("reduced_omega_crit", found.reduced_omega_crit, truth, bits_for_digits(27)))
         return compared
 
-    return Asked(f"slow manifold of order {order} at {float(omega)!r} rad/s, {written(parameters)}", numbers)
+    return Asked.closed(f"slow manifold of order {order} at {float(omega)!r} rad/s, {written(parameters)}", numbers)

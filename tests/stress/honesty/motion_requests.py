@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache
 from random import Random
 from typing import Any
 
+from tests.stress.honesty.comparison import Asked, Number, of_double, unlike
+from tests.stress.honesty.draws import FAMILIES, decay, decimal, disk, log_uniform, speed, state, written
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.stress.comparison import Asked, Number, of_double, unlike
-from tippedisk_verify.evidence.stress.draws import FAMILIES, decimal, disk, log_uniform, speed, state, written
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Variation
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, exact
-from tippedisk_verify.model.precision import QUADRUPLE
+from tippedisk_verify.model.precision import QUADRUPLE, bits
 
-__all__ = ["compared_runs", "flow"]
+__all__ = ["RUNS", "asked_run", "flow"]
 
 _PASSING = tuple(
     Event(f"passing {event.name}", event.function, terminal=False) for event in (SECTION, TURN, SLIDING_REVERSAL)
 )
-_ALL: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
+_RETURNS = (Event("next section", SECTION.function), Event("next turn", TURN.function, terminal=False))
+_STATE: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
+_EVERY: tuple[Variation, ...] = (*_STATE, "r", "e", "a", "b", "g", "k")
+_DECAYS = 300  # of sliding, the longest run: a stiffer disk is followed for a shorter time
 
 
 @dataclass(frozen=True)
@@ -32,32 +37,43 @@ class _Setting:
     shifted: bool = False
     events: tuple[Event, ...] = ()
     variations: tuple[Variation, ...] = ()
+    divergence: bool = False
+    loose: bool = False  #: at a tolerance above round-off
 
 
-_SETTINGS = (
-    *(_Setting(law, shifted) for law in ("linear", "smooth") for shifted in (False, True)),
-    *(_Setting(law, events=_PASSING) for law in ("linear", "smooth")),
-    *(_Setting(law, True, events=(SECTION,)) for law in ("linear", "smooth")),
-    *(_Setting(law, variations=_ALL) for law in ("linear", "smooth")),
-)  # fmt: skip
+_LAWS: tuple[Friction, ...] = ("linear", "smooth")
+#: The kinds of runs.
+RUNS = {
+    "flow": tuple(_Setting(law, shifted) for law in _LAWS for shifted in (False, True)),
+    "events": (
+        *(_Setting(law, events=_PASSING) for law in _LAWS),
+        *(_Setting(law, True, events=_RETURNS) for law in _LAWS),
+    ),
+    "derivatives": tuple(_Setting(law, variations=_STATE) for law in _LAWS),
+    "divergence": tuple(_Setting(law, divergence=True) for law in _LAWS),
+    "derivatives by parameters": (_Setting("linear", variations=_EVERY),),
+    "flow at a tolerance": (_Setting("linear", loose=True), _Setting("smooth", loose=True)),
+}
 
 
-def flow(random: Random) -> Asked:
+def flow(random: Random, what: str, families: Sequence[str] = FAMILIES) -> Asked:
     """A run of at most a second: its end, samples, events and derivatives."""
-    setting = random.choice(_SETTINGS)
-    parameters = disk(random, random.choice(FAMILIES))
+    setting = random.choice(RUNS[what])
+    parameters = disk(random, random.choice(families))
     omega = speed(random, parameters)
     place: tuple[Any, ...] = state(random)
     if random.random() < 0.25:  # on the section, where starts usually are
         place = (exact("pi/2"), *place[1:])
     if setting.shifted:
         place = (exact(place[0]) - PI * Fraction(1, 2), exact(place[1]) - PI * Fraction(1, 2), place[2])
-    duration = decimal(random.choice((random.uniform(0.1, 1), log_uniform(random, 1e-4, 1))))
+    longest = min(1.0, _DECAYS / decay(parameters))
+    duration = decimal(longest * random.choice((random.uniform(0.1, 1), log_uniform(random, 1e-4, 1))))
     if random.random() < 0.1:
         duration = -duration / 10  # backward the fast direction explodes
     times = None
     if random.random() < 0.4:
         times = [duration * Fraction(n, 5) for n in range(random.choice((0, 1)), 6)]
+    tolerance = random.choice((1e-6, 1e-9, 1e-12, 1e-14)) if setting.loose else None  # each is compiled
     request = Request(
         parameters,
         omega,
@@ -68,15 +84,18 @@ def flow(random: Random) -> Asked:
         times=times,
         events=setting.events,
         variations=setting.variations,
+        divergence=setting.divergence,
+        tolerance=tolerance,
         error_estimate=True,
     )
     text = (
         f"{setting.friction} flow{' (shifted)' if setting.shifted else ''} of {float(duration)!r} s"
         f" at {float(omega)!r} rad/s from ({', '.join(_text(part) for part in place)}){', sampled' if times else ''}"
         f"{', ' + str(len(setting.events)) + ' events' if setting.events else ''}"
-        f"{', derivatives' if setting.variations else ''}, {written(parameters)}"
+        f"{', ' + str(len(setting.variations)) + ' derivatives' if setting.variations else ''}"
+        f"{f', tolerance {tolerance}' if tolerance else ''}, {written(parameters)}"
     )
-    return Asked(text, lambda: compared_runs(request))
+    return asked_run(text, lambda: request)
 
 
 def _text(value: Any) -> str:
@@ -85,19 +104,30 @@ def _text(value: Any) -> str:
     return f"{turns}{float(number.rational)!r}"
 
 
-def compared_runs(request: Request) -> list[Number]:
-    """Every number of a run in double beside the same run in quadruple precision.
+def asked_run(text: str, wanted: Any) -> Asked:
+    """Every number of a run in double beside the same run in quadruple precision or wider.
 
-    Raises Shortfall with the status if the run ended otherwise than asked for, or without an estimate.
+    A refusal says the status, if the run ended otherwise than asked for, or that there is no estimate.
     """
-    engine = default_engine()
-    found = engine(request)
-    if not found.status.usable:
-        raise Shortfall(f"status {found.status.name}")
+    wanted = cache(wanted)
+
+    @cache
+    def truth(beyond: int) -> Any:
+        precision = bits(QUADRUPLE.bits + beyond) if beyond else QUADRUPLE
+        return default_engine()(replace(wanted(), precision=precision, tolerance=None, error_estimate=False))
+
+    def compared(found: Any, beyond: int) -> list[Number]:
+        if not found.status.usable:
+            raise Shortfall(f"status {found.status.name}")
+        if found.error is None or not all(width < float("inf") for width in found.error.state):
+            raise Shortfall("the two runs did not end alike")
+        return _compared(wanted(), found, truth(beyond))
+
+    return Asked(text, lambda arithmetic: arithmetic.engine(wanted()), compared)
+
+
+def _compared(request: Request, found: Any, truth: Any) -> list[Number]:
     error = found.error
-    if error is None or not all(width < float("inf") for width in error.state):
-        raise Shortfall("the two runs did not end alike")
-    truth = engine(replace(request, precision=QUADRUPLE, error_estimate=False))
     if found.status is not truth.status or [r.name for r in found.events] != [r.name for r in truth.events]:
         return [unlike("events")]
     numbers = _columns("state", found.state, error.state, truth.state)
@@ -115,6 +145,8 @@ def compared_runs(request: Request) -> list[Number]:
         for name, (values, widths, truths) in zip(("beta", "gamma", "v"), matrices, strict=True):
             for by, value, width, true in zip(request.variations, values, widths, truths, strict=True):
                 numbers.append(of_double(f"d{name}/d{by}", float(value), float(width), true))
+    if (width := getattr(error, "divergence", None)) is not None:
+        numbers.append(of_double("divergence", float(found.divergence), float(width), truth.divergence))
     return numbers
 
 
