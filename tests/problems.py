@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
+from typing import Any
 
 import mpmath
+import numpy
 from hypothesis import strategies as st
 
 from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import Exact, exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 
 #: Speeds below, between and above the two critical ones, for all three named sets [rad/s].
@@ -42,6 +46,12 @@ def physical_parameters(draw: st.DrawFn) -> Parameters:
         return Parameters(r=r, e=e, m=m, A=A, B=B, g=draw(decimals("1", "20")), mu=mu, epsilon=epsilon)
     except InputError as fault:  # pragma: no cover - the construction above satisfies every condition
         raise AssertionError(fault) from fault
+
+
+def held(values: Iterable[Any], truths: Iterable[Any], widths: Iterable[Any]) -> bool:
+    """Whether each half-width holds the truth. Through `Measured`, where the study of margins looks on."""
+    numbers = (numpy.ravel(part) for part in (values, truths, widths))
+    return all(Measured.of(value, width).holds(truth) for value, truth, width in zip(*numbers, strict=True))
 
 
 #: States well inside the domain.

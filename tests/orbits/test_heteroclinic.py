@@ -22,6 +22,7 @@ from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
 from tippedisk_verify.theory.equilibria import equilibrium
 
 
+@pytest.mark.honest
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
 def test_fewer_digits_hold_more(taylor, parameters) -> None:
     few, more = (heteroclinic(parameters, taylor, digits=digits) for digits in (12, 32))

@@ -99,6 +99,7 @@ def test_passages_take_all_the_growth(taylor) -> None:
     assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01
 
 
+@pytest.mark.honest
 def test_far_from_omega_h_it_is_the_ordinary_cycle(taylor) -> None:
     for distance in ("0.7", "0.05"):
         near = cycle_above(PRINTED, distance, taylor)

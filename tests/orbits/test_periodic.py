@@ -41,6 +41,7 @@ CASES = [(PRINTED, "1e-6"), (PRINTED, "0.5"), (PRINTED, "0.8"), (SETS[1], "0.5")
 REST = [(p, d) for p in SETS for d in ("1e-6", "0.05", "0.5", "0.8") if (p, d) not in CASES]
 
 
+@pytest.mark.honest
 @pytest.mark.parametrize(
     ("parameters", "distance"), [*CASES, *(pytest.param(*case, marks=pytest.mark.slow) for case in REST)]
 )
@@ -80,6 +81,7 @@ def test_a_double_is_as_good_as_its_inputs(taylor, parameters, distance) -> None
         assert error <= Fraction("2e-14") + 4 * total / 2**53, key
 
 
+@pytest.mark.honest
 def test_a_cycle_that_attracts_weakly_is_honest(taylor) -> None:
     """1 - P' is 9e-5 here: rounding of the map leaves the wider run as far off as the double happens to be."""
     stiff, speed = PRINTED.changed(mu="1.76314", epsilon="0.00188734"), Fraction("30.746062089435")

@@ -47,6 +47,7 @@ def test_every_orbit_ends_as_the_paper_says(taylor, parameters) -> None:
         assert not panel.noninverted_stable
 
 
+@pytest.mark.honest
 def test_flat_times_hold(taylor) -> None:
     panel = compute(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
     for orbit in panel.orbits:

@@ -37,6 +37,7 @@ def below(parameters, distance) -> Fraction:
 
 
 @pytest.mark.slow
+@pytest.mark.honest
 def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     speed = below(PRINTED, "0.5")
     rough = limit_cycle(PRINTED, speed, taylor, friction="smooth")
@@ -76,6 +77,7 @@ def test_below_omega_h_it_says_so(taylor, friction) -> None:
         followed_cycle(PRINTED, Fraction("30.03"), taylor, friction=friction)
 
 
+@pytest.mark.honest
 def test_omega_h_of_the_smooth_law(taylor) -> None:
     few, more = (heteroclinic(CALIBRATED, taylor, digits=digits, friction="smooth") for digits in (12, 30))
     assert few.omega_h.holds(more.omega_h.value)

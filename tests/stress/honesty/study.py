@@ -12,6 +12,7 @@ import argparse
 import json
 import math
 import os
+import signal
 import statistics
 import sys
 import time
@@ -82,7 +83,6 @@ def _prepared(folder: str) -> None:
     Path(folder).mkdir(parents=True, exist_ok=True)
     store.set_diskcache_path(folder)
     store.set_diskcache_limit(_ROOM)
-    os.nice(10)
 
 
 def _task(row: Row, seed: int, index: int, names: Sequence[str]) -> list[Line]:
@@ -123,8 +123,8 @@ def _spread(folder: Path, tasks: list[tuple[tuple[Row, int, int], list[str]]], j
         initargs=(str(folder / "compiled"),),
         max_tasks_per_child=_DRAWS_A_PROCESS,
     )
-    with pool:
-        waiting: set[Future[list[Line]]] = set()
+    waiting: set[Future[list[Line]]] = set()
+    try:
         for place, names in tasks:
             waiting.add(pool.submit(_task, *place, names))
             if len(waiting) >= _AHEAD * jobs:
@@ -133,6 +133,11 @@ def _spread(folder: Path, tasks: list[tuple[tuple[Row, int, int], list[str]]], j
         while waiting:
             ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             yield from (future.result() for future in ready)
+    finally:
+        if waiting:  # stopped on the way: nobody waits for what they are at
+            for process in list(pool._processes.values()):
+                process.terminate()
+        pool.shutdown(cancel_futures=True)
 
 
 def _code() -> str:
@@ -204,6 +209,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--table", action="store_true", help="print the table of what is there, and compute nothing")
     chosen = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # to be stopped like this is to be stopped by Ctrl-C
     journal = chosen.folder / "draws.jsonl"
     chosen.folder.mkdir(parents=True, exist_ok=True)
     if not chosen.table:

@@ -120,18 +120,23 @@ def true_omega_h(parameters: Parameters, friction: Friction, digits: int = 30) -
     Raises ArithmeticError if it does not.
     """
     found = splitting_zero(parameters, rough_omega_h(parameters, friction), default_engine(), digits, friction)
-    aside = found.omega_h.value / 10**24  # a start 2^-40 from the saddle misses the manifold by the cube of that
-    sides = [
-        unstable_branch(
-            parameters,
-            found.omega_h.value + sign * aside,
-            default_engine(),
-            friction=friction,
-            precision=bits(160),
-            offset=Fraction(1, 2**40),
-        ).events[-1].name
-        for sign in (-1, 1)
-    ]
-    if sides[1] != "turns back" or sides[0] == "turns back":
-        raise ArithmeticError(f"the unstable branch does not change sides at {Measured(found.omega_h.value, aside)}")
-    return found
+    # The closer to Omega_h, the longer the branch stays next to the saddle: with small eigenvalues longer than it is
+    # followed.
+    for power in (24, 19, 15):
+        aside = found.omega_h.value / 10**power
+        below, above = (_side(parameters, found.omega_h.value + step, friction) for step in (-aside, aside))
+        if (below, above) == ("passes", "turns back"):
+            return found
+        if "nowhere" not in (below, above):
+            break
+    raise ArithmeticError(f"the unstable branch does not change sides at {Measured(found.omega_h.value, aside)}")
+
+
+def _side(parameters: Parameters, omega: Fraction, friction: Friction) -> str:
+    """Where the unstable branch goes; a start 2^-40 from the saddle misses the manifold by the cube of that."""
+    run = unstable_branch(
+        parameters, omega, default_engine(), friction=friction, precision=bits(160), offset=Fraction(1, 2**40)
+    )
+    if run.status is Status.FLAT:
+        return "passes"
+    return run.events[-1].name if run.status is Status.EVENT else "nowhere"
