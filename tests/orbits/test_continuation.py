@@ -7,6 +7,8 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.bisection import bisect_omega_h

@@ -8,12 +8,12 @@ from dataclasses import replace
 from fractions import Fraction
 
 import pytest
-
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.stress import motion_requests
 from tippedisk_verify.evidence.stress.comparison import of_double, printed
 from tippedisk_verify.evidence.stress.draws import FAMILIES, disk, generator
 from tippedisk_verify.evidence.stress.honesty import KINDS, drawn, honesty, kind_of, summary
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.evidence.stress import motion_requests
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.theory.hopf import criticality

@@ -27,7 +27,7 @@ from tippedisk_verify.flow.contract import Request, Result
 from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import precision
-from tippedisk_verify.model.precision import heyoka_module
+from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
 __all__ = ["ARITHMETICS", "DEFAULT", "Arithmetic", "arithmetic_named"]
 
@@ -64,7 +64,7 @@ class Arithmetic:
 
     @cached_property
     def engine(self) -> Taylor:
-        return _ShortSteps(self._machine) if self.short_steps else Taylor()
+        return Taylor()
 
     @cached_property
     def lanes(self) -> Lanes:
@@ -82,9 +82,13 @@ class Arithmetic:
         self._machine.begin(seed)
         with ExitStack() as changes:
             for name in _BUILDERS:
-                changes.enter_context(mock.patch(name, lambda: self._machine))
+                changes.enter_context(mock.patch(name, return_value=self._machine))
             if not self.extended:
-                changes.enter_context(mock.patch.object(precision, "_has_extended", lambda: False))
+                changes.enter_context(mock.patch.object(precision, "_has_extended", return_value=False))
+            if self.short_steps:
+                changes.enter_context(
+                    mock.patch.object(Taylor, "__call__", self._machine.in_short_steps(Taylor.__call__))
+                )
             yield self
 
 
@@ -101,6 +105,19 @@ class _Machine:
 
     def begin(self, seed: object) -> None:
         self._random = numpy.random.default_rng(list(str(seed).encode()))
+
+    def in_short_steps(self, run: Callable[[Taylor, Request], Result]) -> Callable[[Taylor, Request], Result]:
+        """Steps are left to heyoka up to some length, which follows from the disk."""
+
+        def limited(engine: Taylor, request: Request) -> Result:
+            p = request.parameters
+            decay = float(p.mu * p.g / p.epsilon * (p.r + p.e) ** 2 * p.m / p.Bbar)  # of sliding [1/s]
+            rate = max(decay + abs(float(DOUBLE.number(request.omega))), 1e-30)
+            # Steps of full length fall like the root of that rate, and above 1e3 like its inverse: half of those.
+            self.longest = min(0.07 / rate**0.5, 4 / rate)
+            return run(engine, request)
+
+        return limited
 
     def taylor_adaptive(self, system: Any, start: Any, **asked: Any) -> Any:
         return self._stepping(self._heyoka.taylor_adaptive, system, start, asked)
@@ -170,21 +187,6 @@ def _moving(machine: _Machine, most: int, batch: bool) -> Callable[[Any], bool]:
     return after_all if batch else after
 
 
-class _ShortSteps(Taylor):
-    """Steps are left to heyoka up to some length, which follows from the disk."""
-
-    def __init__(self, machine: _Machine) -> None:
-        super().__init__()
-        self._machine = machine
-
-    def __call__(self, request: Request) -> Result:
-        p = request.parameters
-        # At the rate of sliding's decay, k, steps of full length fall about like its root; these are half as long.
-        rate = float(p.mu * p.g / p.epsilon * (p.r + p.e) ** 2 * p.m / p.Bbar) + float(request.precision.number(request.omega))
-        self._machine.longest = 0.07 / max(rate, 1e-30) ** 0.5
-        return super().__call__(request)
-
-
 DEFAULT = Arithmetic("default", "as installed")
 
 ARITHMETICS = (
@@ -197,7 +199,7 @@ ARITHMETICS = (
     Arithmetic("compact", "loops instead of unrolled code", in_double={"compact_mode": True}),
     Arithmetic("compensated", "compensated sums of the series", {"high_accuracy": True}),
     Arithmetic("moved bits", "each number by up to two units in its last place, after every step", last_bits=2),
-    Arithmetic("all bits moved", "the same by one unit, in extended precision too", last_bits=1, moved=("double", "extended")),
+    Arithmetic("all bits moved", "by one unit, in extended precision too", last_bits=1, moved=("double", "extended")),
     Arithmetic("higher order", "a sixteenth of round-off as the tolerance: one order more", tolerance=2.0**-4),
     Arithmetic("lower order", "twice round-off as the tolerance: one order less", tolerance=2.0),
     Arithmetic("short steps", "steps of half their length", short_steps=True),

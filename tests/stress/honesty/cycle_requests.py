@@ -144,7 +144,9 @@ def cycle_in_double(random: Random, families: Sequence[str] = _MOSTLY, friction:
     )
 
 
-def smooth_cycle(random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction", "spread")) -> Asked:
+def smooth_cycle(
+    random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction", "spread")
+) -> Asked:
     """The smooth law's cycle."""
     parameters, omega, text = _place(random, families, "smooth")
     digits = random.choice((6, 9, 12))
@@ -167,7 +169,9 @@ def balanced(random: Random, families: Sequence[str] = _MOSTLY) -> Asked:
     )
 
 
-def branch(random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction"), speeds: int = 1) -> Asked:
+def branch(
+    random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction"), speeds: int = 1
+) -> Asked:
     """The branch as a function: corrected cycles and interpolated numbers at speeds between its ends."""
     family = random.choice(families)
     parameters = disk(random, family)

@@ -12,6 +12,7 @@ from fractions import Fraction
 from random import Random
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import PI, Exact, exact
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -131,17 +132,21 @@ def speed(random: Random, parameters: Parameters) -> Fraction:
     )
 
 
-def state(random: Random) -> tuple[Fraction, Fraction, Fraction]:
-    """(beta, gamma, v) [rad, rad, rad/s] inside the domain, at times next to an equilibrium."""
-    if random.random() < 0.2:
-        away = log_uniform(random, 1e-8, 0.3)
-        side = random.choice((1, -1))
-        beta, gamma, v = (away * random.uniform(-1, 1) for _ in range(3))
-        return decimal(math.pi / 2 + beta, 12), decimal(side * math.pi / 2 + gamma, 12), decimal(v)
+def state(random: Random) -> tuple[Exact, Exact, Exact]:
+    """(beta, gamma, v) [rad, rad, rad/s] inside the domain, at times next to an equilibrium, as near as 1e-24."""
+    kind = random.random()
+    if kind < 0.3:
+        away = log_uniform(random, 1e-8, 0.3) if kind < 0.2 else log_uniform(random, 1e-24, 1e-8)
+        side = Fraction(random.choice((1, -1)), 2)
+        beta, gamma, v = (exact(decimal(away * random.uniform(-1, 1))) for _ in range(3))
+        return beta + PI * Fraction(1, 2), gamma + PI * side, v
+    beta = (
+        exact("pi/2") if random.random() < 0.25 else exact(decimal(random.uniform(0.1, 3.04)))
+    )  # where starts often are
     return (
-        decimal(random.uniform(0.1, 3.04)),
-        decimal(random.uniform(-7, 7)),
-        decimal(random.uniform(-1, 1) * log_uniform(random, 0.1, 50)),
+        beta,
+        exact(decimal(random.uniform(-7, 7))),
+        exact(decimal(random.uniform(-1, 1) * log_uniform(random, 0.1, 50))),
     )
 
 

@@ -76,9 +76,9 @@ ROWS: dict[Row, tuple[tuple[int, tuple[str, ...]], ...]] = {
              "smooth passage", "limit of cycles", "scipy bisection", "smooth next to Omega_h")),
     ),
     "far": (
-        (10, ("flow",)), (11, ("events",)), (10, ("derivatives",)), (6, ("derivatives by parameters",)),
-        (3, ("divergence",)), (8, ("flow at a tolerance",)),
-        (16, ("limit-cycle in double",)), (9, ("smooth limit-cycle in double",)),
+        (10, ("flow",)), (10, ("events",)), (8, ("derivatives",)), (7, ("half periods",)),
+        (5, ("derivatives by parameters",)), (3, ("divergence",)), (6, ("flow at a tolerance",)),
+        (16, ("limit-cycle in double",)), (8, ("smooth limit-cycle in double",)),
         (4, ("limit-cycle",)), (4, ("smooth limit-cycle",)), (4, ("harmonic-balance",)), (6, ("branch",)),
         (3, ("bisection", "smooth bisection")), (2, ("heteroclinic", "smooth heteroclinic")),
         (1, ("scipy bisection", "smooth scipy bisection")), (1, ("passage", "smooth passage")),

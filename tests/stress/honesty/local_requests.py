@@ -13,7 +13,7 @@ from tippedisk_verify.evidence.reference.local_roads import BALANCE, HOPF, RHS
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.harmonic_balance import Form, one_harmonic, slopes
@@ -39,7 +39,8 @@ def right_hand_side(random: Random) -> Asked:
     """The equations' terms, the acceleration and its derivatives at a state, against the same in shifted angles."""
     parameters = disk(random, random.choice(FAMILIES))
     friction = random.choice(("both", "linear", "smooth"))
-    place = dict(zip(("Omega", "beta", "gamma", "v"), (speed(random, parameters), *state(random)), strict=True))
+    angles = (decimal(float(DOUBLE.number(part)), 12) for part in state(random))  # rational: pi has no place there
+    place = dict(zip(("Omega", "beta", "gamma", "v"), (speed(random, parameters), *angles), strict=True))
     where = ", ".join(f"{name} = {float(value)!r}" for name, value in place.items())
     case = _case(parameters, friction, place)
     return Asked.closed(
@@ -141,7 +142,9 @@ def melnikov(random: Random) -> Asked:
             )
         return compared
 
-    return Asked.closed(f"limit of cycles of size {size and float(size)} to {digits} digits, {written(parameters)}", numbers)
+    return Asked.closed(
+        f"limit of cycles of size {size and float(size)} to {digits} digits, {written(parameters)}", numbers
+    )
 
 
 def slow_manifold_study(random: Random) -> Asked:

@@ -65,7 +65,17 @@ class Margins:
 def margins(arithmetic: Arithmetic, arguments: Sequence[str] = ("-m", "honest")) -> Margins:
     """Run the marked tests, or those that pytest's ``arguments`` name, in this process."""
     found = Margins(arithmetic)
-    options = ("-n", "0", "-q", "--no-header", "--no-summary", "-p", "no:cacheprovider", "--rootdir", str(_TESTS.parent))
+    options = (
+        "-n",
+        "0",
+        "-q",
+        "--no-header",
+        "--no-summary",
+        "-p",
+        "no:cacheprovider",
+        "--rootdir",
+        str(_TESTS.parent),
+    )
     pytest.main([*options, *arguments, *([] if "-m" not in arguments else [str(_TESTS)])], plugins=[found])
     return found
 

@@ -17,6 +17,7 @@ from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Even
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.precision import QUADRUPLE, bits
+from tippedisk_verify.orbits.half_map import RETURNS, VARIATIONS
 
 __all__ = ["RUNS", "asked_run", "flow"]
 
@@ -24,9 +25,9 @@ _PASSING = tuple(
     Event(f"passing {event.name}", event.function, terminal=False) for event in (SECTION, TURN, SLIDING_REVERSAL)
 )
 _RETURNS = (Event("next section", SECTION.function), Event("next turn", TURN.function, terminal=False))
-_STATE: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
+_STATE = VARIATIONS
 _EVERY: tuple[Variation, ...] = (*_STATE, "r", "e", "a", "b", "g", "k")
-_DECAYS = 300  # of sliding, the longest run: a stiffer disk is followed for a shorter time
+_DECAYS = 1000  # of sliding, the longest run: a stiffer disk is followed for a shorter time
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class _Setting:
     variations: tuple[Variation, ...] = ()
     divergence: bool = False
     loose: bool = False  #: at a tolerance above round-off
+    section: bool = False  #: from beta = pi/2 with v < 0, to the next crossing
 
 
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
@@ -51,22 +53,24 @@ RUNS = {
     ),
     "derivatives": tuple(_Setting(law, variations=_STATE) for law in _LAWS),
     "divergence": tuple(_Setting(law, divergence=True) for law in _LAWS),
+    # What Newton's iteration on the half-period map flies, and so is compiled for it already.
+    "half periods": tuple(_Setting(law, True, (RETURNS,), _STATE, section=True) for law in _LAWS),
     "derivatives by parameters": (_Setting("linear", variations=_EVERY),),
     "flow at a tolerance": (_Setting("linear", loose=True), _Setting("smooth", loose=True)),
 }
 
 
 def flow(random: Random, what: str, families: Sequence[str] = FAMILIES) -> Asked:
-    """A run of at most a second: its end, samples, events and derivatives."""
+    """A run of a second, or up to ten: its end, samples, events and derivatives."""
     setting = random.choice(RUNS[what])
     parameters = disk(random, random.choice(families))
     omega = speed(random, parameters)
-    place: tuple[Any, ...] = state(random)
-    if random.random() < 0.25:  # on the section, where starts usually are
-        place = (exact("pi/2"), *place[1:])
+    place = state(random)
+    if setting.section:
+        place = (exact("pi/2"), place[1], exact(decimal(-log_uniform(random, 1e-3, 20))))
     if setting.shifted:
-        place = (exact(place[0]) - PI * Fraction(1, 2), exact(place[1]) - PI * Fraction(1, 2), place[2])
-    longest = min(1.0, _DECAYS / decay(parameters))
+        place = (place[0] - PI * Fraction(1, 2), place[1] - PI * Fraction(1, 2), place[2])
+    longest = min(random.choice((1.0, 1.0, 10.0)), _DECAYS / decay(parameters))
     duration = decimal(longest * random.choice((random.uniform(0.1, 1), log_uniform(random, 1e-4, 1))))
     if random.random() < 0.1:
         duration = -duration / 10  # backward the fast direction explodes
@@ -87,6 +91,7 @@ def flow(random: Random, what: str, families: Sequence[str] = FAMILIES) -> Asked
         divergence=setting.divergence,
         tolerance=tolerance,
         error_estimate=True,
+        domain="none" if setting.section else "event",
     )
     text = (
         f"{setting.friction} flow{' (shifted)' if setting.shifted else ''} of {float(duration)!r} s"

@@ -22,7 +22,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from tests.stress.honesty.arithmetics import ARITHMETICS, DEFAULT, Arithmetic, arithmetic_named
 from tests.stress.honesty.kinds import CLOSED, IN_LANES, KINDS, ROWS, Draw, Row, drawn, kind_of
@@ -204,7 +204,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="index of the first one")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--row", action="append", choices=list(ROWS), help="by default far")
-    parser.add_argument("--arithmetic", action="append", choices=[one.name for one in ARITHMETICS], help="by default all")
+    parser.add_argument(
+        "--arithmetic", action="append", choices=[one.name for one in ARITHMETICS], help="by default all"
+    )
     parser.add_argument("--kind", action="append", choices=KINDS, help="by default all")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--table", action="store_true", help="print the table of what is there, and compute nothing")
@@ -257,7 +259,9 @@ def _run(folder: Path, journal: Path, wanted: list[tuple[Row, int, int, str]], j
                     print(_violation(line), file=sys.stderr, flush=True)
             kept.flush()
             if sys.stderr.isatty():
-                print(f"\r{count} draws, {violated} violated, {time.monotonic() - begin:.0f} s", end="", file=sys.stderr)
+                print(
+                    f"\r{count} draws, {violated} violated, {time.monotonic() - begin:.0f} s", end="", file=sys.stderr
+                )
     return None
 
 

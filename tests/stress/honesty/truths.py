@@ -2,7 +2,7 @@
 
 A cycle is Newton's iteration on the flow over a fixed time, with the flight time as a third unknown and derivatives
 taken anew at every step. Its multipliers come from the trace of the half period's matrix, whose third eigenvalue is 1,
-and from Liouville's integral. What is claimed stops at an event, and takes the multipliers from a matrix on the section.
+and from Liouville's integral. What is claimed stops at an event and takes the multipliers from a matrix on the section.
 """
 
 from __future__ import annotations
@@ -60,7 +60,12 @@ def true_cycle(
 
 
 def _flown(
-    parameters: Parameters, omega: Fraction, unknown: Sequence[Any], precision: Precision, friction: Friction, **more: Any
+    parameters: Parameters,
+    omega: Fraction,
+    unknown: Sequence[Any],
+    precision: Precision,
+    friction: Friction,
+    **more: Any,
 ) -> Any:
     gamma_bar, v, half_period = unknown
     if not half_period > 0:
