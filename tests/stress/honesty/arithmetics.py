@@ -119,6 +119,9 @@ class _Machine:
 
         return limited
 
+    def recommended_simd_size(self) -> int:
+        return self._arithmetic.width or int(self._heyoka.recommended_simd_size())
+
     def taylor_adaptive(self, system: Any, start: Any, **asked: Any) -> Any:
         return self._stepping(self._heyoka.taylor_adaptive, system, start, asked)
 

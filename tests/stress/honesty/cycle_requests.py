@@ -89,11 +89,12 @@ def _place(random: Random, families: Sequence[str], friction: Friction = "linear
         parameters = disk(random, family)
     crit = omega_crit(parameters, 30).value
     side = -1 if criticality(parameters) == "subcritical" else 1
-    # Subcritical families end at some 1e-3 of Omega_crit above it, others at some 1e-2 below.
-    share = decimal(random.choice((random.uniform(1e-4, 0.02), log_uniform(random, 1e-9, 0.03))))
-    omega = crit * (1 - side * share * (1 if side > 0 else Fraction(1, 10)))
+    share = decimal(random.choice((random.uniform(1e-4, 0.02), log_uniform(random, 1e-8, 0.03))))
+    if side < 0:  # such a family turns back within some 1e-4 of Omega_crit
+        share = share / 40
+    omega = crit * (1 - side * share)
     within = decimal(
-        random.choice((random.uniform(0.002, 1), 1 - log_uniform(random, 1e-8, 1), log_uniform(random, 1e-4, 1)))
+        random.choice((random.uniform(0.002, 1), 1 - log_uniform(random, 1e-6, 1), log_uniform(random, 1e-4, 1)))
     )
     if family in (*STRUCTURED, "far") and side > 0 and random.random() < 0.9:
         with suppress(NoConnectionError, Shortfall):
@@ -170,7 +171,7 @@ def balanced(random: Random, families: Sequence[str] = _MOSTLY) -> Asked:
 
 
 def branch(
-    random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction"), speeds: int = 1
+    random: Random, families: Sequence[str] = ("named", "nearby", "nearby", "friction"), speeds: int = 3
 ) -> Asked:
     """The branch as a function: corrected cycles and interpolated numbers at speeds between its ends."""
     family = random.choice(families)
