@@ -30,16 +30,8 @@ _BLOCK = 100
 _SHARPER = 90  # bits by which the truth about a violation is found again
 
 _flow, _connection = motion_requests.flow, connection_requests.connection
-_CLOSED: dict[str, Callable[..., Asked]] = {
-    "right-hand side": local_requests.right_hand_side,
-    "equilibria": local_requests.equilibria,
-    "hopf": local_requests.hopf,
-    "one-harmonic": local_requests.harmonic,
-    "melnikov": local_requests.melnikov,
-    "slow-manifold": local_requests.slow_manifold_study,
-}
 _REQUESTS: dict[str, Callable[..., Asked]] = {
-    **_CLOSED,
+    **local_requests.BY_NAME,
     **{name: partial(_flow, what=name) for name in motion_requests.RUNS},
     "limit-cycle": cycle_requests.cycle,
     "limit-cycle in double": cycle_requests.cycle_in_double,
@@ -62,7 +54,7 @@ _REQUESTS: dict[str, Callable[..., Asked]] = {
 }
 KINDS = tuple(_REQUESTS)
 #: Kinds that no arithmetic of the integrators touches, and kinds that run in lanes.
-CLOSED, IN_LANES = tuple(_CLOSED), ("branch",)
+CLOSED, IN_LANES = tuple(local_requests.BY_NAME), ("branch",)
 
 #: How many of a hundred draws ask for what: in turn, from one hundred to the next, where it is several things.
 ROWS: dict[Row, tuple[tuple[int, tuple[str, ...]], ...]] = {
@@ -128,7 +120,7 @@ def kind_of(index: int, row: Row = "around") -> str:
     return names[block % len(names)]
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=512)
 def _asked(seed: int, index: int, row: Row) -> Asked:
     """Kept for a while, so that the truth is found once for all arithmetics."""
     request, random = _REQUESTS[kind_of(index, row)], generator(seed, index)

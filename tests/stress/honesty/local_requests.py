@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from random import Random
 from typing import Any
@@ -20,7 +21,7 @@ from tippedisk_verify.theory.harmonic_balance import Form, one_harmonic, slopes
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit
 from tippedisk_verify.theory.melnikov import limit_period, limit_speed
 
-__all__ = ["equilibria", "harmonic", "hopf", "melnikov", "right_hand_side", "slow_manifold_study"]
+__all__ = ["BY_NAME"]
 
 _TRUE_BITS = 600  # 180 digits: a double eigenvalue costs half of them
 
@@ -183,3 +184,14 @@ def slow_manifold_study(random: Random) -> Asked:
         return compared
 
     return Asked.closed(f"slow manifold of order {order} at {float(omega)!r} rad/s, {written(parameters)}", numbers)
+
+
+#: Each of them under its kind's name.
+BY_NAME: dict[str, Callable[[Random], Asked]] = {
+    "right-hand side": right_hand_side,
+    "equilibria": equilibria,
+    "hopf": hopf,
+    "one-harmonic": harmonic,
+    "melnikov": melnikov,
+    "slow-manifold": slow_manifold_study,
+}

@@ -13,7 +13,6 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 from unittest import mock
 
 import pytest
@@ -38,10 +37,6 @@ class Margins:
         self.failed: list[str] = []
         self._test = ""
 
-    @pytest.fixture(scope="session")
-    def taylor(self) -> Any:
-        return self._arithmetic.engine
-
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
         self._test = item.nodeid
@@ -62,10 +57,10 @@ class Margins:
         return seen
 
 
-def margins(arithmetic: Arithmetic, arguments: Sequence[str] = ("-m", "honest")) -> Margins:
+def margins(arithmetic: Arithmetic, arguments: Sequence[str] = ()) -> Margins:
     """Run the marked tests, or those that pytest's ``arguments`` name, in this process."""
     found = Margins(arithmetic)
-    options = (
+    options = [
         "-n",
         "0",
         "-q",
@@ -75,14 +70,16 @@ def margins(arithmetic: Arithmetic, arguments: Sequence[str] = ("-m", "honest"))
         "no:cacheprovider",
         "--rootdir",
         str(_TESTS.parent),
-    )
-    pytest.main([*options, *arguments, *([] if "-m" not in arguments else [str(_TESTS)])], plugins=[found])
+    ]
+    # What runs pytest has imported what is tested: no matter, for the tests themselves are rewritten.
+    options += ["-W", "ignore:Module already imported:pytest.PytestAssertRewriteWarning"]
+    pytest.main([*options, *(arguments or ("-m", "honest", str(_TESTS)))], plugins=[found])
     return found
 
 
 def main(arguments: Sequence[str]) -> int:
     name, *rest = arguments
-    found = margins(arithmetic_named(name), rest or ("-m", "honest"))
+    found = margins(arithmetic_named(name), rest)
     for test, margin in sorted(found.least.items(), key=lambda pair: pair[1]):
         print(f"{margin:10.3g}  {test}")
     print(json.dumps({"arithmetic": name, "least": found.least, "failed": found.failed}))

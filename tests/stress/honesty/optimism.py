@@ -31,27 +31,13 @@ class Term:
     kinds: tuple[str, ...]  #: of draws that notice it
 
 
-_ESTIMATE = "flow.error_estimate"
-_RUNS = ("flow", "events", "half periods")
-_CYCLES = ("limit-cycle in double",)
+_ESTIMATE, _DENSE = "flow.error_estimate", "orbits.dense"
+_RUNS, _CYCLES, _BRANCH = ("flow", "half periods"), ("limit-cycle in double",), ("branch",)
 TERMS = (
-    Term("the distance", _ESTIMATE, "compared", "bound = away +", "bound = 0 * away +", _RUNS),
-    Term("its largest neighbour", _ESTIMATE, "compared", ") / 8 + abs(exact)", ") * 0 + abs(exact)", _RUNS),
-    Term("an ulp", _ESTIMATE, "compared", "abs(exact) * ulp", "0 * ulp", _RUNS),
-    Term("the state's share in a time", _ESTIMATE, "compared", "return own + ", "return own + 0 * ", _RUNS),
+    Term("the distance to the wider run", _ESTIMATE, "compared", "bound = away +", "bound = 0 * away +", _RUNS),
+    Term("a share of the largest distance", _ESTIMATE, "compared", ") / 8 + abs(exact)", ") * 0 + abs(exact)", _RUNS),
     Term("the distance", "model.measured", "Measured.compared", "Fraction(9, 8)", "Fraction(1, 8)", _CYCLES),
-    Term("the wider run's error", "model.measured", "Measured.compared", "Fraction(9, 8)", "1", _CYCLES),
-    Term("an ulp", "model.measured", "Measured.compared", "+ abs(mine) * epsilon", "", _CYCLES),
-    Term("what is undecided", "orbits.periodic", "measured_cycle", "number.uncertainty + more", "number.uncertainty", _CYCLES),
-    Term("rounding of parameters", "orbits.dense", "DenseBranch._widths", "= 2 * parameters, own", "= 0 * parameters, own", ("branch",)),
-    Term("the flow's rounding", "orbits.dense", "DenseBranch._widths", "(flow + 1) *", "0 * flow *", ("branch",)),
-    Term("the last step", "orbits.dense", "DenseBranch._widths", "2 * slope * (error + last)", "0", ("branch",)),
-    Term("the divergence's start", "orbits.dense", "DenseBranch._widths", "own += along *", "own += 0 * along *", ("branch",)),
-    Term("truncation", "orbits.dense", "DenseBranch.__call__", "+ 2 * numpy.abs(self._cosines @ scaled).max()", "", ("branch",)),
-    Term("the nodes' rounding", "orbits.dense", "DenseBranch.__call__", "moved + numpy.sqrt(ratios**2 @ own**2)", "moved", ("branch",)),
-    Term("the bracket", "orbits.bisection", "bisect_omega_h", "(upper - lower) * 2", "(upper - lower) / 20", ("bisection",)),
-    Term("the looser run", "orbits.bisection", "bisect_omega_h", "4 * abs(loose - centre) + centre / 2**48", "0", ("scipy bisection",)),
-)  # fmt: skip
+)
 
 
 @contextmanager
