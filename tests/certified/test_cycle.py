@@ -10,7 +10,7 @@ import pytest
 
 from tests.certified.cases import NUMBERS, speed_below
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, hull, measured, positive, working_precision
-from tippedisk_verify.certified.cycle import CycleProof, Status, inclusion, prove_cycle
+from tippedisk_verify.certified.cycle import CycleProof, Status, _decimal_below, inclusion, prove_cycle
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
@@ -64,6 +64,27 @@ def test_what_the_proof_says() -> None:
     assert set(NUMBERS) <= set(found)
     assert json.loads(json.dumps(found)) == found
     assert all(1e-8 < float(distance) < 1 for distance in found["unique_within"].values())
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [
+        (9.999999999999999e-6, "9.9e-6"),  # its logarithm to base 10 rounds to -5
+        (1e-5, "0.000010"),  # the double a little above
+        (0.99999999999999994, "0.99"),
+        (0.00041999, "0.00041"),
+        (123.4, "120"),
+    ],
+)
+def test_distances_are_rounded_down_and_by_no_more_than_their_second_digit(x: float, expected: str) -> None:
+    found = _decimal_below(arb(x))
+    assert found == expected
+    assert Fraction(x) * Fraction(10, 11) < Fraction(found) <= Fraction(x)
+
+
+def test_a_distance_that_may_be_none_is_none() -> None:
+    for x in (arb(0), arb(1, 1), arb(-1)):
+        assert _decimal_below(x) == "0"
 
 
 def test_twice_the_half_map_turns_the_fixed_point_into_itself() -> None:

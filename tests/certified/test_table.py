@@ -202,19 +202,21 @@ def test_rounding_is_decided_only_where_it_can_be() -> None:
     assert rounds_to(arb("30.925", "1e-9"), "30.92") is None
     assert rounds_to(arb("nan"), "30.92") is None
     with pytest.raises(Shortfall):
-        table.omega_h_statements({"x": Measured(Fraction("30.075"), Fraction(1, 10**6))})
-    said = table.omega_h_statements({"x": Measured(Fraction("30.07"), Fraction(1, 10**6))})
+        table.omega_h_statements([(PRINTED, Measured(Fraction("30.075"), Fraction(1, 10**6)))])
+    said = table.omega_h_statements([(PRINTED, Measured(Fraction("30.07"), Fraction(1, 10**6)))])
     assert len(said) == 1
     assert "rounds to 30.07" in said[0]
-    said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))})
+    far = [(PRINTED, Measured(Fraction("30.0489"), Fraction(1, 10**6)))]
+    said = table.omega_h_statements(far)
     # Of a connection that was found nothing follows for others.
     assert len(said) == 1
-    assert "the connection of 'x' at 30.0489" in said[0]
+    assert "at 30.0489" in said[0]
     assert said[0].endswith("does not round to 30.07.")
-    said = table.omega_h_statements({"x": Measured(Fraction("30.0489"), Fraction(1, 10**6))}, excluded=["x"])
+    said = table.omega_h_statements(far, excluded=["printed"])
     assert len(said) == 1
     assert said[0].endswith(
         "does not round to 30.07, and no speed that does has a connection on which gamma grows all the way."
     )
-    said = table.omega_h_statements({"calibrated": Measured(Fraction("30.07"), Fraction(1, 10**6))}, CALIBRATED)
-    assert said[1] == "so all 5 printed numbers at once follow from 'calibrated'."
+    said = table.omega_h_statements([(CALIBRATED, Measured(Fraction("30.07"), Fraction(1, 10**6)))], CALIBRATED)
+    assert said[1].startswith("all 5 printed numbers at once, omega_crit = 30.92,")
+    assert "omega_h = 30.07, follow from 'calibrated'," in said[1]

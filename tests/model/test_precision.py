@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import PI, Exact, exact, fraction
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_down, rounded_up
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
@@ -219,3 +219,45 @@ def test_large_exponents_are_exact_in_few_bits() -> None:
     few, many = bits(24), bits(200)
     for value in (Fraction(2) ** 143429448, Fraction(3, 2**100_000_001)):
         assert fraction(few.number(value)) == fraction(many.number(value)) == value
+
+
+positive_rationals = st.one_of(
+    st.fractions(min_value=Fraction(1, 10**40), max_value=10**40),
+    # Next to the powers of ten, where a logarithm in double goes wrong.
+    st.builds(
+        lambda power, off, sign: Fraction(10) ** power * (1 + sign * Fraction(1, 10**off)),
+        st.integers(-40, 40),
+        st.integers(1, 40),
+        st.sampled_from([-1, 0, 1]),
+    ),
+).filter(lambda value: value > 0)
+
+
+@given(value=positive_rationals)
+def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_second_digit(value: Fraction) -> None:
+    magnitude = decimal_magnitude(value)
+    assert Fraction(10) ** magnitude <= value < Fraction(10) ** (magnitude + 1)
+    low, high = Fraction(rounded_down(value)), Fraction(rounded_up(value))
+    assert low <= value <= high
+    unit = Fraction(10) ** (magnitude - 1)
+    assert value - low < unit
+    assert high - value < unit
+
+
+@given(value=st.fractions())
+def test_an_exact_text_is_the_number_itself(value: Fraction) -> None:
+    assert exact(exact_text(value)).rational == value
+
+
+def test_an_exact_text_is_a_decimal_where_there_is_one() -> None:
+    assert [exact_text(Fraction(text)) for text in ("0.3", "1/3", "-9/4", "30", "1e-30")] == [
+        *("0.3", "1/3", "-2.25", "30", "1e-30"),
+    ]
+
+
+def test_containment_is_of_all_that_the_other_may_be() -> None:
+    whole = Measured(Fraction(1), Fraction(1, 10))
+    assert whole.contains(whole)
+    assert whole.contains(Measured(Fraction("1.05"), Fraction("0.05")))
+    assert not whole.contains(Measured(Fraction("1.05"), Fraction("0.06")))  # overlap is not enough
+    assert not whole.contains(Measured(Fraction(1), Fraction("0.11")))

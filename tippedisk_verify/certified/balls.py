@@ -7,19 +7,25 @@ correctness of Python's integers is what every proof in this room assumes of sof
 Each predicate here says "proved" only by a strict comparison that holds for all points of a ball; Arb's comparisons
 are of that kind and False for NaN, and what is not finite is refused.
 
+Python-flint has one context for the whole process. The context managers here are the only places that change it, and
+they hold a lock while it is changed, so proofs in several threads take turns. A thread that uses python-flint by itself
+may still change the context in the middle of a proof. Another precision makes balls wider, never wrong. A shorter
+series is noticed: python-flint reads a coefficient that was cut off as an exact zero, and `coefficient` refuses it.
+
 Where a ball becomes a point here: `measured` takes a ball's midpoint and radius, both exactly, as rationals.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
 
-from flint import arb, ctx, fmpq
+from flint import acb_series, arb, arb_series, ctx, fmpq
 
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -28,28 +34,64 @@ __all__ = [
     "arb",
     "ball",
     "ball_constants",
+    "coefficient",
     "hull",
     "inside",
     "measured",
     "negative",
     "positive",
+    "series_length",
     "working_precision",
 ]
 
+#: Held while python-flint's context is changed; the thread that holds it may take it again.
+_CONTEXT = threading.RLock()
 _FEWEST_BITS, _MOST_BITS = 24, 1_000_000
 
 
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """Arb's working precision within the block; what it was is restored. Raises InputError outside 24 … 1,000,000."""
+    """Arb's working precision within the block; what it was is restored. Raises InputError outside 24 … 1,000,000.
+
+    Another thread's block begins when this one has ended.
+    """
     if not _FEWEST_BITS <= bits <= _MOST_BITS:
         raise InputError(f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}")
-    before = ctx.prec
-    ctx.prec = bits
-    try:
-        yield
-    finally:
-        ctx.prec = before
+    with _CONTEXT:
+        before, ctx.prec = ctx.prec, bits
+        try:
+            yield
+        finally:
+            ctx.prec = before
+
+
+@contextmanager
+def series_length(length: int) -> Iterator[None]:
+    """Arb's series keep ``length`` coefficients within the block; what it was is restored.
+
+    Another thread's block begins when this one has ended.
+    """
+    with _CONTEXT:
+        before, ctx.cap = ctx.cap, length
+        try:
+            yield
+        finally:
+            ctx.cap = before
+
+
+def coefficient(series: Any, power: int) -> Any:
+    """A coefficient of a series; a number counts as a constant series.
+
+    Raises Shortfall for a coefficient beyond the series' length, which python-flint would read as an exact zero.
+    """
+    if not isinstance(series, arb_series | acb_series):
+        return arb(0) if power else series
+    if power >= series.prec:
+        raise Shortfall(
+            f"a series was cut off before its coefficient {power}: something else in this process has changed "
+            "python-flint's series length (ctx.cap); run the proof again without it"
+        )
+    return series[power]
 
 
 def ball(value: object) -> Any:

@@ -27,13 +27,22 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, Literal
 
-from flint import Ordering, acb, acb_series, arb, ctx, fmpq, fmpq_mpoly_ctx, fmpq_poly
+from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
 from tippedisk_verify.certified.angles import INVERTED, NONINVERTED, linearization, rates
-from tippedisk_verify.certified.balls import ball_constants, inside, measured, negative, positive, working_precision
+from tippedisk_verify.certified.balls import (
+    ball_constants,
+    coefficient,
+    inside,
+    measured,
+    negative,
+    positive,
+    series_length,
+    working_precision,
+)
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import Constants, Parameters
 
 __all__ = [
@@ -67,6 +76,10 @@ class Eigenvalue:
 
     def json(self) -> dict[str, dict[str, str]]:
         return {"re": self.re.json(), "im": self.im.json()}
+
+    def __str__(self) -> str:
+        imaginary = self.im.value or self.im.uncertainty
+        return f"({self.re}) + ({self.im}) i" if imaginary else str(self.re)
 
 
 @dataclass(frozen=True)
@@ -150,21 +163,25 @@ def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits:
         return {str(place): root for place, (root, _) in enumerate(polynomial.complex_roots())}
 
     enclosed: list[Any] = []
+    eigenvalues: list[Eigenvalue] = []
     unstable, wanted = 0, digits
-    while not _apart(enclosed) or unstable + sum(negative(root.real) for root in enclosed) != 3:
+    while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
         # Rational coefficients: more digits decide every sign, but for a real part of exactly zero or a double root.
         if wanted > 16 * digits + 1000:
             raise Shortfall(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
         enclosed = list(to_digits(roots, wanted).values())
+        eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
         unstable = sum(positive(root.real) for root in enclosed)
         wanted *= 4
     stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
     if stable != (unstable == 0):
         raise Shortfall("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
-    eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
     eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
+    sign, (first, second, third) = "-" if name == "noninverted" else "", eigenvalues
     statement = (
-        f"{name} spinning has exactly one eigenvalue in each of the three disjoint rectangles given, "
+        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed.rational)} rad/s, under the "
+        f"linear as under the smooth Coulomb friction law, {name} spinning, (beta, gamma, v) = (pi/2, {sign}pi/2, 0), "
+        f"has exactly one eigenvalue [1/s] in each of the three disjoint rectangles {first}, {second} and {third}, "
         f"{unstable} of them with positive real part; it is {'asymptotically stable' if stable else 'unstable'}."
     )
     return ProvedEquilibrium(name, tuple(eigenvalues), stable, unstable, statement)
@@ -203,22 +220,36 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     if not negative(falling) or not (negative(sign) or positive(sign)):
         raise Shortfall("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
     kind: Criticality = "supercritical" if negative(sign) else "subcritical"
-    side = "below" if kind == "supercritical" else "above"
-    statement = (
-        f"at Omega_crit a pair of eigenvalues crosses the imaginary axis with nonzero speed, the third is negative and "
-        f"the first Lyapunov coefficient is {'negative' if kind == 'supercritical' else 'positive'}: the Hopf point is "
-        f"{kind}, and a branch of {'stable' if kind == 'supercritical' else 'unstable'} limit cycles is born "
-        f"{side} Omega_crit."
+    numbers = {name: measured(value) for name, value in with_balls.items()}
+    return ProvedHopf(**numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers))
+
+
+def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[str, Measured]) -> str:
+    sign, cycles, side = (
+        ("negative", "stable", "below") if kind == "supercritical" else ("positive", "unstable", "above")
     )
-    return ProvedHopf(
-        **{name: measured(value) for name, value in with_balls.items()}, criticality=kind, statement=statement
+    return (
+        f"for the tippedisk with {parameters.definition()} under the linear friction law, inverted spinning, "
+        f"(beta, gamma, v) = (pi/2, pi/2, 0), has a Hopf point at Omega_crit = {numbers['omega_crit']} rad/s: a pair "
+        f"of eigenvalues, there +-2 pi i / T_crit with T_crit = {numbers['period']} s, crosses the imaginary axis with "
+        f"d(Re lambda)/dOmega = {numbers['transversality']} 1/rad, the third eigenvalue is lambda_3 = "
+        f"{numbers['lambda_3']} 1/s, and the first Lyapunov coefficient (Kuznetsov's, <q, q> = 1 in (beta, gamma, v), "
+        f"SI units) is l_1 = {numbers['first_lyapunov_coefficient']}, which is {sign}; so the Hopf point is {kind}, "
+        f"and a branch of {cycles} limit cycles is born {side} Omega_crit, along which beta_max^2 / (Omega_crit - "
+        f"Omega) tends to {numbers['amplitude_squared_slope']} rad s and (T - T_crit) / (Omega_crit - Omega) to "
+        f"{numbers['period_slope']} s^2/rad; and chi = A (r - 2 e) - (B - m e^2) (2 r^2 + e (r + e)) / (2 (r + e)) is "
+        f"{numbers['chi']} kg m^3."
     )
 
 
-def _apart(roots: list[Any]) -> bool:
+def _apart(roots: list[Eigenvalue]) -> bool:
     """Whether these are three roots whose rectangles, even twice as wide (as printed they are wider), do not meet."""
-    wide = [root + acb(arb(0, root.real.rad()), arb(0, root.imag.rad())) for root in roots]
-    return len(wide) == 3 and not any(wide[i].overlaps(wide[k]) for i in range(3) for k in range(i))
+
+    def meet(a: Measured, b: Measured) -> bool:
+        return abs(a.value - b.value) <= 2 * (a.uncertainty + b.uncertainty)
+
+    pairs = ((roots[i], roots[k]) for i in range(len(roots)) for k in range(i))
+    return len(roots) == 3 and not any(meet(a.re, b.re) and meet(a.im, b.im) for a, b in pairs)
 
 
 def critical_speed_squared(constants: Constants) -> Any:
@@ -333,13 +364,9 @@ def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]
 
 def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
     """Coefficients of s^3 of the rates at s times a complex direction from inverted spinning."""
-    before = ctx.cap
-    ctx.cap = 4
-    try:
+    with series_length(4):
         line = [acb_series([0, part], prec=4) for part in direction]
-        return [rate[3] for rate in rates(constants, omega, INVERTED, line)]
-    finally:
-        ctx.cap = before
+        return [coefficient(rate, 3) for rate in rates(constants, omega, INVERTED, line)]
 
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:

@@ -42,7 +42,7 @@ from tippedisk_verify.certified.section import HalfFlight, half_flight
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 
@@ -96,8 +96,8 @@ class CycleProof:
 
     status: Status
     where: str  #: how far the proof came
-    parameters: str  #: the set's name
-    omega: Fraction | None  #: [rad/s], exact; None if a ball was given
+    parameters: Parameters
+    omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
     unique_within: Any = None  #: distances (gamma_bar [rad], v [rad/s]) within which P has no other fixed point
     period: Any = None  #: T [s]
@@ -121,15 +121,22 @@ class CycleProof:
     def statement(self) -> str:
         """What is proved, in one sentence."""
         if not self.proved:
-            return f"nothing is proved: {self.status.value} ({self.where})"
+            return f"nothing is proved: {self.status.value} ({self.where})."
         manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
+        told = self.numbers()
         gamma_bar, v = (_decimal_below(distance) for distance in self.unique_within)
         return (
-            "under the linear friction law the half-period map from beta = pi/2, v < 0 has a fixed point (gamma_bar_0, "
-            f"v_0) in the intervals given, and no other within {gamma_bar} rad and {v} rad/s of it; through it runs a "
-            f"limit cycle, {manner}, which (beta, gamma, v) -> (pi - beta, pi - gamma, -v) maps to itself, which "
-            "crosses beta = pi/2 exactly twice a period and keeps |beta - pi/2| < 1.5707; each interval given holds "
-            "the true number"
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
+            f"{exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to the next "
+            "crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a fixed point "
+            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {told['gamma_bar_0']} rad and v_0 = "
+            f"{told['v_0']} rad/s, and no other with gamma within {gamma_bar} rad and v within {v} rad/s of it; "
+            f"through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice "
+            f"a period and whose largest |beta - pi/2| is beta_max = {told['beta_max']} rad, less than 1.5707; its "
+            f"period is T = {told['period']} s, its larger Floquet multiplier other than 1 is "
+            f"{told['multiplier_slow']} with the logarithm {told['log_multiplier_slow']}, the logarithm of the smaller "
+            f"one is {told['log_multiplier_fast']}, dT/dOmega = {told['dperiod_domega']} s^2/rad, "
+            f"d(gamma_bar_0)/dOmega = {told['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {told['dv_0_domega']}."
         )
 
     def lacking_bits(self, digits: int) -> int:
@@ -153,22 +160,20 @@ class CycleProof:
     def json(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
         found: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        if self.omega is not None:
-            found["omega"] = Measured(self.omega, Fraction(0)).json()
+        found["omega"] = Measured(self.omega, Fraction(0)).json()
         if self.proved:
             found |= {name: value.json() for name, value in self.numbers().items()}
             found["stable"] = self.stable
             names = ("gamma_bar_0", "v_0")
             found["unique_within"] = {n: _decimal_below(d) for n, d in zip(names, self.unique_within, strict=True)}
-        return found | {"parameters": self.parameters, "bits": self.bits, "status": self.status.name}
+        return found | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
 
 
 def _decimal_below(x: Any) -> str:
-    """A positive number rounded down to two digits."""
-    value = measured(x.lower()).value
-    place = math.floor(math.log10(value)) - 1
-    digits = str(math.floor(value / Fraction(10) ** place))
-    return f"{digits[0]}.{digits[1:]}e{place + 1}"
+    """A decimal of two digits that no number of the ball is below; 0 if some are not positive."""
+    found = measured(x)
+    least = found.value - found.uncertainty
+    return rounded_down(least) if least > 0 else "0"
 
 
 def inclusion(model: Model, middle: Sequence[Any], radii: Sequence[Any], centre: HalfFlight | None = None) -> Inclusion:
@@ -235,7 +240,7 @@ class _Attempt:
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
     def ended(self, status: Status, where: str) -> CycleProof:
-        return CycleProof(status, where, self.parameters.name, self.omega, self.bits)
+        return CycleProof(status, where, self.parameters, self.omega, self.bits)
 
     def not_followed(self, flight: HalfFlight) -> CycleProof:
         return self.ended(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
@@ -365,7 +370,7 @@ class _Attempt:
         return CycleProof(
             Status.PROVED,
             f"in {self.bits} bits, {centre.steps} + {box.steps} steps",
-            self.parameters.name,
+            self.parameters,
             self.omega,
             self.bits,
             unique_within=tuple(radii),

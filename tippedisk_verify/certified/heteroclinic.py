@@ -14,11 +14,18 @@ midpoint Omega_m and the half-width h.
    the other. The speeds of either kind are open sets; I is connected: at some speed of I the orbit stays in N for ever.
 4. *Connection.* By the cones at the second saddle an orbit that stays in N converges to it. That speed is Omega_h, and
    by the point symmetry the connection back exists at the same speed.
-5. *Uniqueness.* Two such speeds Omega < Omega' would give orbits in N that differ at arrival by P G (Omega' - Omega).
-   If G lies in the unstable cone, for all speeds of I, they would drift apart exponentially, and cannot both stay.
+5. *Uniqueness.* Two speeds Omega < Omega' whose orbits stay in N, or in a larger box about the saddle on which the
+   cones hold, would give orbits that differ at arrival by P G (Omega' - Omega). If G lies in the unstable cone, for all
+   speeds of I, they would drift apart exponentially, and cannot both stay.
 
-What is proved excludes, in I, a second speed whose branch stays in N after T seconds; it says nothing of orbits that
-leave N and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
+**The statement** needs no theta_0, T or N, which depend on choices. It is about a box around the second saddle,
+|beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d with short decimals b, c, d. The box holds N, and with it p(I). From
+the branch's first arrival at gamma_bar = pi - c until T, gamma is proved to grow and the branch to be in the box, for
+all speeds of I (`_room`). So the branch of the speed found in 3 stays in the box from its first arrival on. By 5, with
+the cones over this box, no other speed of I has such a branch.
+
+What is proved excludes, in I, a second speed whose branch never leaves the box again; it says nothing of orbits that
+leave it and come back to the saddle on another way. Only connections on which gamma grows all the way are looked for.
 
 **The limit cycle next to it** (docs/certified.md, Theorem 7). With gamma in R, not modulo 2 pi, the symmetry S maps the
 two connections to each other and acts freely on a neighbourhood of them. In its quotient they are one homoclinic loop
@@ -35,7 +42,8 @@ The cycle follows both connections, so it is on the side of Omega_h on which the
 
 Omega_m comes from elsewhere, good to some digits more than I is long. It is a guess like any other.
 
-Where a ball becomes a point here: theta_0, T, Omega_m, h and the extents of N are exact numbers chosen freely.
+Where a ball becomes a point here: theta_0, T, Omega_m, h and the extents of N and of the box are exact numbers chosen
+freely.
 """
 
 from __future__ import annotations
@@ -45,14 +53,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import arb
 
 from tippedisk_verify.certified.angles import NONINVERTED
 from tippedisk_verify.certified.balls import ball, ball_constants, measured, negative, positive, working_precision
 from tippedisk_verify.certified.closed_forms import characteristic_polynomial, real_root
-from tippedisk_verify.certified.flow import Model, Path, carry
+from tippedisk_verify.certified.flow import Model, Path, Step, carry
 from tippedisk_verify.certified.flow import Status as FlowStatus
 from tippedisk_verify.certified.local_manifolds import (
     FAST,
@@ -66,7 +74,7 @@ from tippedisk_verify.certified.local_manifolds import (
 )
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "not_proved", "prove_connection"]
@@ -76,6 +84,9 @@ _GUARD_BITS = 56  # some 10 digits for the passage, and a few for what is divide
 _LONGEST = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
 _MOST_PASSES = 3
+_PIECES = 8  # of a step, for what is to hold all along it
+#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is unique.
+_ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 _LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
 
 
@@ -89,7 +100,16 @@ class Status(Enum):
     NOT_NEAR = "the branch does not come near the second saddle: try another speed"
     BLOCK = "no isolating block at the second saddle holds the arrivals: ask for more digits"
     SIDES = "the ends of the interval are not proved to pass on opposite sides: is there a connection in it?"
+    ROOM = "no box at the second saddle is proved to keep what arrives, and to let it converge: ask for more digits"
     CONES = "the cone conditions at a saddle are not proved: ask for more digits"
+
+
+class Room(NamedTuple):
+    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad, rad/s]; see above."""
+
+    beta: Fraction
+    gamma: Fraction
+    v: Fraction
 
 
 @dataclass(frozen=True)
@@ -100,12 +120,13 @@ class ProvedConnection:
     omega_h: Measured | None  #: [rad/s]; the interval I
     unique: bool  #: no second speed of I has a connection of this kind
     saddle_eigenvalues: tuple[Measured, ...]  #: unstable, slow stable, fast stable [1/s], for every speed of I
-    flight_time: Fraction | None  #: T [s]
+    room: Room | None  #: where the branch stays
     upright: bool  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
     bits: int  #: working precision of the last pass
     detail: str = ""
     slowly: bool = False  #: the connection comes in along the slow stable direction
     turns_back: str = ""  #: "above" or "below" Omega_h, in I: where the branch leaves N with falling gamma
+    parameters: Parameters | None = None  #: the disk of which this is proved
 
     @property
     def proved(self) -> bool:
@@ -121,13 +142,19 @@ class ProvedConnection:
 
     @property
     def statement(self) -> str:
-        if not self.proved or self.omega_h is None:
+        if not self.proved or self.omega_h is None or self.room is None or self.parameters is None:
             return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
+        middle, half_width = self.omega_h.decimals()
+        beta, gamma, v = map(exact_text, self.room)
         return (
-            f"{'exactly one' if self.unique else 'at least one'} speed in the closed interval given is an Omega_h: "
-            f"there the unstable branch of (pi/2, -pi/2, 0) that leaves with growing gamma arrives near "
-            f"(pi/2, 3 pi/2, 0), stays there and converges to it, and by the point symmetry the connection back exists "
-            f"at the same speed."
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law there is "
+            f"{'exactly one' if self.unique else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half_width} "
+            "rad/s at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves "
+            f"with growing gamma, from the moment on at which it first has gamma = 3 pi/2 - {gamma}, stays in the box "
+            f"|beta - pi/2| <= {beta}, |gamma - 3 pi/2| <= {gamma}, |v| <= {v} rad/s and converges to (pi/2, 3 pi/2, 0)"
+            f"{', with |beta - pi/2| < pi/2 all along' * self.upright}; by the symmetry (beta, gamma, v) -> (pi - "
+            "beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at every speed of the "
+            f"interval the saddle's eigenvalues are {', '.join(map(str, self.saddle_eigenvalues))} 1/s."
         )
 
     @property
@@ -156,7 +183,7 @@ class ProvedConnection:
             "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
             "saddle_value": None if self.saddle_value is None else self.saddle_value.json(),
             "upright": self.upright,
-            "flight_time": None if self.flight_time is None else float(self.flight_time),
+            "room": None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()},
             "bits": self.bits,
         }
 
@@ -179,7 +206,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
         raise InputError(f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}")
     # Decimal ends, so that what is printed is the interval of which the statement is proved, and no more.
-    decimals = max(digits, _LEAST_DIGITS) + max(0, math.ceil(-math.log10(given.rational)))
+    decimals = max(digits, _LEAST_DIGITS) + max(0, -decimal_magnitude(given.rational))
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
     bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
     for attempt in range(_MOST_PASSES):
@@ -203,7 +230,7 @@ class _Pass:
         self.leaving = Curve(self.frame, self.thin, UNSTABLE, order)  # sharper than on the interval
         self.leaving_all = Curve(self.frame, self.interval, UNSTABLE, order)
         self.arriving = Curve(self.frame, self.interval, SLOW, order)
-        self.constants = ball_constants(parameters)
+        self.parameters, self.constants = parameters, ball_constants(parameters)
 
     @property
     def theta_0(self) -> Any:
@@ -219,7 +246,7 @@ class _Pass:
         arrived = self._wide_flight(time)
         if isinstance(arrived, Status):
             return self._failed(arrived)
-        state, G, upright = arrived
+        state, G, upright, pieces = arrived
         theta, (wide_u, wide_f) = self._at_arrival(state)
         s, u, t = (abs(part).upper() for part in (theta, wide_u, wide_f))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must not win.
@@ -233,22 +260,36 @@ class _Pass:
         falling = positive(low - block.delta) and negative(high + block.delta)
         if not (rising or falling):
             return self._failed(Status.SIDES)
-        by_speed = self.frame.derivative_by_speed(self.interval, block.box)
-        nothing = [arb(0)] * 3
-        if not all(map(positive, rates_of_cones(block.derivative, nothing, [arb(1)] * 3))):
-            return self._failed(Status.CONES)
+        offset = self.frame.offset(block.box)
+        least = _decimal_above(abs(offset[1]))
+        for gamma in (*(size for size in _ROOMS if size > least), least):
+            room = _room(offset, pieces, gamma)
+            unique = None if room is None else self._unique(room, G)
+            if unique:
+                break
+        if room is None or unique is None:
+            return self._failed(Status.ROOM)
         return ProvedConnection(
             status=Status.PROVED,
             omega_h=Measured(self.middle, self.half_width),
-            unique=_drift_apart(block.derivative, by_speed, G),
+            unique=unique,
             saddle_eigenvalues=self._eigenvalues(),
-            flight_time=time,
-            upright=upright and _upright(self.frame.offset(block.box)),
+            room=room,
+            upright=upright and positive(arb.pi() - 2 * ball(room.beta)),
             bits=self.bits,
             slowly=_arrives_slowly(block.derivative, self._z(state)),
             # z_u and gamma grow together, and beyond delta the sign of w_u decides through which face it leaves.
             turns_back="above" if falling else "below",
+            parameters=self.parameters,
         )
+
+    def _unique(self, room: Room, G: Sequence[Any]) -> bool | None:
+        """Whether orbits of two speeds cannot both stay in the box; None if not even one is proved to converge."""
+        box = self.frame.coordinates([arb(0, ball(extent).upper()) for extent in room])
+        matrix, by_speed = self.frame.derivative(self.interval, box), self.frame.derivative_by_speed(self.interval, box)
+        if not all(map(positive, rates_of_cones(matrix, [arb(0)] * 3, [arb(1)] * 3))):
+            return None
+        return _drift_apart(matrix, by_speed, G)
 
     def _thin_flight(self, resolved: Fraction) -> tuple[Fraction, Any] | Status:
         """T and w_u(p(Omega_m)), when the fast coordinate has fallen below ``resolved``."""
@@ -256,8 +297,9 @@ class _Pass:
         if start is None:
             return Status.UNSTABLE_BRANCH
         path = Path(Model(self.constants, self.thin), self._departing(start[0]))
-        # Nearer than the series demand: the cones there need orbits that differ along the unstable direction.
-        reach, small = self.arriving.share_of_reach() / 4, ball(resolved)
+        # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
+        # in a box that is wider than N by the ratio of the eigenvectors' components.
+        reach, small = self.arriving.share_of_reach() / 16, ball(resolved)
         while path.time < _LONGEST:
             step = path.step()
             if step is None:
@@ -273,8 +315,10 @@ class _Pass:
                 return measured(path.time).value, w[0]
         return Status.NOT_NEAR
 
-    def _wide_flight(self, time: Fraction) -> tuple[tuple[Any, Any, Any], list[Any], bool] | Status:
-        """p(I); G with p(Omega') - p(Omega) in P G (Omega' - Omega) for all speeds of I; whether all stay upright."""
+    def _wide_flight(self, time: Fraction) -> tuple[tuple[Any, Any, Any], list[Any], bool, list[Any]] | Status:
+        """p(I); G with p(Omega') - p(Omega) in P G (Omega' - Omega) for all speeds of I; whether all stay upright;
+        boxes of states, in order of time, that hold the flights of all speeds of I, from the first saddle on.
+        """
         curve, theta_0 = self.leaving_all, self.theta_0
         start = curve.unstable_point(theta_0)
         if start is None:
@@ -286,12 +330,20 @@ class _Pass:
         weights = smallest_weights(matrix, by_speed)
         if not all(map(positive, rates_of_cones(matrix, by_speed, weights))):
             return Status.CONES
-        flight = carry(Model(self.constants, self.interval), self._departing(box), time, derivatives=True)
+        pieces = [self._departing(whole)]
+
+        def note(step: Step) -> None:
+            share = ball(step.length) / (2 * _PIECES)
+            pieces.extend(step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES))
+
+        model = Model(self.constants, self.interval)
+        flight = carry(model, self._departing(box), time, derivatives=True, watch=note)
         if flight.status is not FlowStatus.REACHED or flight.matrix is None:
             return Status.FLOW
         moved = self.frame.offset([arb(0), arb(0, weights[SLOW]), arb(0, weights[FAST])])
         change = [sum((row[k] * moved[k] for k in range(3)), row[3]) for row in flight.matrix]
-        return flight.state, self.frame.coordinates(change), flight.upright and _upright(self.frame.offset(whole))
+        upright = flight.upright and _upright(self.frame.offset(whole))
+        return flight.state, self.frame.coordinates(change), upright, pieces
 
     def _departing(self, z: Sequence[Any]) -> tuple[Any, Any, Any]:
         beta, gamma, v = self.frame.offset(z)
@@ -316,6 +368,26 @@ class _Pass:
 
 def _upright(offset: Sequence[Any]) -> bool:
     return bool(2 * abs(offset[0]) < arb.pi())
+
+
+def _room(block: Sequence[Any], pieces: Sequence[Any], reach: Fraction) -> Room | None:
+    """The statement's box with ``reach`` in gamma, for a block's offsets from the saddle and a flight's ``pieces``.
+
+    None if it is not proved that the branch, once it has arrived in the box, stays there until the flight's end.
+    """
+    away = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
+    first = next((place for place, (_, gamma, _) in enumerate(away) if not gamma < -ball(reach)), 0)
+    late = away[first:]
+    if not first or not all(positive(beta.sin()) and gamma < ball(reach) for beta, gamma, _ in late):
+        return None
+    beta, _, v = (max(_decimal_above(abs(state[k])) for state in (block, *late)) for k in range(3))
+    return Room(beta, reach, v)
+
+
+def _decimal_above(x: Any) -> Fraction:
+    """A decimal of two digits that no number of the ball, whose upper end is positive, is above."""
+    found = measured(x)
+    return Fraction(rounded_up(found.value + found.uncertainty))
 
 
 def _arrives_slowly(matrix: Any, z: Sequence[Any]) -> bool:

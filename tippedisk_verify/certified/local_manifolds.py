@@ -48,16 +48,15 @@ Sources: P. Zgliczyński, Covering relations, cone conditions and the stable man
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from flint import arb, arb_mat, arb_series, ctx, fmpq, fmpq_poly
+from flint import arb, arb_mat, arb_series, fmpq, fmpq_poly
 
 from tippedisk_verify.certified.angles import NONINVERTED, OPS, Turned, rates
-from tippedisk_verify.certified.balls import ball, ball_constants, positive
+from tippedisk_verify.certified.balls import ball, ball_constants, coefficient, positive, series_length
 from tippedisk_verify.certified.closed_forms import characteristic_polynomial
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.equations import jacobian
@@ -116,9 +115,9 @@ class Frame:
 
     def derivative_by_speed(self, omega: Any, z: Sequence[Any]) -> list[Any]:
         """dF/d(Omega) over a box of z and a ball of speeds."""
-        with _series_of(2):
+        with series_length(2):
             speed = arb_series([omega, 1], prec=2)
-            return [_coefficient(rate, 1) for rate in self.rates(speed, z)]
+            return [coefficient(rate, 1) for rate in self.rates(speed, z)]
 
 
 class Curve:
@@ -134,10 +133,10 @@ class Curve:
         self.graph: tuple[list[Any], list[Any]] = ([arb(0)] * (order + 1), [arb(0)] * (order + 1))
         middle, values = omega.mid(), frame.eigenvalues
         for power in range(3, order + 1, 2):  # the field is odd about the saddle
-            with _series_of(power + 1):
+            with series_length(power + 1):
                 defect = self._defect_series(middle, arb(0), power)
             for other, series, rest in zip(self.others, self.graph, defect, strict=True):
-                series[power] = (_coefficient(rest, power) / (power * values[along] - values[other])).mid()
+                series[power] = (coefficient(rest, power) / (power * values[along] - values[other])).mid()
 
     def at(self, theta: Any) -> tuple[Any, Any]:
         """W at a number, ball or series."""
@@ -181,7 +180,7 @@ class Curve:
     def relative_defect(self, reach: Any) -> tuple[Any, Any]:
         """Bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds of the ball; NaN if none."""
         order = self.order
-        with _series_of(order + 2):
+        with series_length(order + 2):
             near = self._defect_series(self.omega, arb(0), order)
             try:
                 over = self._defect_series(self.omega, arb(0).union(reach).union(-reach), order + 1)
@@ -189,11 +188,11 @@ class Curve:
                 return arb.nan(), arb.nan()
         bounds = []
         for inner, outer in zip(near, over, strict=True):
-            if not _coefficient(inner, 0).is_zero():
+            if not coefficient(inner, 0).is_zero():
                 raise ArithmeticError("the saddle is not at rest: the equations of motion have changed")
-            total = _upper(_coefficient(outer, order + 1)) * reach**order
+            total = _upper(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
-                total += _upper(_coefficient(inner, power)) * reach ** (power - 1)
+                total += _upper(coefficient(inner, power)) * reach ** (power - 1)
             bounds.append(_upper(total))
         return bounds[0], bounds[1]
 
@@ -290,26 +289,8 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
-@contextmanager
-def _series_of(length: int) -> Iterator[None]:
-    """Series of at least that many coefficients within the block."""
-    before, ctx.cap = ctx.cap, length
-    try:
-        yield
-    finally:
-        ctx.cap = before
-
-
 def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
     return [sum((matrix[row, k] * vector[k] for k in range(1, 3)), matrix[row, 0] * vector[0]) for row in range(3)]
-
-
-def _coefficient(series: Any, power: int) -> Any:
-    if isinstance(series, arb_series):
-        if power >= series.prec:  # it would read as an exact zero
-            raise ArithmeticError(f"a series to order {series.prec - 1} has no coefficient {power}")
-        return series[power]
-    return arb(0) if power else arb(series)
 
 
 def _horner(coefficients: Sequence[Any], variable: Any) -> Any:

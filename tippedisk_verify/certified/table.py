@@ -12,20 +12,30 @@ rational arithmetic and does not matter for what is proved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from flint import arb, arb_series, ctx
+from flint import arb, arb_series
 
 from tippedisk_verify.certified import closed_forms
 from tippedisk_verify.certified.angles import NONINVERTED
-from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, negative, positive, working_precision
+from tippedisk_verify.certified.balls import (
+    ball,
+    ball_constants,
+    coefficient,
+    hull,
+    measured,
+    negative,
+    positive,
+    series_length,
+    working_precision,
+)
 from tippedisk_verify.certified.rounding import TABLE, Box, decided, meets, rounding_box, rounding_interval, rounds_to
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 
 __all__ = [
@@ -74,6 +84,26 @@ PRINTED_NUMBERS: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
     ("lambda_3", "-129.04", _stiff),
     ("chi", "1.31e-7", _chi),
 )
+#: The same formulas for statements.
+_IN_WORDS = {
+    "omega_crit": "omega_crit = (r + e) sqrt(g / (r (B / m - e^2)))",
+    "period": "period = 2 pi / sqrt(e (r + e) g / (r (B / m - e^2)))",
+    "lambda_3": "lambda_3 = -mu g (r + e)^2 / (epsilon (B / m - e^2))",
+    "chi": "chi = A (r - 2 e) - (B - m e^2) (2 r^2 + e (r + e)) / (2 (r + e))",
+}
+
+
+def _where(gravity: Fraction, *names: str) -> str:
+    """The hypotheses of a statement about these numbers: definitions, constants, Table 1 and how it is rounded."""
+    units = {item.name: item.metadata.get("unit") for item in fields(Parameters)}
+    table = ", ".join(f"{name} = {text} {units[name]}" for name, text in TABLE.items())
+    parts = [_IN_WORDS[name] for name in names]
+    parts += [f"g = {exact_text(gravity)} m/s^2", f"mu = {exact_text(PRINTED.mu)}"]
+    parts += [f"epsilon = {exact_text(PRINTED.epsilon)} m/s", f"Table 1 is {table}"]
+    return (
+        f"where {', '.join(parts)}, and a disk rounds to Table 1 if each of these five values is within half a unit "
+        "of the last digit given there"
+    )
 
 
 @dataclass(frozen=True)
@@ -82,6 +112,7 @@ class Follows:
 
     name: str
     printed: str
+    gravity: Fraction  #: g [m/s^2]
     from_table: Measured  #: with Table 1 taken as exact
     from_table_follows: bool  #: whether that rounds to the printed decimal
     least: Measured  #: over all disks that round to the table; taken at a corner of the box
@@ -93,13 +124,14 @@ class Follows:
 
     @property
     def statement(self) -> str:
+        where = _where(self.gravity, self.name)
         exactly = "rounds" if self.from_table_follows else "does not round"
         if not self.can_follow:
-            return f"no disk that rounds to Table 1 gives {self.name} = {self.printed}."
+            return f"no disk that rounds to Table 1 gives {self.name} = {self.printed}, {where}."
         alone = f"the rounding of {' or of '.join(self.alone)} alone" if self.alone else "no single quantity's rounding"
         return (
             f"{self.name} of Table 1 taken as exact {exactly} to {self.printed}; among the disks that round to Table 1 "
-            f"some give it, and {alone} suffices."
+            f"some give it, and {alone} suffices, {where}."
         )
 
     def json(self) -> dict[str, object]:
@@ -150,21 +182,25 @@ class TableStudy:
     @property
     def statements(self) -> tuple[str, ...]:
         found = [number.statement for number in self.numbers]
+        names = [number.name for number in self.numbers]
         if self.witness is not None:
+            together = ", ".join(f"{number.name} = {number.printed}" for number in self.numbers)
             found.append(
-                f"all {len(self.numbers)} at once follow from one disk that rounds to Table 1 ('{self.witness.name}'"
+                f"all {len(names)} at once, {together}, follow from one disk that rounds to Table 1 "
+                f"('{self.witness.name}', {self.witness.definition()}"
                 + (
                     f"; so can the rounding of {' or of '.join(self.alone)} alone"
                     if self.alone
                     else "; the rounding of no single quantity, the others as printed, gives all"
                 )
-                + ")."
+                + f"), {_where(self.gravity, *names)}."
             )
         found.append(self.disk.statement)
         if self.always_supercritical:
             found.append(
-                "for every disk that rounds to Table 1 the Hopf point is supercritical, and noninverted spinning is "
-                "unstable at every speed."
+                "for every disk that rounds to Table 1 the Hopf point of inverted spinning under the linear friction "
+                "law is supercritical, and noninverted spinning is unstable at every speed Omega > 0, "
+                f"{_where(self.gravity)}."
             )
         return tuple(found)
 
@@ -186,13 +222,13 @@ class TableStudy:
 
 
 def omega_h_statements(
-    proved: Mapping[str, Measured],
+    proved: Sequence[tuple[Parameters, Measured]],
     witness: Parameters | None = None,
     printed: str = OMEGA_H,
     *,
     excluded: Collection[str] = (),
 ) -> tuple[str, ...]:
-    """Whether each proved Omega_h, by the name of its parameter set, rounds to the printed decimal.
+    """Whether each disk's proved Omega_h rounds to the printed decimal.
 
     ``witness`` is a disk that gives all of `PRINTED_NUMBERS`. For the sets ``excluded`` no speed that rounds to the
     decimal has a connection (`no_connection`); of others only the connection that was found is spoken of, because it is
@@ -200,13 +236,21 @@ def omega_h_statements(
     """
     found = []
     with working_precision(_BITS):
-        for name, omega_h in proved.items():
+        for disk, omega_h in proved:
             ends = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
             answer = "rounds" if decided(rounds_to(ends, printed)) else "does not round"
-            further = ", and no speed that does has a connection on which gamma grows all the way" * (name in excluded)
-            found.append(f"the connection of '{name}' at {omega_h} rad/s {answer} to {printed}{further}.")
-            if answer == "rounds" and witness is not None and witness.name == name:
-                found.append(f"so all {len(PRINTED_NUMBERS) + 1} printed numbers at once follow from '{name}'.")
+            which = f"'{disk.name}', the tippedisk with {disk.definition()}, under the linear friction law"
+            further = ", and no speed that does has a connection on which gamma grows all the way" * (
+                disk.name in excluded
+            )
+            found.append(f"the connection of {which} at {omega_h} rad/s {answer} to {printed}{further}.")
+            if answer == "rounds" and witness == disk:
+                numbers = [f"{name} = {text}" for name, text, _ in PRINTED_NUMBERS]
+                found.append(
+                    f"all {len(numbers) + 1} printed numbers at once, {', '.join(numbers)} and omega_h = {printed}, "
+                    f"follow from {which}, where {', '.join(_IN_WORDS.values())} and omega_h is a speed at which "
+                    "(pi/2, -pi/2, 0) is connected with (pi/2, 3 pi/2, 0)."
+                )
     return tuple(found)
 
 
@@ -257,6 +301,7 @@ def _follows(
     return Follows(
         name=name,
         printed=printed,
+        gravity=fixed["g"],
         from_table=measured(exactly),
         from_table_follows=decided(rounds_to(exactly, printed)),
         least=measured(least),
@@ -328,12 +373,9 @@ def _slope_sign(formula: Callable[[Any], Any], quantity: str, box: Box, fixed: M
 
 def _slope(formula: Callable[[Any], Any], quantity: str, box: Box, fixed: Mapping[str, Fraction]) -> Any:
     values = {name: ball(value) for name, value in fixed.items()} | {name: hull(*ends) for name, ends in box.items()}
-    before, ctx.cap = ctx.cap, 2
-    try:
+    with series_length(2):
         series = {name: arb_series([value, 1 if name == quantity else 0], prec=2) for name, value in values.items()}
-        return formula(SimpleNamespace(**series))[1]
-    finally:
-        ctx.cap = before
+        return coefficient(formula(SimpleNamespace(**series)), 1)
 
 
 def _cover_supercritical(box: Box, fixed: Mapping[str, Fraction]) -> int:
@@ -341,9 +383,9 @@ def _cover_supercritical(box: Box, fixed: Mapping[str, Fraction]) -> int:
 
     On each, too, noninverted spinning has a negative a0: a positive eigenvalue (a0 is a multiple of Omega^2).
     """
-    exact = {name: ball(value) for name, value in fixed.items()}
     open_boxes, done = [dict(box)], 0
     with working_precision(64):
+        exact = {name: ball(value) for name, value in fixed.items()}
         for _ in range(_MOST_BOXES):
             if not open_boxes:
                 return done

@@ -84,11 +84,11 @@ def table(common: Common, omega_h: bool) -> int:
     if omega_h:
         disks = [with_gravity(known, study.gravity) for known in (PRINTED, CALIBRATED)]
         proofs = {disk.name: _connection(common, disk, 6, None) for disk in disks}
-        given = {name: proof.omega_h for name, proof in proofs.items() if proof.proved}
+        given = [(disk, proofs[disk.name].omega_h) for disk in disks if proofs[disk.name].proved]
         low, high = rounding_interval(OMEGA_H)
         # Of Table 1 as it stands more is asked than that the connection found is another one.
-        table_1 = disks[0]
-        missed = table_1.name in given and not low <= given[table_1.name].value <= high
+        table_1, connection = disks[0], proofs[disks[0].name]
+        missed = connection.proved and not low <= connection.omega_h.value <= high
         absences = {table_1.name: _absence(common, table_1, low, high)} if missed else {}
         result["omega_h"] = {name: proof.json() for name, proof in proofs.items()}
         result["no_omega_h"] = {name: absence.json() for name, absence in absences.items()}

@@ -28,7 +28,7 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, guess: tupl
         try:
             cycle = followed_cycle(common.parameters, value, default_engine(), digits=12)
         except NoSuchCycleError as fault:
-            failed = CycleProof(Status.NO_GUESS, str(fault), common.parameters.name, value, 0)
+            failed = CycleProof(Status.NO_GUESS, str(fault), common.parameters, value, 0)
             print_result(common, failed.json())
             return 1
         proof = prove_cycle(common.parameters, value, (cycle.gamma_bar_0.value, cycle.v_0.value), digits=common.digits)

@@ -10,7 +10,7 @@ from fractions import Fraction
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction
 
-__all__ = ["Measured"]
+__all__ = ["Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +46,10 @@ class Measured:
         """Whether ``truth`` lies within the half-width."""
         return abs(fraction(truth) - self.value) <= self.uncertainty
 
+    def contains(self, other: Measured) -> bool:
+        """Whether all that ``other`` may stand for lies within the half-width."""
+        return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
+
     def __float__(self) -> float:
         return float(self.value)
 
@@ -54,10 +58,10 @@ class Measured:
         if not self.uncertainty:
             return _exact_decimals(self.value)
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
-        place = _decimal_magnitude(self.uncertainty) - 2
+        place = decimal_magnitude(self.uncertainty) - 2
         unit = Fraction(10) ** place
         steps = round(self.value / unit)
-        return _decimal_text(steps, place), _rounded_up(self.uncertainty + abs(self.value - steps * unit))
+        return _decimal_text(steps, place), rounded_up(self.uncertainty + abs(self.value - steps * unit))
 
     def json(self) -> dict[str, str]:
         """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
@@ -69,23 +73,26 @@ class Measured:
         return f"{value} ± {uncertainty}"
 
 
-def _exact_decimals(value: Fraction) -> tuple[str, str]:
-    denominator, twos, fives = value.denominator, 0, 0
-    while denominator % 2 == 0:
-        denominator, twos = denominator // 2, twos + 1
-    while denominator % 5 == 0:
-        denominator, fives = denominator // 5, fives + 1
-    if denominator == 1:
-        place = -max(twos, fives)
-        return _decimal_text(int(value / Fraction(10) ** place), place), "0"
-    place = _decimal_magnitude(value) - 50  # a repeating decimal: fifty digits and the half-width of the cut
-    unit = Fraction(10) ** place
-    steps = round(value / unit)
-    return _decimal_text(steps, place), _rounded_up(abs(value - steps * unit))
+def exact_text(value: Fraction) -> str:
+    """The number itself as text: a decimal, or a ratio of integers if no decimal ends."""
+    text, cut = _exact_decimals(value)
+    return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 
 
-def _decimal_magnitude(value: Fraction) -> int:
-    """The integer k with 10**k <= |value| < 10**(k+1)."""
+def rounded_up(value: Fraction) -> str:
+    """The least decimal of two significant digits that is not smaller than a positive ``value``."""
+    place = decimal_magnitude(value) - 1
+    return _decimal_text(math.ceil(value / Fraction(10) ** place), place)
+
+
+def rounded_down(value: Fraction) -> str:
+    """The greatest decimal of two significant digits that is not larger than a positive ``value``."""
+    place = decimal_magnitude(value) - 1
+    return _decimal_text(math.floor(value / Fraction(10) ** place), place)
+
+
+def decimal_magnitude(value: Fraction) -> int:
+    """The integer k with 10**k <= |value| < 10**(k+1), for a value that is not zero."""
     size = abs(value)
     guess = math.floor((size.numerator.bit_length() - size.denominator.bit_length()) * math.log10(2))
     while Fraction(10) ** guess > size:
@@ -95,11 +102,19 @@ def _decimal_magnitude(value: Fraction) -> int:
     return guess
 
 
-def _rounded_up(value: Fraction) -> str:
-    """Two significant digits, never smaller than ``value``."""
-    place = _decimal_magnitude(value) - 1
-    steps = math.ceil(value / Fraction(10) ** place)
-    return _decimal_text(steps, place)
+def _exact_decimals(value: Fraction) -> tuple[str, str]:
+    denominator, twos, fives = value.denominator, 0, 0
+    while denominator % 2 == 0:
+        denominator, twos = denominator // 2, twos + 1
+    while denominator % 5 == 0:
+        denominator, fives = denominator // 5, fives + 1
+    if denominator == 1:
+        place = -max(twos, fives)
+        return _decimal_text(int(value / Fraction(10) ** place), place), "0"
+    place = decimal_magnitude(value) - 50  # a repeating decimal: fifty digits and the half-width of the cut
+    unit = Fraction(10) ** place
+    steps = round(value / unit)
+    return _decimal_text(steps, place), rounded_up(abs(value - steps * unit))
 
 
 def _decimal_text(steps: int, place: int) -> str:

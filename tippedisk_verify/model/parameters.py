@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
@@ -147,15 +147,12 @@ class Parameters:
         }
 
     def definition(self) -> str:
-        """The eight numbers that the equations need, with their units: which disk a statement is about."""
-        needed = (item for item in fields(self) if item.name in Constants._fields)
-        exactly = self.decimals()
-        texts = (
-            (item, exactly[item.name] if exact(exactly[item.name]).rational == value else str(value))
-            for item in needed
-            if (value := getattr(self, item.name))
+        """The eight numbers that the equations need, exactly, with their units: which disk a statement is about."""
+        return ", ".join(
+            f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(" 1")
+            for item in fields(self)
+            if item.name in Constants._fields
         )
-        return ", ".join(f"{item.name} = {text} {item.metadata['unit']}".removesuffix(" 1") for item, text in texts)
 
     @classmethod
     def named(cls, name_or_path: str) -> Parameters:

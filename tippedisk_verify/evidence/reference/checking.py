@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.evidence.reference.entries import Item, Reading, Values, case_of, disagreements
+from tippedisk_verify.evidence.reference.entries import Item, Reading, Values, as_measured, case_of, disagreements
 from tippedisk_verify.evidence.reference.generation import values_csv
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import faults_in_files
 from tippedisk_verify.evidence.reference.places import SETS
 from tippedisk_verify.evidence.reference.store import LARGEST, data_folder
 from tippedisk_verify.files import printable, read_text
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 
 __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
 
@@ -54,7 +52,7 @@ class StoredEntry:
 
     def values(self, reading: Reading) -> Values:
         return {
-            name: Measured(exact(told["value"]).rational, exact(told["uncertainty"]).rational)
+            name: as_measured(told)
             for name, quantity in self.quantities.items()
             for told in (quantity if reading == "decimals" else quantity["from_doubles"],)
         }
@@ -106,7 +104,7 @@ def check(
         faults = ["there are no reference values"]
     if faults:
         return CheckReport(files, 0, 0, tuple(faults))
-    faults = [fault for entry in entries for fault in _outside_enclosures(entry)]
+    faults = [fault for entry in entries for fault in _beyond_proofs(entry)]
     numbers = sum(len(entry.quantities) * len(entry.item.readings) for entry in entries)
     chosen = _chosen(entries, sample, seed)
     redone = 0
@@ -125,16 +123,14 @@ def check(
     return CheckReport(files, numbers, redone, tuple(faults))
 
 
-def _outside_enclosures(entry: StoredEntry) -> list[str]:
-    """Values that their own proved enclosures exclude."""
+def _beyond_proofs(entry: StoredEntry) -> list[str]:
+    """Values that are wrong by their own proof, or claim more than it proves."""
     values = entry.values("decimals")
-    faults = []
-    for name, quantity in entry.quantities.items():
-        if told := quantity.get("enclosure"):
-            held = Measured(exact(told["value"]).rational, exact(told["uncertainty"]).rational)
-            if abs(held.value - values[name].value) > held.uncertainty + values[name].uncertainty:
-                faults.append(f"{entry.item.id}/{name} lies outside its proved enclosure")
-    return faults
+    return [
+        f"{entry.item.id}/{name} does not contain its proved enclosure"
+        for name, quantity in entry.quantities.items()
+        if "enclosure" in quantity and not values[name].contains(as_measured(quantity["enclosure"]))
+    ]
 
 
 def _chosen(entries: list[StoredEntry], sample: int | None, seed: int) -> list[StoredEntry]:

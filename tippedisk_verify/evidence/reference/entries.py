@@ -26,6 +26,7 @@ __all__ = [
     "Road",
     "answered",
     "as_doubles",
+    "as_measured",
     "case_of",
     "disagreements",
     "trimmed",
@@ -94,6 +95,11 @@ def as_doubles(parameters: Parameters) -> Parameters:
     """The parameters as the IEEE doubles nearest to them, each rounded once."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(parameters, name))) for name in _PARAMETERS}
     return Parameters(**rounded, name=parameters.name)
+
+
+def as_measured(told: Mapping[str, Any]) -> Measured:
+    """A number as the files tell it; anything with ``value`` and ``uncertainty``."""
+    return Measured(exact(told["value"]).rational, exact(told["uncertainty"]).rational)
 
 
 def case_of(item: Item, reading: Reading) -> Case:
