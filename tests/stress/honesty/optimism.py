@@ -31,12 +31,15 @@ class Term:
     kinds: tuple[str, ...]  #: of draws that notice it
 
 
-_ESTIMATE, _DENSE = "flow.error_estimate", "orbits.dense"
-_RUNS, _CYCLES, _BRANCH = ("flow", "half periods"), ("limit-cycle in double",), ("branch",)
+_ESTIMATE, _CYCLE, _BRANCH = "flow.error_estimate", "orbits.cycle_budget", "orbits.branch_budget"
+_RUNS, _CYCLES, _FAMILY = ("flow", "half periods"), ("limit-cycle in double",), ("branch",)
 TERMS = (
-    Term("the distance to the wider run", _ESTIMATE, "compared", "bound = away +", "bound = 0 * away +", _RUNS),
-    Term("a share of the largest distance", _ESTIMATE, "compared", ") / 8 + abs(exact)", ") * 0 + abs(exact)", _RUNS),
-    Term("the distance", "model.measured", "Measured.compared", "Fraction(9, 8)", "Fraction(1, 8)", _CYCLES),
+    Term("the distance", _ESTIMATE, "budgeted", "abs(exact - truths) * more", "0 * abs(exact - truths)", _RUNS),
+    Term("the wider run's rounding", _ESTIMATE, "_WIDER_SHARE", None, 0.0, _RUNS),
+    Term("the spread", _CYCLE, "TWIN_FACTOR", None, 0.0, _CYCLES),
+    Term("most of the spread", _CYCLE, "TWIN_FACTOR", None, 0.25, _CYCLES),
+    Term("the spread", _BRANCH, "TWIN_FACTOR", None, 0.0, _FAMILY),
+    Term("most of the spread", _BRANCH, "TWIN_FACTOR", None, 0.1, _FAMILY),
 )
 
 
