@@ -145,11 +145,11 @@ def test_an_estimate_that_is_too_small_is_seen() -> None:
 def test_planted_optimism_is_noticed(term) -> None:
     """Without one of its terms a half-width is too small, and the draws of the default run see it.
 
-    What a wider run may be off is seen where it is off as far as its budget allows, by 16 units after every step.
+    What a wider run may be off is seen where it is off as far as its budget allows, by 64 units after every step.
     """
     chosen = [index for index in (*RUNS, *HALF_PERIODS, *CYCLES, *BRANCHES) if kind_of(index, "far") in term.kinds]
     moved = arithmetic_named("moved bits")
-    rough = Arithmetic("rough", "wider runs are as rough as they may be", last_bits=16, moved=("extended",))
+    rough = Arithmetic("rough", "wider runs are as rough as they may be", last_bits=64, moved=("extended",))
 
     def without(index: int, arithmetic: Arithmetic) -> Draw:
         with planted(term):
