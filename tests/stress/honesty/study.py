@@ -212,6 +212,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--table", action="store_true", help="print the table of what is there, and compute nothing")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # to be stopped like this is to be stopped by Ctrl-C
+    try:
+        return _studied(chosen)
+    except KeyboardInterrupt:
+        print("stopped: the same command goes on from here", file=sys.stderr)
+        return 130
+
+
+def _studied(chosen: argparse.Namespace) -> int:
     journal = chosen.folder / "draws.jsonl"
     chosen.folder.mkdir(parents=True, exist_ok=True)
     if not chosen.table:
