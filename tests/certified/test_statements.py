@@ -123,7 +123,7 @@ def test_table(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # proved in test_table
     for gravity in ("9.81", "9.83"):
         disk = PRINTED.changed(g=gravity)
-        study = table.study_table(disk.g)
+        study = table.study_table(disk)
         statements = [*study.statements, *(number.statement for number in study.numbers)]
         for statement in statements:
             of_table = {**numbers_of(statement), **numbers_of(statement.partition("Table 1 is")[2])}
