@@ -58,8 +58,8 @@ def test_starts_next_to_an_equilibrium(taylor, friction, side) -> None:
 
 
 def test_a_budget_without_the_wider_runs_truncation_is_seen(taylor, monkeypatch) -> None:
-    """Truncation is no matter of luck: without its share the half-width is the distance, and that is a little less."""
-    monkeypatch.setattr(error_estimate, "_WIDER_TRUNCATION", 0.0)
+    """Truncation is no matter of luck: the distance itself is a little less than the error."""
+    monkeypatch.setattr(error_estimate, "DISTANCES", 1)
     assert any(held(taylor, request) for request in next_to(1, "smooth"))
 
 
@@ -74,7 +74,7 @@ def test_a_run_that_settles(taylor) -> None:
 
 
 def test_derivatives_of_many_runs(taylor) -> None:
-    """What an eighth of the distance to a wider run did not always hold."""
+    """What nine eighths of the distance to a wider run did not always hold."""
     random = Random(3)
     names = ("beta", "gamma", "v", "Omega")
     for number in range(25):

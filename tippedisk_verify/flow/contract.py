@@ -72,6 +72,9 @@ class Event:
     direction: Literal[-1, 0, 1] = 0
     terminal: bool = True
 
+    def __hash__(self) -> int:  # looked up in every run
+        return hash(self.name)
+
 
 #: The disk lies flat, sin(beta) = 0: the edge of the model's domain.
 FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta))

@@ -2,10 +2,10 @@
 
 The budget of every number q of a run, derived in docs/error_budgets.md:
 
-    half-width = (1 + WIDER_TRUNCATION) |q - q_wide| + share * spread + ulp(q)
+    half-width = DISTANCES |q - q_wide| + share * spread + ulp(q)
 
 The distance is the error itself, but for that of the wider run. Where that is truncation, it is a small part of the
-distance, because the wider run's tolerance is so much tighter. Where it is rounding, inputs' and parameters' included,
+distance, because the wider run's tolerance is so much tighter; twice the distance leaves it a half. Where it is rounding, inputs' and parameters' included,
 the distance says nothing of it: that may be small by chance. What one rounding of each kind does to q is therefore
 measured: by the spread of a few twins, the same run with the last bits of its inputs and of each step moved. The wider
 run makes the same roundings, smaller by the ratio of the two arithmetics.
@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
+from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["TWINS", "budgeted", "twins_needed"]
@@ -30,9 +31,6 @@ _WIDER_SHARE = 256
 #: With so many bits more the wider run's error is nothing: a distance that is smaller by chance is less likely than a
 #: fault of the machine. Half of the bits are left for events that are only touched, whose times go with the root.
 _FAR_WIDER = 48
-#: Of the distance, where it is truncation: the wider run's is less by the ratio of the tolerances, 2^-23 at the most.
-#: An order's last terms may fall more slowly than that says, where all of the state is small: 20 bits for it.
-_WIDER_TRUNCATION = 2.0**-3
 #: The least claimed, in units of the last place: the number's own rounding.
 _LAST_PLACE = 1
 
@@ -56,12 +54,11 @@ def budgeted(
     if not _alike(result, check) or (twins and not alike):
         return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
     ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
-    more = wider.array([1 + _WIDER_TRUNCATION])
     share = _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
 
     def widths(values: Any, truths: Any, others: Sequence[Any]) -> Any:
         exact = _widened(values, wider)
-        bound = abs(exact - truths) * more + abs(exact) * ulp
+        bound = abs(exact - truths) * DISTANCES + abs(exact) * ulp
         if others:
             known = numpy.stack((values, *others))
             bound = bound + share * (known.max(axis=0) - known.min(axis=0))

@@ -153,25 +153,18 @@ class Integrator:
     def _set_off(self, request: Request, omega: Any, state: list[Any]) -> None:
         """Parameters that are not those of the run before, and the state and time at the start."""
         stepper = self._stepper
-        pars = stepper.pars
-        if request.parameters is not self._parameters:
-            constants = request.parameters.at(self.precision)
-            for index, name in enumerate(self._names[1:], start=1):
-                pars[index] = getattr(constants, name)
-            self._parameters, self._speed = request.parameters, None
-        if omega is not self._speed:
-            self._speed = pars[0] = omega
-            first = len(self._names)
-            if self._products:
-                constants = request.parameters.at(self.precision)
-                pars[first : first + self._products] = products(constants, omega)[: self._products]
         self._moving: dict[str, Any] = {}
-        if request.rounding is not None:
-            known = slice(1, len(self._names) + self._products)
-            pars[known] = nudged(pars[known].tolist(), request.rounding.pattern + 1, self.precision)
-            self._parameters = None  # the next run must not take them over
-            if request.rounding.steps:
-                self._moving["callback"] = step_nudges(request.rounding, len(stepper.state), self.precision)
+        if omega is not self._speed or request.parameters is not self._parameters or request.rounding is not None:
+            constants = request.parameters.at(self.precision)
+            values = [getattr(constants, name) for name in self._names[1:]]
+            values += products(constants, omega)[: self._products]
+            self._parameters, self._speed = request.parameters, omega
+            if request.rounding is not None:
+                values = nudged(values, request.rounding.pattern + 1, self.precision)
+                self._parameters = None  # the next run must not take them over
+                if request.rounding.steps:
+                    self._moving["callback"] = step_nudges(request.rounding, len(stepper.state), self.precision)
+            stepper.pars[: 1 + len(values)] = [omega, *values]
         stepper.time = self._zero
         if self._identity is None:
             stepper.state[:] = state
@@ -219,7 +212,8 @@ class Integrator:
         stepper = self._stepper
         outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps, **self._moving)
         left = NOTHING
-        if self._crossings and (abs(stepper.time) <= LONGEST_WINDOW or self._records):
+        first = self._records[0].time if self._records else stepper.time
+        if self._crossings and abs(first) <= LONGEST_WINDOW:
             left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
             if abs(stepper.time) <= left.window and self._passable(outcome, left.names):
                 self._set_off(request, omega, state)

@@ -10,7 +10,11 @@ from fractions import Fraction
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction
 
-__all__ = ["Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
+__all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
+
+#: Of the distance to a sharper run, for a half-width. They hold as soon as that run is half as wrong: it follows from
+#: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
+DISTANCES = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,11 +40,11 @@ class Measured:
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
         """A value with the half-width that its distance to a run with more digits gives.
 
-        The sharper run's own error is a small part of that distance; an eighth of it is allowed for, and an ulp
-        (``epsilon`` relative) of the value is the least that can be claimed.
+        The half-width is twice that distance (`DISTANCES`), and an ulp (``epsilon`` relative) of the value is the least
+        that can be claimed.
         """
         mine = fraction(value)
-        return cls(mine, abs(mine - fraction(sharper)) * Fraction(9, 8) + abs(mine) * epsilon)
+        return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
 
     def holds(self, truth: object) -> bool:
         """Whether ``truth`` lies within the half-width."""

@@ -137,11 +137,12 @@ def half_widths_by_twins(
     """Numbers in double, or in an arithmetic a little wider, with half-widths from twins in double."""
     share = TWIN_FACTOR if precision == DOUBLE else _WIDER_SHARE * 2.0 ** (DOUBLE.bits - precision.bits)
     known = others if precision != DOUBLE else [numbers, *others]
-    measured = {}
+    ulp, measured = float(precision.epsilon), {}
     for name, number in numbers.items():
         values = [float(other[name]) for other in known]
-        exact = fraction(number)
-        measured[name] = Measured(exact, Fraction(share * (max(values) - min(values))) + abs(exact) * precision.epsilon)
+        # In doubles: what that rounds is far below what a width of five deviations knows.
+        width = share * (max(values) - min(values)) + abs(values[0]) * ulp
+        measured[name] = Measured(fraction(number), Fraction(width))
     return measured
 
 

@@ -17,7 +17,7 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction, shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
@@ -107,7 +107,7 @@ def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tupl
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
     first, second, third = (
-        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * Fraction(9, 8))
+        Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES)
         for a, b in zip(here, moved, strict=True)
     )
     return first, second, third

@@ -15,7 +15,7 @@ from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits
 from tippedisk_verify.orbits.at_period import PeriodPoint, cycle_at_half_period, lengthened
@@ -100,14 +100,14 @@ def limit_of_cycles(
     """Omega_h [rad/s] to ``digits`` significant digits, and the number of cycles solved for it.
 
     The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
-    factor from cycle to cycle, a hundredfold and more, so an eighth more holds what the last one is off itself.
+    factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
     Raises Shortfall if the family ends before.
     """
     descent = Descent(parameters, engine, friction)
     while True:
         omega_h = descent.law.omega_h
         descent.further(omega_h / 10 ** (digits + 3))
-        half_width = descent.change * Fraction(9, 8)
+        half_width = descent.change * DISTANCES
         if half_width <= omega_h / 10**digits:
             return Measured(omega_h, half_width), descent.solved
 

@@ -25,6 +25,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.orbits.cycle_budget import (
     EXTREME,
+    EXTREME,
     Shot,
     cycle_numbers,
     half_widths_by_twins,
@@ -52,6 +53,7 @@ __all__ = [
 
 _MOST_STEPS = 25
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
+_NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
@@ -104,6 +106,9 @@ def shoot(
         if size < 1e-15 * scale or (len(residuals) > 2 and size < 1e-12 * scale and size >= residuals[-2] / 2):
             return Shot(state, tuple(residuals), here)
         step = newton_step(here.matrix, here.residual)
+        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(flights, state, here, step, size)) is not None:
+            state, here = ahead, flights.map(ahead)
+            continue
         share = 1.0
         while True:
             ahead = (state[0] + share * step[0], state[1] + share * step[1])
@@ -122,6 +127,36 @@ def shoot(
                 raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
         state, here = ahead, found
     raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+
+
+def _by_secants(
+    flights: HalfFlights, state: tuple[Any, Any], here: HalfMap, step: tuple[Any, Any], size: float
+) -> tuple[Any, Any] | None:
+    """On from a state close to the cycle without further derivatives, until rounding is left; None if that is slow.
+
+    Broyden's update keeps the derivative current (C. G. Broyden, Math. Comp. 19, 1965): a flight without variational
+    equations takes a third of the time of one with them.
+    """
+    (a, b), (c, d) = here.matrix
+    resolved = _size(state) * 1e-16
+    while True:
+        state = state[0] + step[0], state[1] + step[1]
+        try:
+            _, gamma_bar, v = flights(state, divergence=True, events=(EXTREME,)).state.tolist()
+        except NoSuchCycleError:
+            return None
+        residual = (-gamma_bar - state[0], -v - state[1])
+        before, size = size, _size(residual)
+        if size > before / 8:
+            return None
+        # The residual's derivative is the map's less 1: what the step left over is the error of that.
+        norm = step[0] * step[0] + step[1] * step[1]
+        by = step[0] / norm, step[1] / norm
+        a, b = a + residual[0] * by[0], b + residual[0] * by[1]
+        c, d = c + residual[1] * by[0], d + residual[1] * by[1]
+        step = newton_step(((a, b), (c, d)), residual)
+        if size * size / before < resolved:  # as much again, and no more is left than rounding
+            return state[0] + step[0], state[1] + step[1]
 
 
 def _size(residual: Sequence[Any]) -> float:

@@ -18,7 +18,7 @@ from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -218,7 +218,7 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, f
     shift = abs(fraction(check.u) / slope)
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
     fast = 10 * fraction(check.t) ** 2 / abs(slope)
-    half_width = shift * Fraction(9, 8) + fast + omega * precision.epsilon
+    half_width = shift * DISTANCES + fast + omega * precision.epsilon
     # The slope once more, with another step and at another distance from the saddles: the difference is its error.
     finer_step = _half_digits(wider)
     finer_slope = (fraction(finer(omega + finer_step).u) - fraction(check.u)) / finer_step

@@ -34,7 +34,7 @@ class Term:
 _ESTIMATE, _CYCLE, _BRANCH = "flow.error_estimate", "orbits.cycle_budget", "orbits.branch_budget"
 _RUNS, _CYCLES, _FAMILY = ("flow", "half periods"), ("limit-cycle in double",), ("branch",)
 TERMS = (
-    Term("the distance", _ESTIMATE, "budgeted", "abs(exact - truths) * more", "0 * abs(exact - truths)", _RUNS),
+    Term("the distance", _ESTIMATE, "budgeted", "abs(exact - truths) * DISTANCES", "0 * abs(exact - truths)", _RUNS),
     Term("the wider run's rounding", _ESTIMATE, "_WIDER_SHARE", None, 0.0, _RUNS),
     Term("the spread", _CYCLE, "TWIN_FACTOR", None, 0.0, _CYCLES),
     Term("most of the spread", _CYCLE, "TWIN_FACTOR", None, 0.25, _CYCLES),

@@ -6,6 +6,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from tippedisk_verify.evidence.bench.problems import problem_named
@@ -39,18 +40,21 @@ class _Bare:
 
     def __init__(self, request: Request) -> None:
         hy = heyoka_module()
-        system = system_of(request.variations, False, request.events, request.shifted)
+        system = system_of(request.variations, request.divergence, request.events, request.shifted)
         constants = request.parameters.at(DOUBLE)
         omega = DOUBLE.number(request.omega)
         pars = [omega, constants.r, constants.e, constants.a, constants.b, constants.g, constants.k]
         pars += products(constants, omega)[: system.products]
         options = {}
-        if request.events:
-            (event,) = request.events
-            turned = direction_of(hy, event.direction)
-            options["t_events"] = [hy.t_event(system.crossings[event.name], direction=turned)]
-        self.stepper: Any = hy.taylor_adaptive(system.equations, [1.0, 1.0, 0.0], pars=pars, **options)
-        self._rest = self.stepper.state[3:].copy() if request.variations else None
+        for kind, make in (("t_events", hy.t_event), ("nt_events", partial(hy.nt_event, callback=_nothing))):
+            if events := [event for event in request.events if event.terminal is (kind == "t_events")]:
+                options[kind] = [
+                    make(system.crossings[event.name], direction=direction_of(hy, event.direction)) for event in events
+                ]
+        extended = bool(request.variations or request.divergence)
+        start = [1.0, 1.0, 0.0] + [0.0] * request.divergence
+        self.stepper: Any = hy.taylor_adaptive(system.equations, start, pars=pars, **options)
+        self._rest = self.stepper.state[3:].copy() if extended else None
 
     def __call__(self, start: Any, duration: float) -> None:
         stepper = self.stepper
@@ -62,6 +66,10 @@ class _Bare:
             stepper.state[3:] = self._rest
             stepper.reset_cooldowns()
         stepper.propagate_until(duration)
+
+
+def _nothing(stepper: Any, when: float, sign: int) -> None:
+    """What happens at an event that ends nothing."""
 
 
 class _Listening:
@@ -89,11 +97,11 @@ def overheads() -> list[Overhead]:
     guess = period.start[1:]
     flights: list[Request] = []
     shoot(period.parameters, period.omega, guess, _Listening(engine, flights))
-    flight = _Bare(flights[0])
-    starts = [[DOUBLE.number(part) for part in asked.state] for asked in flights]
+    kinds = {asked.variations: _Bare(asked) for asked in flights}
+    starts = [(kinds[asked.variations], [DOUBLE.number(part) for part in asked.state]) for asked in flights]
 
     def bare_flights() -> None:
-        for start in starts:
+        for flight, start in starts:
             flight(start, 200.0)
 
     def solve() -> None:
