@@ -21,7 +21,7 @@ from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["TWINS", "budgeted", "twins_needed"]
+__all__ = ["TWINS", "budgeted", "parted", "twins_needed", "undecided"]
 
 #: Of these, and the run itself, the spread is less than a 64th of their standard deviation once in a million times.
 TWINS = 3
@@ -33,6 +33,8 @@ _WIDER_SHARE = 256
 _FAR_WIDER = 48
 #: The least claimed, in units of the last place: the number's own rounding.
 _LAST_PLACE = 1
+#: Angles [rad] and relative velocities that differ by more are no longer moved in proportion to a rounding.
+_IN_PROPORTION = 2.0**-6
 
 
 def twins_needed(precision: Precision, wider: Precision) -> int:
@@ -52,7 +54,7 @@ def budgeted(
 
     alike = [twin for twin in twins if _alike(result, twin)]
     if not _alike(result, check) or (twins and not alike):
-        return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
+        return undecided()
     ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
     share = _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
 
@@ -84,6 +86,26 @@ def budgeted(
         ),
         variations=of_all("derivatives"),
     )
+
+
+def undecided() -> ErrorEstimate:
+    """What is said where rounding decides what happens."""
+    import numpy
+
+    return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
+
+
+def parted(one: Result, other: Result) -> bool:
+    """Whether two runs that end alike lie so far apart that rounding's effect on them is no longer in proportion."""
+    if not _alike(one, other):
+        return False
+    for mine, theirs in ((one.state, other.state), (one.samples, other.samples)):
+        if mine is not None and len(mine):
+            known = mine.astype(float)
+            away, size = abs(theirs.astype(float) - known), 1 + abs(known)
+            if (away[..., :2] > _IN_PROPORTION).any() or (away[..., 2] > _IN_PROPORTION * size[..., 2]).any():
+                return True
+    return False
 
 
 def _alike(result: Result, other: Result) -> bool:

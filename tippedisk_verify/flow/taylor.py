@@ -14,12 +14,12 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import budgeted, twins_needed
+from tippedisk_verify.flow.error_estimate import budgeted, parted, twins_needed, undecided
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.flow.start import at_rest
-from tippedisk_verify.model.precision import DOUBLE, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, Precision, companion
 
 __all__ = ["Taylor"]
 
@@ -95,13 +95,24 @@ class Taylor:
         return self._integrators[key]
 
     def _with_error(self, request: Request, result: Result) -> Result:
-        wider = companion(request.precision)
         begin = time.perf_counter()
         plain = replace(request, error_estimate=False, dense=False)
-        check = self(replace(plain, precision=wider, tolerance=wider.epsilon * _TIGHTER))
+
+        def checked(wider: Precision, most_steps: int) -> Result:
+            return self(replace(plain, precision=wider, tolerance=wider.epsilon * _TIGHTER, max_steps=most_steps))
+
+        wider = companion(request.precision)
+        check = checked(wider, request.max_steps)
         count = 0 if at_rest(request) else twins_needed(request.precision, wider)
         twins = [self(replace(plain, rounding=Rounding(number, steps=True))) for number in range(1, count + 1)]
-        error = budgeted(request.precision, wider, result, check, twins)
+        agreed = not any(parted(result, other) for other in (check, *twins))
+        if not agreed and wider == EXTENDED and result.status.usable:
+            # Where rounding has grown out of proportion a wider run may be as wrong, unless a third one agrees with it.
+            before, wider = check, companion(wider)
+            # Of twice the order, so with fewer steps, if it does not run away itself.
+            check = checked(wider, min(request.max_steps, 2 * result.steps))
+            agreed = not parted(before, check)
+        error = budgeted(request.precision, wider, result, check, twins) if agreed else undecided()
         error = replace(error, seconds=time.perf_counter() - begin)
         return result._replace(error=error, built=result.built + check.built)
 

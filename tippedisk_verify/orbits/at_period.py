@@ -163,7 +163,8 @@ def _predicted(here: PeriodPoint, before: PeriodPoint, half_period: Any, precisi
     left = precision.pi - here.gamma_bar_0
     gamma_bar = precision.pi - left * exp(-here.slopes[0] / left * ahead)
     v = here.v_0 * exp(here.slopes[1] / here.v_0 * ahead)
-    if before is here:
+    falls = here.slopes[2] / before.slopes[2]
+    if not 0 < falls < 1:  # the first one, and where the speed is not on its way to a limit yet
         return [gamma_bar, v, here.omega + here.slopes[2] * ahead]
-    rate = precision.ops.log(here.slopes[2] / before.slopes[2]) / (here.half_period - before.half_period)
+    rate = precision.ops.log(falls) / (here.half_period - before.half_period)
     return [gamma_bar, v, here.omega + here.slopes[2] * (exp(rate * ahead) - 1) / rate]

@@ -17,7 +17,7 @@ from typing import Any
 from tippedisk_verify.flow.lanes import Lanes
 from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
 
-__all__ = ["BranchBudget", "multiplier_widths", "truncation"]
+__all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
 
 #: With them, and the node itself, six values each on three neighbouring nodes.
 TWINS = 5
@@ -88,7 +88,7 @@ class BranchBudget:
             guess = numpy.stack((found.gamma_bar_0, found.v_0, found.period / 2))
             for name, known in values.items():
                 known.append(getattr(found, name))
-        spreads = {name: _largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
+        spreads = {name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
         slopes: dict[str, list[Any]] = {name: [] for name in _BEFORE}
         away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
         for index in range(3):
@@ -121,22 +121,7 @@ def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) ->
     }
 
 
-def truncation(coefficients: Any, width: float) -> float:
-    """What a Chebyshev polynomial leaves out, from the last third of its coefficients; infinite if that cannot be told.
-
-    Coefficients fall geometrically towards the level of rounding, ``width`` being that of a value. At that level what
-    is left out is less than the largest of the last ones twice (once for aliasing).
-    """
-    import numpy
-
-    before, last = (float(numpy.abs(part).max()) for part in numpy.array_split(coefficients, 2))
-    if last <= width:
-        return 2 * last
-    ratio = last / before
-    return float(2 * last * len(coefficients) / 2 * ratio / (1 - ratio)) if ratio < 0.5 else float("inf")
-
-
-def _largest_nearby(values: Any) -> Any:
+def largest_nearby(values: Any) -> Any:
     """The largest of three neighbours."""
     import numpy
 

@@ -20,11 +20,11 @@ from typing import Any
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.averaged import averaged
-from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths, truncation
+from tippedisk_verify.orbits.branch_budget import BranchBudget, largest_nearby, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
 from tippedisk_verify.theory.harmonic_balance import section_start
@@ -114,7 +114,6 @@ class DenseBranch:
         # The speed is what was rounded: s follows from it, so that no error is left in the abscissa.
         self._s = numpy.log(omegas - self.omega_h)
         self._weights = (-1.0) ** numpy.arange(count) * numpy.sin(angles)
-        self._cosines = numpy.cos(numpy.outer(numpy.arange(count - count // 3, count), angles)) * (2 / count)
         known = numpy.empty((0, 4))
         rows = numpy.empty((count, 4))
         solved = 0
@@ -227,8 +226,8 @@ class DenseBranch:
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
             # independent of the others'. One width is for both, whichever prevails.
             moved = numpy.interp(s, self._s[::-1], width[::-1])
-            level = math.sqrt(2 / len(scaled) * (width @ width) / len(scaled))
-            error = numpy.sqrt(moved**2 + ratios**2 @ width**2) + truncation(self._cosines @ scaled, level)
+            truncation = numpy.interp(s, *self._truncation[name])
+            error = numpy.sqrt(moved**2 + ratios**2 @ width**2) + truncation
             if name in _SQUARED:
                 values[name] = _SQUARED[name] * numpy.sqrt(at * below)
                 widths[name] = error * below / (2 * numpy.abs(values[name]))
@@ -256,17 +255,34 @@ class DenseBranch:
 
         nodes, below = self.nodes, self.omega_crit - self.nodes.omega
         widths = self._budget.half_widths(nodes, self._s)
-        scaled = {}
-        for name in ("gamma_bar_0", "v_0", "beta_max", "period", "half_multiplier", "log_multipliers"):
-            values = getattr(nodes, name)
-            if name in _SQUARED:
-                scale, value = 2 * numpy.abs(values) / below, values**2 / below
-            elif name == "half_multiplier":
-                scale, value = 1 / below, (1 - values) / below
-            else:
-                scale, value = 1.0, values
-            scaled[name] = value, scale * widths[name]
-        return scaled
+        for name in _SQUARED:
+            widths[name] = widths[name] * 2 * numpy.abs(getattr(nodes, name)) / below
+        widths["half_multiplier"] = widths["half_multiplier"] / below
+        return {name: (value, widths[name]) for name, value in self._analytic(nodes).items()}
+
+    def _analytic(self, cycles: Cycles) -> dict[str, Any]:
+        """Those of the cycles' numbers that are interpolated, made analytic up to the Hopf point."""
+        below = self.omega_crit - cycles.omega
+        found = {name: getattr(cycles, name) ** 2 / below for name in _SQUARED}
+        found["half_multiplier"] = (1 - cycles.half_multiplier) / below
+        return found | {"period": cycles.period, "log_multipliers": cycles.log_multipliers}
+
+    @cached_property
+    def _truncation(self) -> dict[str, tuple[Any, Any]]:
+        """What the polynomial leaves out: twice its distance from cycles that are solved midway between the nodes.
+
+        There it is about as wrong as anywhere between them. Abscissas, rising, and the largest of three neighbours.
+        """
+        import numpy
+
+        middles = (self._s[1:] + self._s[:-1])[::-1] / 2
+        speeds = self.omega_h + numpy.exp(middles)
+        ratios, solved = self._ratios(speeds), self._analytic(self._solved_at(speeds))
+        away = {name: numpy.abs(ratios @ scaled - solved[name]) for name, (scaled, _) in self._scaled.items()}
+        return {
+            name: (middles, DISTANCES * largest_nearby(numpy.nan_to_num(distance, nan=numpy.inf)))
+            for name, distance in away.items()
+        }
 
     def _checked(self, omegas: Sequence[float]) -> Any:
         import numpy
@@ -294,9 +310,11 @@ class DenseBranch:
 
     def cycles(self, omegas: Sequence[float]) -> Cycles:
         """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
+        return self._solved_at(self._checked(omegas))
+
+    def _solved_at(self, speeds: Any) -> Cycles:
         import numpy
 
-        speeds = self._checked(omegas)
         ratios = self._ratios(speeds)
         square, ratio, period = (ratios @ self._scaled_values[name] for name in ("gamma_bar_0", "v_0", "period"))
         size = numpy.sqrt(square * (self.omega_crit - speeds))

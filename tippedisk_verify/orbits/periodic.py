@@ -106,7 +106,7 @@ def shoot(
         if size < 1e-15 * scale or (len(residuals) > 2 and size < 1e-12 * scale and size >= residuals[-2] / 2):
             return Shot(state, tuple(residuals), here)
         step = newton_step(here.matrix, here.residual)
-        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(flights, state, here, step, size)) is not None:
+        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(flights, state, here, residuals)) is not None:
             state, here = ahead, flights.map(ahead)
             continue
         share = 1.0
@@ -130,7 +130,7 @@ def shoot(
 
 
 def _by_secants(
-    flights: HalfFlights, state: tuple[Any, Any], here: HalfMap, step: tuple[Any, Any], size: float
+    flights: HalfFlights, state: tuple[Any, Any], here: HalfMap, residuals: list[float]
 ) -> tuple[Any, Any] | None:
     """On from a state close to the cycle without further derivatives, until rounding is left; None if that is slow.
 
@@ -138,15 +138,17 @@ def _by_secants(
     equations takes a third of the time of one with them.
     """
     (a, b), (c, d) = here.matrix
+    step = newton_step(here.matrix, here.residual)
     resolved = _size(state) * 1e-16
     while True:
         state = state[0] + step[0], state[1] + step[1]
         try:
             _, gamma_bar, v = flights(state, divergence=True, events=(EXTREME,)).state.tolist()
-        except NoSuchCycleError:
+        except (NoSuchCycleError, InputError):  # some engines have no divergence
             return None
         residual = (-gamma_bar - state[0], -v - state[1])
-        before, size = size, _size(residual)
+        before, size = residuals[-1], _size(residual)
+        residuals.append(size)
         if size > before / 8:
             return None
         # The residual's derivative is the map's less 1: what the step left over is the error of that.

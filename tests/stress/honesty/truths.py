@@ -127,7 +127,7 @@ def true_omega_h(parameters: Parameters, friction: Friction, digits: int = 30) -
     found = splitting_zero(parameters, rough_omega_h(parameters, friction), default_engine(), digits, friction)
     # The closer to Omega_h, the longer the branch stays next to the saddle: with small eigenvalues longer than it is
     # followed.
-    for power in (24, 19, 15):
+    for power in (24, 19, 15, 6):
         aside = found.omega_h.value / 10**power
         below, above = (_side(parameters, found.omega_h.value + step, friction) for step in (-aside, aside))
         if (below, above) == ("passes", "turns back"):
