@@ -40,6 +40,20 @@ def test_the_risk_is_what_the_budget_says() -> None:
     assert 16 < numpy.median(ratio) < 18  # 200,000 draws: the median is within a few hundredths
 
 
+def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
+    values, factor = cycle_budget.TWINS_OF_WIDER + 1, cycle_budget.TWIN_FACTOR
+    density, below = stats.norm.pdf, stats.norm.cdf
+
+    def spread_below(width: float) -> float:
+        return integrate.quad(lambda a: values * density(a) * (below(a + width) - below(a)) ** (values - 1), -10, 10)[0]
+
+    risk = integrate.quad(lambda x: 2 * density(x) * spread_below(x / factor), 0, 10, epsabs=1e-12)[0]
+    assert 3e-7 < risk < 6.5e-7
+    random = numpy.random.default_rng(3)
+    spreads = numpy.ptp(random.standard_normal((200_000, values)), axis=1)
+    assert 20 < numpy.median(factor * spreads / numpy.abs(random.standard_normal(200_000))) < 23
+
+
 def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
     random = numpy.random.default_rng(2)
     spreads = numpy.ptp(random.standard_normal((600_000, branch_budget.TWINS + 1)), axis=1).reshape(-1, 3).max(axis=1)

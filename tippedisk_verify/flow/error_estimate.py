@@ -5,10 +5,13 @@ The budget of every number q of a run, derived in docs/error_budgets.md:
     half-width = DISTANCES |q - q_wide| + share * spread + ulp(q)
 
 The distance is the error itself, but for that of the wider run. Where that is truncation, it is a small part of the
-distance, because the wider run's tolerance is so much tighter; twice the distance leaves it a half. Where it is rounding, inputs' and parameters' included,
-the distance says nothing of it: that may be small by chance. What one rounding of each kind does to q is therefore
-measured: by the spread of a few twins, the same run with the last bits of its inputs and of each step moved. The wider
-run makes the same roundings, smaller by the ratio of the two arithmetics.
+distance, because the wider run's tolerance is so much tighter; twice the distance leaves it a half. Where it is
+rounding, inputs' and parameters' included, the distance says nothing of it: that may be small by chance. What one
+rounding of each kind does to q is therefore measured: by the spread of a few twins, the same run with the last bits of
+its inputs and of each step moved. The wider run makes the same roundings, smaller by the ratio of the two arithmetics.
+
+All of this takes for granted that a rounding's effect is in proportion to it. Where runs have parted (`parted`), it no
+longer is: then the wider run must agree with one that is wider still.
 """
 
 from __future__ import annotations

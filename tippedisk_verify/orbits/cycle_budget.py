@@ -35,6 +35,7 @@ from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 
 __all__ = [
     "EXTREME",
+    "TWINS_OF_WIDER",
     "Shot",
     "cycle_numbers",
     "half_widths_by_twins",
@@ -51,9 +52,9 @@ EXTREME = Event("extreme", TURN.function, terminal=False)
 #: errors, and the half-width is 17 times the error in the median (tests/orbits/test_cycle_budget.py integrates both).
 TWINS = 5
 TWIN_FACTOR = 5
-#: Of the wider run's error, in units of the spread brought to its arithmetic: four standard deviations, where the six
-#: values lie within an eighth of one (1e-6).
-_WIDER_SHARE = 32
+#: Of the next wider arithmetic the error is none of the values whose spread measures it. With so many twins, and the
+#: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same 6e-7.
+TWINS_OF_WIDER = 8
 #: Of the step at which a chord iteration stands still, its ratio being at least 1/2 there.
 _STANDING = 4
 
@@ -117,10 +118,10 @@ def numbers_at(
     }
 
 
-def twins(flights: HalfFlights, state: tuple[Any, Any]) -> list[dict[str, Any]]:
+def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> list[dict[str, Any]]:
     """The numbers of the cycle near ``state`` in double, each time with other last bits."""
     found = []
-    for pattern in range(1, TWINS + 1):
+    for pattern in range(1, count + 1):
         rounding = Rounding(pattern)
         here = flights.map(state, rounding)
         numbers = numbers_at(flights, state, here, DOUBLE, rounding)
@@ -134,8 +135,8 @@ def twins(flights: HalfFlights, state: tuple[Any, Any]) -> list[dict[str, Any]]:
 def half_widths_by_twins(
     numbers: dict[str, Any], others: Sequence[dict[str, Any]], precision: Precision = DOUBLE
 ) -> dict[str, Measured]:
-    """Numbers in double, or in an arithmetic a little wider, with half-widths from twins in double."""
-    share = TWIN_FACTOR if precision == DOUBLE else _WIDER_SHARE * 2.0 ** (DOUBLE.bits - precision.bits)
+    """Numbers in double, or in an arithmetic a little wider, with half-widths from the others, which are in double."""
+    share = TWIN_FACTOR * 2.0 ** (DOUBLE.bits - precision.bits)
     known = others if precision != DOUBLE else [numbers, *others]
     ulp, measured = float(precision.epsilon), {}
     for name, number in numbers.items():

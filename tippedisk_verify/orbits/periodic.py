@@ -25,7 +25,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.orbits.cycle_budget import (
     EXTREME,
-    EXTREME,
+    TWINS_OF_WIDER,
     Shot,
     cycle_numbers,
     half_widths_by_twins,
@@ -35,7 +35,7 @@ from tippedisk_verify.orbits.cycle_budget import (
     sharpened,
     twins,
 )
-from tippedisk_verify.orbits.half_map import HalfFlights, newton_step
+from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
@@ -297,7 +297,8 @@ def _cycle_in_companion(
     """The same in the next wider arithmetic; None if its iteration stands still above what rounding explains."""
     wider = companion(DOUBLE)
     numbers, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider, friction), wider)
-    others = twins(HalfFlights(parameters, value, engine, DOUBLE, friction), shot.state)
+    flights = HalfFlights(parameters, value, engine, DOUBLE, friction)
+    others = [numbers_at(flights, shot.state, shot.map, DOUBLE), *twins(flights, shot.state, TWINS_OF_WIDER)]
     measured = half_widths_by_twins(numbers, others, wider)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
         return None

@@ -28,18 +28,29 @@ class Term:
     name: str  #: a constant, or a function or method whose text has the term
     old: str | None  #: the text, once in the function; None for a constant
     new: object  #: the text instead of it, or the constant's value
-    kinds: tuple[str, ...]  #: of draws that notice it
+    draws: tuple[int, ...]  #: far ones that notice it, those first that notice it soon
 
 
 _ESTIMATE, _CYCLE, _BRANCH = "flow.error_estimate", "orbits.cycle_budget", "orbits.branch_budget"
-_RUNS, _CYCLES, _FAMILY = ("flow", "half periods"), ("limit-cycle in double",), ("branch",)
+#: Half periods, with events and derivatives, and short runs; cycles in double; cycles that double does not hold to the
+#: digits asked for; the branch as a function; Omega_h.
+_RUNS = (28, 30, 33, 129, 131, 132, 133, 2, 5, 102, 104)
+_CYCLES, _FINER, _FAMILY, _CONNECTION = (49, 50, 51, 52, 53, 55), (273, 276, 73), (85, 86), (94,)
+#: Of the wider run's own error the distance tells nothing only where it is small by chance: that takes many numbers.
+_DERIVATIVES = tuple(100 * block + place for block in range(16) for place in range(20, 28))
 TERMS = (
-    Term("the distance", _ESTIMATE, "budgeted", "abs(exact - truths) * DISTANCES", "0 * abs(exact - truths)", _RUNS),
-    Term("the wider run's rounding", _ESTIMATE, "_WIDER_SHARE", None, 0.0, _RUNS),
+    Term("the distance", _ESTIMATE, "DISTANCES", None, 0, _RUNS),
+    Term("the wider run's rounding", _ESTIMATE, "_WIDER_SHARE", None, 0.0, _DERIVATIVES),
     Term("the spread", _CYCLE, "TWIN_FACTOR", None, 0.0, _CYCLES),
     Term("most of the spread", _CYCLE, "TWIN_FACTOR", None, 0.25, _CYCLES),
+    Term("the spread, of the next wider arithmetic", _CYCLE, "TWIN_FACTOR", None, 0.0, _FINER),
+    Term("what a chord iteration leaves", _CYCLE, "_STANDING", None, 0, (73,)),
+    Term("the distance", "model.measured", "DISTANCES", None, 0, (74,)),
     Term("the spread", _BRANCH, "TWIN_FACTOR", None, 0.0, _FAMILY),
     Term("most of the spread", _BRANCH, "TWIN_FACTOR", None, 0.1, _FAMILY),
+    Term("the last Newton step", _BRANCH, "_SLOPE", None, 0, _FAMILY[::-1]),
+    Term("truncation between the nodes", "orbits.dense", "DISTANCES", None, 0, _FAMILY),
+    Term("the shift of the zero", "orbits.splitting", "DISTANCES", None, 0, _CONNECTION),
 )
 
 
