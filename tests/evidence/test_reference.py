@@ -31,8 +31,7 @@ from tippedisk_verify.evidence.reference.checking import check, recomputed, stor
 from tippedisk_verify.evidence.reference.entries import as_doubles, case_of, trimmed
 from tippedisk_verify.evidence.reference.generation import computed, generate, pieces_of
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
-from tippedisk_verify.evidence.reference.places import SETS
+from tippedisk_verify.evidence.reference.manifest import SETS, faults_in_files, write_manifest
 from tippedisk_verify.evidence.reference.store import Store, data_folder, reference, stored
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
