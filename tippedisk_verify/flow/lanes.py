@@ -13,7 +13,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
-from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
+from tippedisk_verify.flow.one_at_a_time import OneAtATime, building
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
@@ -111,7 +111,7 @@ class Lanes:
         key = (variations, divergence, events, shifted, friction)
         batch = self._batches.get(key)
         if batch is None:
-            with BUILDING:
+            with building():
                 if key not in self._batches:  # another thread may have been faster
                     self._batches[key] = OneAtATime(_Batch(self.width, *key))
             batch = self._batches[key]

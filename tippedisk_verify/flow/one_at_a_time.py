@@ -6,13 +6,28 @@ mix their states, and nothing would show it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from threading import RLock
 from typing import Any
 
-__all__ = ["BUILDING", "OneAtATime"]
+from tippedisk_verify.model.code_cache import vouched
 
-#: Held while something is compiled: who needs the same in another thread then finds its machine code in memory.
-BUILDING = RLock()
+__all__ = ["OneAtATime", "building"]
+
+_BUILDING = RLock()
+
+
+@contextmanager
+def building() -> Iterator[None]:
+    """Entered while something is compiled, by one thread at a time.
+
+    Who needs the same in another thread then finds its machine code in memory, and what was compiled gets its checksum
+    before anything can happen to it.
+    """
+    with _BUILDING:
+        yield
+        vouched()
 
 
 class OneAtATime:

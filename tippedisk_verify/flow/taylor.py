@@ -16,7 +16,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import budgeted, twins_needed
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
+from tippedisk_verify.flow.one_at_a_time import OneAtATime, building
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, companion
@@ -89,7 +89,7 @@ class Taylor:
 
     def _built(self, key: tuple[Any, ...], request: Request, events: tuple[Event, ...]) -> OneAtATime:
         compact = self._compact if self._compact is not None else request.precision != DOUBLE
-        with BUILDING:
+        with building():
             if key not in self._integrators:  # another thread may have been faster
                 self._integrators[key] = OneAtATime(Integrator(request, events, self._options, compact))
         return self._integrators[key]
