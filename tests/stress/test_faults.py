@@ -23,6 +23,9 @@ from tippedisk_verify.evidence.reference.manifest import faults_in_files
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
 
 
+_VERIFY = ["verify", "--only", "omega_crit", "period_crit", "--quiet", "--out"]
+
+
 def _table(path: Path) -> list[dict[str, str]]:
     with open(path, newline="") as stream:
         return list(csv.DictReader(stream))
@@ -306,10 +309,10 @@ def test_little_memory_is_one_line(megabytes: int, filled_cache: tuple[Path, str
 
 
 # ------------------------------------------------------------------------------------------ two at once
-@pytest.mark.parametrize("command", [GENERATE, SWEEP], ids=["generate", "sweep"])
+@pytest.mark.parametrize("command", [GENERATE, SWEEP, _VERIFY], ids=["generate", "sweep", "verify"])
 def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
     """One does it and the others say that it is being done, or that nothing was left to do; nothing is lost."""
-    target = str(tmp_path / ("data" if command is GENERATE else "sweep.csv"))
+    target = str(tmp_path / ("sweep.csv" if command is SWEEP else "data"))
     runs = [
         subprocess.Popen([*PROGRAM, *command, target], env=environment(), stderr=subprocess.PIPE, text=True)
         for _ in range(3)
@@ -321,6 +324,9 @@ def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
     if command is GENERATE:
         assert faults_in_files(tmp_path / "data") == []
         assert not (tmp_path / "data" / ".work").exists()
+    elif command is _VERIFY:
+        assert _whole(tmp_path / "data") > 1
+        assert not list((tmp_path / "data").glob(".*"))
     else:
         assert len(_table(tmp_path / "sweep.csv")) == 300
         assert [path.name for path in tmp_path.iterdir()] == ["sweep.csv"]

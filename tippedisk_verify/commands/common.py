@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -17,6 +18,7 @@ from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     "Common",
+    "alone_in",
     "checked_jobs",
     "common_options",
     "plain_options",
@@ -162,6 +164,16 @@ def _said(value: Any) -> str:
 
 def print_json(result: dict[str, Any]) -> None:
     click.echo(json.dumps(result, indent=1))
+
+
+def alone_in(out: str | None) -> Path | None:
+    """The output folder, if one is given, with no other run writing into it until the command has ended.
+
+    Raises InputError if it cannot be used, or another run does so now.
+    """
+    from tippedisk_verify.files import sole_writer
+
+    return None if out is None else click.get_current_context().with_resource(sole_writer(out))
 
 
 @contextmanager
