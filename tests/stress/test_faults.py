@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
-from tests.stress.strikes import INTERRUPTED, Struck
+from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.evidence.reference.manifest import faults_in_files
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
@@ -73,7 +73,7 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     files = _whole(folder)
     for n in range(count):
         ended, _, told = next(ends[n % len(ends)])
-        assert (ended, told) == ((130, INTERRUPTED) if number == signal.SIGINT else (-number, ""))
+        assert (ended, told) == ended_by(number)
         assert _whole(folder) >= files  # nothing that was there is lost or cut
         yield ended
     for arguments in commands:
@@ -90,8 +90,9 @@ def test_kills_leave_whole_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_interrupts_leave_whole_files(tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 4, signal.SIGINT))) == 4
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_leave_whole_files(number: int, tmp_path: Path) -> None:
+    assert len(list(_strikes(tmp_path, 4, number))) == 4
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import click
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import unbroken, undoing
+from tippedisk_verify.interrupts import deaf_children, unbroken, undoing
 
 __all__ = [
     "Common",
@@ -203,7 +203,7 @@ def checked_jobs(jobs: int | None) -> int | None:
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
-    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
+    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number of
     processes that makes no sense.
     """
     workers = checked_jobs(jobs) or usable_cores()
@@ -216,7 +216,8 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
 
     quiet_tracker()
     with undoing(kill_workers):
-        with unbroken():  # its semaphores are made first and registered afterwards
+        # Its semaphores are made first and registered afterwards, with a process that must outlive this one.
+        with unbroken(), deaf_children():
             pool = ProcessPoolExecutor(workers, mp_context=Workers(), initializer=end_with_parent)
         try:
             yield pool
