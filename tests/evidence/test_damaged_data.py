@@ -13,6 +13,7 @@ import pytest
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.conformance.grading import compare
+from tippedisk_verify.evidence.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
 from tippedisk_verify.evidence.reference import store as reading
 from tippedisk_verify.evidence.reference.generation import generate, values_csv
 from tippedisk_verify.evidence.reference.kinds import KINDS
@@ -148,6 +149,58 @@ def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
     with pytest.raises(InputError, match=says) as refused:
         Store(folder)
     _one_line(refused.value)
+
+
+@pytest.mark.parametrize("form", ["csv", "json"])
+def test_a_turned_bit_in_a_question_is_told(form: str, tmp_path: Path) -> None:
+    """Answers stay those of their questions, or something is said: an id may have become another one that there is."""
+    store = reading.stored()
+    asked = questions(store, sets=["printed"], levels=[1])[::10]
+    rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
+    filled = []
+    for n, quantity in enumerate(asked, start=1):
+        answer = quantity.values["doubles"][0]
+        end = {"csv": ",,", "json": '"from": "", "answer": ""'}[form]
+        said = {"csv": f",doubles,{answer}", "json": f'"from": "doubles", "answer": "{answer}"'}[form]
+        question, _, rest = rows[n].rpartition(end)
+        rows[n] = question + said + rest
+        filled.append(question.encode())
+    path, draw, ends = tmp_path / f"sheet.{form}", random.Random(8), {"told": 0, "as before": 0, "silent": 0}
+    path.write_text("\n".join(rows))
+    whole, content = read_answers(path, store), path.read_bytes()
+    assert len(whole.given) == len(asked)
+    assert not whole.altered
+    for _ in range(500):
+        question = draw.choice(filled)
+        at = content.index(question) + draw.randrange(len(question))
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :])
+        try:
+            found = read_answers(path, store)
+        except InputError:
+            ends["told"] += 1
+            continue
+        if found.altered or found.unknown or found.repeated or found.short:
+            ends["told"] += 1
+        else:
+            ends["as before" if found.given == whole.given else "silent"] += 1
+    assert ends["silent"] == 0
+    assert ends["told"] > 250  # the rest are names in JSON that nobody needs, and numbers that are the same double
+
+
+def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = reading.stored()
+    text = sheet_csv(store, [store[_ID], store["printed/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
+    path = tmp_path / "sheet.csv"
+    for change, remark in (
+        (("0.0025", "2.50e-3"), None),
+        (("-0.93072", "-0.93073"), "1 row does not ask what the id stands for, such as printed/both/rhs/001/M, gamma:"),
+        (("rhs/001", "rhs/002"), "such as printed/both/rhs/002/M, Omega:"),
+    ):
+        path.write_text(text.replace(*change))
+        assert main(["conformance", "grade", str(path), "--json"]) == 0
+        remarks = [one for one in json.loads(capsys.readouterr().out)["remarks"] if "stands for" in one]
+        assert len(remarks) == (remark is not None)
+        assert remark is None or remark in remarks[0]
 
 
 def test_damage_gets_no_new_manifest(folder: Path) -> None:
