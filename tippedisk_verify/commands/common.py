@@ -203,8 +203,8 @@ def checked_jobs(jobs: int | None) -> int | None:
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
-    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number of
-    processes that makes no sense.
+    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
+    of processes that makes no sense.
     """
     workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
