@@ -16,7 +16,7 @@ from tippedisk_verify.flow.taylor import Taylor
 __all__ = ["pytest_addoption", "pytest_collection_modifyitems", "taylor"]  # what pytest finds here
 
 # What was kept from earlier runs must not stand in for what a test computes.
-os.environ["TIPPEDISK_VERIFY_CACHE"] = "off"
+os.environ["TIPPEDISK_VERIFY_CACHE"] = "code"
 # The first call of a test compiles; that is not a slow example.
 settings.register_profile(
     "ci", max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.cache import VARIABLE, Cache, default_folder
+from tippedisk_verify.cache import VARIABLE, Cache, code_folder, default_folder
 
 KEY = "ab" * 32
 VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω", True]}
@@ -97,13 +97,16 @@ def test_only_old_files_of_ours_are_removed(tmp_path: Path) -> None:
 
 def test_where_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, "off")
-    assert default_folder() is None
+    assert default_folder() is code_folder() is None
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    assert default_folder() == tmp_path
+    assert default_folder() == code_folder() == tmp_path
     monkeypatch.delenv(VARIABLE)
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert default_folder() == tmp_path / "tippedisk-verify"
+    assert default_folder() == code_folder() == tmp_path / "tippedisk-verify"
+    monkeypatch.setenv(VARIABLE, "code")
+    assert (default_folder(), code_folder()) == (None, tmp_path / "tippedisk-verify")
+    monkeypatch.delenv(VARIABLE)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative/folder")
     assert default_folder() == Path.home() / ".cache" / "tippedisk-verify"
     monkeypatch.setattr(sys, "platform", "darwin")

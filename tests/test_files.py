@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
+from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import output_file, printable, remains_of, write_bytes, write_text
+from tippedisk_verify.files import alone, output_file, printable, remains_of, sole_writer, write_bytes, write_text
 
 
 def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
@@ -54,3 +56,45 @@ def test_only_own_remains_are_recognised(tmp_path: Path) -> None:
 
 def test_terminals_are_told_nothing() -> None:
     assert printable("a\x1b[31m\nb\ud800é") == "a?[31m?b?é"
+
+
+# ------------------------------------------------------------------------------------------ one at a time
+def test_a_lock_that_is_held_and_one_that_cannot_be_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To wait for another run helps in the first case only."""
+    fcntl = pytest.importorskip("fcntl")
+    lock = tmp_path / "lock"
+    with alone(lock, "another run"), pytest.raises(InputError, match="another run"), alone(lock, "another run"):
+        pass
+    for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EIO):
+
+        def without_locks(*given: object, number: int = number) -> None:
+            raise OSError(number, os.strerror(number))
+
+        monkeypatch.setattr(fcntl, "flock", without_locks)
+        with pytest.raises(InputError) as refused, alone(lock, "another run"):
+            pass
+        assert f"lock cannot be locked ({os.strerror(number)})" in str(refused.value)
+        assert "another file system" in str(refused.value)
+        assert "another run" not in str(refused.value)
+    monkeypatch.undo()
+    with alone(lock, "another run"):
+        pass
+
+
+@pytest.mark.parametrize("arguments", [["verify", "--only", "omega_crit"], ["scene", "f"], ["bench", "--only", "cycle"],
+                                       ["basin", "--below-crit", "0.5", "--count", "4"]])  # fmt: skip
+def test_a_second_run_into_a_folder_is_refused_at_once(
+    arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("fcntl")
+    out = tmp_path / "out"
+    with sole_writer(out):
+        assert main([*arguments, "--quiet", "--out", str(out)]) == 2
+        told = capsys.readouterr().err
+        assert "another run is writing into" in told
+        assert told.count("\n") == 1
+        assert [path.name for path in out.iterdir()] == [".lock"]
+    assert list(out.iterdir()) == []
+    if arguments[0] != "bench":  # races for minutes
+        assert main([*arguments, "--quiet", "--out", str(out)]) == 0
+        assert ".lock" not in [path.name for path in out.iterdir()]

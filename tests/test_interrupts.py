@@ -1,4 +1,4 @@
-"""Ctrl-C: one line and exit status 130 whenever it comes, nothing else said, nothing left half done."""
+"""Ctrl-C, TERM and HUP: one line and exit status 128 + signal whenever they come, and nothing half done."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from pathlib import Path
 import pytest
 
 from tests.stress.runs import LONGEST, PROGRAM
-from tests.stress.strikes import INTERRUPTED, Struck
+from tests.stress.strikes import INTERRUPTED, Struck, ended_by
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
 
 _ORBIT = "orbit --below-crit 0.5 --quiet"
 _SWEEP = "sweep hopf --over g=9.7:9.9:40 --quiet --out {folder}/a.csv"
+
+_OTHERS = (signal.SIGTERM, signal.SIGHUP)
 
 
 @pytest.fixture
@@ -51,6 +53,40 @@ def test_interrupt_is_130(arguments: str, step: str, struck: Struck, tmp_path: P
     assert struck.at(step, arguments.format(folder=tmp_path).split())[::2] == (130, INTERRUPTED)
 
 
+@pytest.mark.parametrize("number", _OTHERS)
+@pytest.mark.parametrize(
+    ("arguments", "step"),
+    [
+        ("--version", "call * 100"),
+        (_ORBIT, "import mpmath 1 destructor"),
+        (f"{_SWEEP} --jobs 2", "call spawnv_passfds 2"),
+        (f"{_SWEEP} --jobs 2", "call keep 1"),
+    ],
+)
+def test_other_signals_end_as_ctrl_c_does(
+    arguments: str, step: str, number: signal.Signals, struck: Struck, tmp_path: Path
+) -> None:
+    assert struck.at(step, arguments.format(folder=tmp_path).split(), number)[::2] == ended_by(number)
+
+
+@pytest.mark.parametrize("number", _OTHERS)
+def test_a_sweep_goes_on_after_other_signals(number: signal.Signals, struck: Struck, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    arguments = f"{_SWEEP} --executor serial".format(folder=out).split()
+    assert struck.at("call keep 3", arguments, number)[::2] == ended_by(number)
+    assert [path.name for path in out.iterdir()] == [".a.csv.journal"]
+    assert struck.at("none none 0", arguments)[0] == 0
+    assert len((out / "a.csv").read_text().splitlines()) == 41
+
+
+def test_what_nohup_ignores_stays_ignored(tmp_path: Path) -> None:
+    struck = Struck(tmp_path, ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", *PROGRAM])
+    status, out, told = struck.at("call * 100", ["--version"], signal.SIGHUP)
+    assert (status, told) == (0, "")
+    assert out.startswith("tippedisk-verify ")
+
+
 def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
     project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     module, _, function = project["scripts"]["tippedisk-verify"].partition(":")
@@ -58,9 +94,10 @@ def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
     assert struck.at("import click 1", ["--version"])[::2] == (130, INTERRUPTED)
 
 
-def test_a_result_that_is_out_is_not_called_interrupted(struck: Struck) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, *_OTHERS])
+def test_a_result_that_is_out_is_not_called_interrupted(number: signal.Signals, struck: Struck) -> None:
     """While Python ends there is nothing left to stop."""
-    status, out, told = struck.at("import mpmath 1 exit", ["hopf"])
+    status, out, told = struck.at("import mpmath 1 exit", ["hopf"], number)
     assert (status, told) == (0, "")
     assert out.startswith("omega_crit")
 
@@ -124,19 +161,21 @@ def test_the_package_leaves_signals_to_its_users() -> None:
     """Also where it loads what must not be loaded by halves, and where the command line runs inside a program."""
     program = (
         "import signal, sys\n"
-        "before = signal.signal(signal.SIGINT, mine := lambda *given: None)\n"
+        "mine = lambda *given: None\n"
+        "for number in (numbers := (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)): signal.signal(number, mine)\n"
         "changed = []; signal.signal = signal.pthread_sigmask = lambda *given: changed.append(given)\n"
         "from tippedisk_verify.model.precision import heyoka_module; heyoka_module()\n"
         "from tippedisk_verify.cli import main\n"
         "assert main(['hopf', '--quiet']) == 0\n"
-        "assert signal.getsignal(signal.SIGINT) is mine and not changed, changed\n"
+        "assert all(signal.getsignal(number) is mine for number in numbers) and not changed, changed\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LONGEST, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-# Fifty moments in all; what takes long is struck less often.
-@pytest.mark.slow
+# Fifty moments for each signal; what takes long is struck less often.
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize("number", [signal.SIGINT, *_OTHERS])
 @pytest.mark.parametrize(
     ("arguments", "count"),
     [
@@ -150,10 +189,10 @@ def test_the_package_leaves_signals_to_its_users() -> None:
         ("reference generate --only hopf --jobs 2 --out {folder}", 5),
     ],
 )
-def test_fifty_moments(arguments: str, count: int, struck: Struck, tmp_path: Path) -> None:
+def test_fifty_moments(arguments: str, count: int, number: signal.Signals, struck: Struck, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     words = arguments.format(folder=out).split()
-    for status, _, told in islice(struck.at_random(words, signal.SIGINT, struck.lasts(words)), count):
-        assert (status, told) == (130, INTERRUPTED)
+    for status, _, told in islice(struck.at_random(words, number, struck.lasts(words)), count):
+        assert (status, told) == ended_by(number)
         assert not list(out.glob(".*-????????"))  # nothing that is written beside its place

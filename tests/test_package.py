@@ -15,7 +15,7 @@ import tippedisk_verify as tv
 ROOT = Path(tv.__file__).parent
 # Each room and the rooms it may import from.
 ALLOWED = {
-    "model": {"errors", "model"},
+    "model": {"errors", "cache", "model"},  # compiled code is kept where results are
     "theory": {"errors", "model", "theory"},
     "flow": {"errors", "model", "flow"},
     "orbits": {"errors", "model", "theory", "flow", "orbits"},

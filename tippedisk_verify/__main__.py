@@ -1,8 +1,6 @@
 """``python -m tippedisk_verify`` and the console script: the command line, with an answer to Ctrl-C from the start."""
 
-import signal
-
-from tippedisk_verify.interrupts import answer_interrupts
+from tippedisk_verify.interrupts import answer_interrupts, answer_no_more
 
 
 def entry() -> None:
@@ -13,8 +11,7 @@ def entry() -> None:
 
         run()
     finally:
-        # All is done and said. What Python tears down now should neither be cut short nor complain.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        answer_no_more()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Results kept from run to run, as JSON files named by what they depend on.
 
-In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing. A file is written
+In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing, ``code`` nothing but
+the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. A file is written
 beside and renamed, so that runs at the same time see whole files only; each carries its own checksum. A cache that is
 damaged or cannot be used is no error: what is not found in it is computed.
 """
@@ -20,10 +21,11 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import write_bytes
 
-__all__ = ["VARIABLE", "Cache", "default_folder"]
+__all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
 
 VARIABLE = "TIPPEDISK_VERIFY_CACHE"
 _OFF = ("off", "0", "no", "")
+_CODE = "code"
 _MOST_BYTES = 64 * 2**20  # of one entry
 _KEPT_DAYS = 60  # after its last use
 _OURS = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
@@ -31,8 +33,13 @@ _OURS = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
 
 def default_folder() -> Path | None:
     """Where results are kept: the platform's folder for caches; None if they are not to be kept."""
-    chosen = os.environ.get(VARIABLE)
-    if chosen is not None:
+    return None if os.environ.get(VARIABLE, "").strip().lower() == _CODE else code_folder()
+
+
+def code_folder() -> Path | None:
+    """Where compiled code is kept: where results are, also if these are not to be kept; None if nothing is."""
+    chosen = os.environ.get(VARIABLE, _CODE)
+    if chosen.strip().lower() != _CODE:
         return None if chosen.strip().lower() in _OFF else Path(chosen)
     try:
         home = Path.home()

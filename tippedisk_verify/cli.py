@@ -1,6 +1,7 @@
 """The command line: a thin layer over the package's functions.
 
-Exit status 0: done; 1: one of our own checks fell short; 2: bad input, one line on standard error; 130: interrupted.
+Exit status 0: done; 1: one of our own checks fell short; 2: bad input, one line on standard error; 128 + a signal's
+number: ended by it (Ctrl-C 130).
 Nothing but click is imported until a command runs.
 """
 

@@ -14,7 +14,7 @@ from glob import escape
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import unbroken
+from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     "alone",
@@ -26,6 +26,7 @@ __all__ = [
     "read_bytes",
     "read_text",
     "remains_of",
+    "sole_writer",
     "write_bytes",
     "write_csv",
     "write_text",
@@ -132,7 +133,8 @@ def output_file(path: str) -> Path:
 def alone(lock: Path, refusal: str) -> Iterator[None]:
     """Hold a lock file, made if it is missing; the system forgets the lock of a run that was killed.
 
-    Raises InputError with ``refusal`` if another run holds it, and for a link or anything else that is no file.
+    Raises InputError with ``refusal`` if another run holds it, and in other words where there are no locks, and for a
+    link or anything else that is no file.
     """
     try:
         import fcntl
@@ -146,15 +148,40 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):  # the latter where a network's file system says so
+            raise InputError(refusal) from None
+        except OSError as fault:
+            raise InputError(
+                f"{_named(lock)} cannot be locked ({fault.strerror or fault}), so two runs could write at once: "
+                "give a place on another file system"
+            ) from None
+        try:
             # Whoever held it may have ended and removed it since it was opened.
             held = os.path.samestat(os.fstat(handle), os.lstat(lock))
-        except OSError:
+        except FileNotFoundError:
             held = False
         if not held:
             raise InputError(refusal)
         yield
     finally:
         os.close(handle)
+
+
+@contextmanager
+def sole_writer(path: str | Path) -> Iterator[Path]:
+    """`output_folder`, while no other run writes into it through this. Raises InputError if one does."""
+    folder = output_folder(path)
+    lock = folder / ".lock"
+
+    def remove() -> None:
+        lock.unlink(missing_ok=True)
+
+    refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
+    with alone(lock, refusal), undoing(remove):
+        try:
+            yield folder
+        finally:
+            remove()
 
 
 def read_text(path: Path, largest: int) -> str:

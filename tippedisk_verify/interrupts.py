@@ -1,11 +1,11 @@
-"""Ctrl-C on the command line: one line and exit status 130, whatever the process is doing.
+"""Ctrl-C, TERM and HUP on the command line: one line and exit status 128 + signal, whatever the process is doing.
 
 Python raises KeyboardInterrupt wherever it happens to be. In a destructor, a callback or an import by an extension
 module the exception is printed and lost; in an import it leaves half a module behind. So the command line raises
 nothing. It undoes what must not stay, writes its line and leaves, from within the signal's handler.
 
-Only `answer_interrupts` touches the process's signals, and only the command line's entry calls it. In a program that
-imports the package, Ctrl-C does what that program wants.
+Only the first two functions touch the process's signals, and only the command line's entry calls them. In a program
+that imports the package, signals do what that program wants.
 """
 
 from __future__ import annotations
@@ -16,17 +16,31 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-__all__ = ["answer_interrupts", "deaf_children", "unbroken", "undoing"]
+__all__ = ["answer_interrupts", "answer_no_more", "deaf_children", "unbroken", "undoing"]
+
+# SIGHUP is what a terminal sends when it is closed; some systems have none.
+_ANSWERED = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 # Lists, because appending and removing are single steps to other threads and to the handler.
 _holding: list[None] = []
 _undoing: list[Callable[[], object]] = []
-_pressed: list[None] = []
+_pressed: list[int] = []
 
 
 def answer_interrupts() -> None:
-    """From now on Ctrl-C ends this process as described above. For the main thread."""
-    signal.signal(signal.SIGINT, _handle)
+    """From now on these signals end this process as described above. For the main thread.
+
+    TERM and HUP stay ignored where they are: `nohup` wants that.
+    """
+    for number in _ANSWERED:
+        if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _handle)
+
+
+def answer_no_more() -> None:
+    """All is done and said. What Python tears down now should neither be cut short nor complain."""
+    for number in _ANSWERED:
+        signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
@@ -56,11 +70,14 @@ def undoing(action: Callable[[], object]) -> Iterator[None]:
 
 @contextmanager
 def deaf_children() -> Iterator[None]:
-    """Let processes that are started in here never hear Ctrl-C, which a terminal sends to them as well."""
+    """Let processes that are started in here never hear Ctrl-C or HUP, which a terminal sends to them as well.
+
+    TERM they hear: it is how Python ends the rest of a pool that has lost a process.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_ANSWERED} - {signal.SIGTERM})
     try:
         yield
     finally:
@@ -68,7 +85,7 @@ def deaf_children() -> Iterator[None]:
 
 
 def _handle(number: int, frame: object) -> None:
-    _pressed.append(None)
+    _pressed.append(number)
     if len(_pressed) == 1 and not _holding:
         _leave()
 
@@ -85,9 +102,11 @@ def _leave() -> None:
             with suppress(Exception):
                 action()
         if stream is not None:
-            os.write(stream, _clear(stream) + b"tippedisk-verify: interrupted\n")
+            name = signal.Signals(_pressed[0]).name
+            says = "interrupted" if name == "SIGINT" else f"stopped by {name}"
+            os.write(stream, _clear(stream) + f"tippedisk-verify: {says}\n".encode())
     finally:
-        os._exit(130)
+        os._exit(128 + _pressed[0])
 
 
 def _clear(stream: int) -> bytes:

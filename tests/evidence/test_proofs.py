@@ -50,6 +50,7 @@ def folder(tmp_path: Path) -> Path:
             (tmp_path / name / f"{kind}.json").write_text(json.dumps(document))
     for name in ("schema.json", "README.md"):
         shutil.copy(data_folder() / name, tmp_path / name)
+    write_manifest(tmp_path)
     return tmp_path
 
 
@@ -68,6 +69,7 @@ def test_a_wrong_value_is_not_proved(folder: Path) -> None:
     text = path.read_text()
     path.write_text(text.replace("30.886592688643567278286", "30.886592688643567278287"))
     assert path.read_text() != text
+    write_manifest(folder)
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     with pytest.raises(Shortfall, match="omega_crit does not contain its enclosure"):
         prove(folder)
@@ -81,6 +83,7 @@ def test_a_value_that_claims_more_than_is_proved_is_not_proved(folder: Path) -> 
     (entry,) = document["entries"]
     entry["quantities"]["period"]["uncertainty"] = "1e-60"
     path.write_text(json.dumps(document))
+    write_manifest(folder)
     with pytest.raises(Shortfall, match="period does not contain its enclosure"):
         prove(folder, prefixes=("printed/linear/hopf",))
 

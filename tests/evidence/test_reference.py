@@ -24,15 +24,14 @@ import pytest
 from tests.dask_cluster import changed_package, surroundings
 from tests.problems import paper_rates
 from tests.stress.runs import LONGEST
-from tests.stress.strikes import Struck
+from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.checking import check, recomputed, stored_entries
 from tippedisk_verify.evidence.reference.entries import as_doubles, case_of, trimmed
 from tippedisk_verify.evidence.reference.generation import computed, generate, pieces_of
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
-from tippedisk_verify.evidence.reference.places import SETS
+from tippedisk_verify.evidence.reference.manifest import SETS, faults_in_files, write_manifest
 from tippedisk_verify.evidence.reference.store import Store, data_folder, reference, stored
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -305,7 +304,7 @@ def test_a_process_with_other_code_computes_no_piece(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc to see processes")
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tippedisk_verify", "reference", "generate", "--quiet", "--jobs", "2"]
     run = subprocess.Popen([*command, "--out", str(tmp_path)], stderr=subprocess.DEVNULL, start_new_session=True)
@@ -324,7 +323,7 @@ def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> N
         assert time.monotonic() < until
         time.sleep(0.1)
     run.send_signal(how)
-    assert run.wait(timeout=LONGEST) == (130 if how == signal.SIGINT else -how)
+    assert run.wait(timeout=LONGEST) == ended_by(how)[0]
     until = time.monotonic() + LONGEST
     while alive() and time.monotonic() < until:
         time.sleep(0.2)

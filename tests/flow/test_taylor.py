@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import weakref
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
 
 import heyoka
 import numpy
@@ -10,8 +15,19 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status, raise_unless_usable
+from tippedisk_verify.flow import one_at_a_time
+from tippedisk_verify.flow.contract import (
+    FLAT,
+    SECTION,
+    SLIDING_REVERSAL,
+    Event,
+    Request,
+    Status,
+    raise_unless_usable,
+)
+from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
@@ -177,3 +193,60 @@ def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
     wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
     with pytest.raises(InputError, match=word):
         taylor(Request(**wanted))
+
+
+# ------------------------------------------------------------------------------------------ what is kept
+@pytest.fixture
+def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 3)
+
+
+def _tolerances(count: int, **options: Any) -> list[Request]:
+    tolerances = [Fraction(n + 1, 10**12) for n in range(count)]
+    return [Request(PRINTED, "30.4", (1.2, 0.3, 0), 0.1, tolerance=one, **options) for one in tolerances]
+
+
+@pytest.mark.usefixtures("three_kept")
+def test_what_has_not_run_for_longest_leaves() -> None:
+    engine = Taylor()
+    first, second, third, fourth = _tolerances(4)
+    for request in (first, second, third, first, fourth):
+        engine(request)
+    assert {key[2] for key in engine._integrators} == {first.tolerance, third.tolerance, fourth.tolerance}
+    builds = engine.builds
+    assert len(builds) == 3
+    for request in (third, fourth, first):
+        engine(request)
+    assert engine.builds == builds  # none of these was compiled again
+    assert (engine(second).state == Taylor()(second).state).all()
+    assert {key[2] for key in engine._integrators} == {second.tolerance, fourth.tolerance, first.tolerance}
+
+
+@pytest.mark.usefixtures("three_kept")
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_compiled_code_that_leaves_is_given_back(friction: Friction) -> None:
+    """heyoka holds callbacks; what they hold in turn must not hold heyoka's integrator."""
+    engine, left = Taylor(), []
+    events = (SECTION, Event("reverses", SLIDING_REVERSAL.function, terminal=False))
+    for request in _tolerances(6, friction=friction, events=events, times=[0.05]):
+        engine(request)
+        (newest,) = (one.runner for key, one in engine._integrators.items() if key[2] == request.tolerance)
+        left += [weakref.ref(newest), weakref.ref(newest._stepper)]
+    del newest
+    gc.collect()
+    assert sum(one() is not None for one in left) == 2 * 3
+
+
+@pytest.mark.usefixtures("three_kept")
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_compiled_batches_that_leave_are_given_back(friction: Friction) -> None:
+    lanes, left = Lanes(2), []
+    for n in range(5):
+        events = (Event(f"section {n}", SECTION.function, terminal=False), FLAT, SLIDING_REVERSAL)
+        events = tuple(replace(event, terminal=False) for event in events)
+        lanes(field_constants(PRINTED, friction), [30.4], [[1.2, 0.3, 0]], [0.1], friction=friction, events=events)
+        newest = list(lanes._batches.values())[-1].runner
+        left += [weakref.ref(newest), weakref.ref(newest._stepper)]
+    del newest
+    gc.collect()
+    assert sum(one() is not None for one in left) == 2 * 3

@@ -14,7 +14,7 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
 from tippedisk_verify.flow.lanes import Lanes, field_constants
@@ -84,6 +84,17 @@ def test_one_engine_in_eight_threads() -> None:
     for found in _in_threads(jobs):
         assert sum(mine != theirs for mine, theirs in zip(serial, found, strict=True)) == 0
     assert len(shared.builds) == 7
+
+
+def test_one_engine_that_keeps_little_in_eight_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What leaves while another thread runs it ends its run, and is compiled again for the next."""
+    monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 2)
+    requests, shared = _requests(24), Taylor()
+    serial = [_bytes(Taylor()(request)) for request in requests]
+    jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
+    for found in _in_threads(jobs):
+        assert found == serial
+    assert len(shared.builds) <= 2
 
 
 def test_each_thread_has_an_engine() -> None:

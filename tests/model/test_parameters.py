@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from fractions import Fraction
 from pathlib import Path
 
@@ -134,6 +135,32 @@ def test_bad_files_are_refused(tmp_path: Path, content: bytes, word: str) -> Non
     path.write_bytes(content)
     with pytest.raises(InputError, match=word):
         Parameters.named(str(path))
+
+
+_DEEP = ".".join(["a"] * 150_000)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [f'{_DEEP} = "1"\n', f"[{_DEEP}]\n", f"{_DEEP[:1000]} = 1\n", f'"#".{_DEEP[:1000]} = 1\n', "#" * 100_000],
+    ids=["deep key", "deep table", "deeper than any", "behind a quoted number sign", "large"],
+)
+def test_what_is_no_parameter_file_is_refused_unread(
+    content: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A key of 300 kB took minutes and all memory."""
+    path = tmp_path / "disk.toml"
+    path.write_text(content + GOOD, encoding="utf-8")
+    monkeypatch.setattr(tomllib, "loads", lambda text: pytest.fail("parsed"))
+    with pytest.raises(InputError, match=r"larger than 64000 bytes|more than 200 dots"):
+        Parameters.from_toml(path)
+
+
+def test_long_decimals_and_long_comments_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "disk.toml"
+    lines = [f'{name} = "{text}{"0" * 3900}"' for name, text in PRINTED.decimals().items()]
+    path.write_text("\n".join(["#" * 2000, "# " + "." * 150, *lines]), encoding="utf-8")
+    assert Parameters.from_toml(path) == PRINTED.changed(name="disk.toml")
 
 
 @pytest.mark.parametrize("name", ["nowhere.toml", ".", "prnted", "/", "a/b.toml"])

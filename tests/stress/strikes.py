@@ -1,4 +1,4 @@
-"""Ctrl-C at a chosen step of the program, and at random moments after it has begun to listen.
+"""Ctrl-C, or another signal, at a chosen step of the program, and at random moments after it has begun to listen.
 
 Both need a hand inside the process: Python imports a module named ``sitecustomize`` when it starts, and the one written
 here watches what happens then.
@@ -20,6 +20,15 @@ from tests.stress.runs import LONGEST, PROGRAM, environment
 
 INTERRUPTED = "tippedisk-verify: interrupted\n"
 
+
+def ended_by(number: int) -> tuple[int, str]:
+    """Exit status and standard error of a run that a signal has ended."""
+    if number == signal.SIGKILL:
+        return -number, ""
+    name = signal.Signals(number).name
+    return 128 + number, INTERRUPTED if name == "SIGINT" else f"tippedisk-verify: stopped by {name}\n"
+
+
 _WATCH = '''
 """Says in the file LISTENS that the program listens, and strikes it at the step that STRIKE names."""
 import atexit, os, signal, sys, weakref
@@ -31,7 +40,7 @@ left = int(count)
 listens = False
 
 def interrupt(*given):
-    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(int(os.environ["STRIKE_BY"]))
 
 class Dying:
     __del__ = interrupt
@@ -91,9 +100,11 @@ class Struck:
         self._path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
         self._listens = folder / "listens"
 
-    def at(self, step: str, arguments: Sequence[str], **streams: Any) -> tuple[int | None, str, str]:
-        """Exit status, standard output and error of a run interrupted at a step: "event name count [within]"."""
-        return _end(self._started(arguments, step, **streams))
+    def at(
+        self, step: str, arguments: Sequence[str], number: int = signal.SIGINT, **streams: Any
+    ) -> tuple[int | None, str, str]:
+        """Exit status, standard output and error of a run struck at a step: "event name count [within]"."""
+        return _end(self._started(arguments, step, number, **streams))
 
     def lasts(self, arguments: Sequence[str]) -> float:
         """How long a whole run takes from when it listens [s]; for drawing moments, not for judging."""
@@ -134,10 +145,12 @@ class Struck:
             time.sleep(0.001)
         return run
 
-    def _started(self, arguments: Sequence[str], step: str, **streams: Any) -> subprocess.Popen[str]:
+    def _started(
+        self, arguments: Sequence[str], step: str, number: int = signal.SIGINT, **streams: Any
+    ) -> subprocess.Popen[str]:
         self._listens.unlink(missing_ok=True)
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step)
+        own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step, STRIKE_BY=str(int(number)))
         # A group of its own, as a shell gives to a command.
         return subprocess.Popen([*self._program, *arguments], env=own, start_new_session=True, **{**pipes, **streams})
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import shutil
 import sqlite3
+import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -12,10 +13,14 @@ from typing import Any
 
 import pytest
 
-from tests.stress.runs import ORBIT, run, without_rights
-from tippedisk_verify.model.code_cache import without_damage
+from tests.stress.runs import LONGEST, ORBIT, environment, run, without_rights
+from tippedisk_verify.cache import VARIABLE
+from tippedisk_verify.model import code_cache
+from tippedisk_verify.model.code_cache import vouched, without_damage
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
+
+_SCENE = ["scene", "f", "--json"]
 
 
 def _spoil_code(path: Path, draw: random.Random) -> None:
@@ -35,52 +40,142 @@ def _spoil_bytes(path: Path, draw: random.Random) -> None:
     path.write_bytes(content[: draw.choice((len(content), len(content), draw.randrange(len(content))))])
 
 
+def _cut(path: Path, draw: random.Random) -> None:
+    path.write_bytes(path.read_bytes()[: draw.randrange(path.stat().st_size)])
+
+
 def _replace(path: Path, draw: random.Random) -> None:
     path.write_bytes(draw.choice((b"", b"no database" * 500, b"SQLite format 3\0" + bytes(4080))))
 
 
-def _damage(folder: Path, filled: tuple[Path, str], spoil: Any, draw: random.Random) -> None:
+def _put_folder(path: Path, draw: random.Random) -> None:
+    name = draw.choice((path.name, f"{path.name}-wal", f"{path.name}-shm"))
+    path.with_name(name).unlink(missing_ok=True)
+    path.with_name(name).mkdir()
+
+
+_DAMAGE = (_spoil_code, _spoil_bytes, _cut, _replace, _put_folder)
+
+
+def _two_runs(folder: Path, filled: Path, arguments: list[str], says: str, damage: Any, draw: random.Random) -> None:
+    """After a damage: once with it, once with what that run has made of it."""
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(filled[0], folder)
-    spoil(folder / "tippedisk-verify" / "cache.db", draw)
-    for _ in range(2):  # once with the damage, once with what that run has made of it
-        done = run(ORBIT, XDG_CACHE_HOME=str(folder))
+    shutil.copytree(filled, folder)
+    damage(folder / "tippedisk-verify" / "cache.db", draw)
+    for _ in range(2):
+        done = run(arguments, XDG_CACHE_HOME=str(folder))
         assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout == filled[1]
+        assert done.stdout == says
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("spoil", [_spoil_code, _spoil_bytes, _replace])
-def test_damaged_code_is_not_run(spoil: Any, filled_cache: tuple[Path, str], tmp_path: Path) -> None:
-    _damage(tmp_path / "cache", filled_cache, spoil, random.Random(1))
+@pytest.fixture(scope="module")
+def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """What one run has left, which nobody has looked at since."""
+    folder = tmp_path_factory.mktemp("small")
+    done = run(_SCENE, XDG_CACHE_HOME=str(folder))
+    assert done.returncode == 0
+    return folder, done.stdout
 
 
-@pytest.mark.slow
-def test_thirty_damaged_caches(
+@pytest.mark.parametrize("damage", _DAMAGE)
+def test_damaged_code_is_not_run(damage: Any, small_cache: tuple[Path, str], tmp_path: Path) -> None:
+    _two_runs(tmp_path / "cache", small_cache[0], _SCENE, small_cache[1], damage, random.Random(1))
+
+
+@pytest.mark.slow(minutes=5)
+def test_fifty_damaged_caches(
     filled_cache: tuple[Path, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     draw = random.Random(2)
-    for n in range(30):
-        _damage(tmp_path / "cache", filled_cache, (_spoil_code, _spoil_bytes, _replace)[n % 3], draw)
+    for n in range(50):
+        _two_runs(tmp_path / "cache", filled_cache[0], ORBIT, filled_cache[1], _DAMAGE[n % len(_DAMAGE)], draw)
     with capsys.disabled():
-        print("\n30 damaged code caches, 60 runs after them: every one printed what it must")
+        print("\n50 damaged code caches, 100 runs after them: every one printed what it must")
 
 
-def test_changed_entries_are_removed_and_others_kept(tmp_path: Path) -> None:
-    path, count = tmp_path / "cache.db", 5
+_COLUMNS = "bitcode, comp_flag, env_fingerprint, opt_bc, opt_ir, obj, size, last_access"
+
+
+@pytest.fixture
+def entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A file of heyoka's form with five entries, which this process has written."""
+    path = tmp_path / "cache.db"
     with closing(sqlite3.connect(path)) as database, database:
-        database.execute("CREATE TABLE cache (hash INTEGER PRIMARY KEY, obj BLOB NOT NULL)")
-        database.executemany("INSERT INTO cache VALUES (?, ?)", [(n, bytes(100)) for n in range(count)])
-    assert without_damage(path) == 0
+        database.execute(f"CREATE TABLE cache (hash INTEGER PRIMARY KEY, {_COLUMNS})")
+        database.execute("CREATE TABLE config (key TEXT PRIMARY KEY, value INTEGER NOT NULL)")
+        database.execute("INSERT INTO config VALUES ('total_size', 500)")
+        row = (b"bit", 3, "version", b"", b"", bytes(100), 100, 7)
+        database.executemany(f"INSERT INTO cache VALUES (?{', ?' * 8})", [(n, *row) for n in range(5)])
+    monkeypatch.setattr(code_cache, "_in_use", [path])
+    return path
+
+
+def _done(path: Path, *commands: str) -> list[Any]:
     with closing(sqlite3.connect(path)) as database, database:
-        database.execute("UPDATE cache SET obj = x'00' WHERE hash = 3")
-    assert without_damage(path) == 1
-    with closing(sqlite3.connect(path)) as database:
-        assert database.execute("SELECT count(*) FROM cache").fetchone() == (count - 1,)
-    assert without_damage(path) == 0
+        return [database.execute(command).fetchone() for command in commands]
+
+
+@pytest.mark.parametrize("column", ["hash", *_COLUMNS.split(", ")])
+def test_changed_entries_are_removed_and_others_kept(column: str, entries: Path) -> None:
+    vouched()
+    assert without_damage(entries) == 0
+    _done(entries, f"UPDATE cache SET {column} = x'41' WHERE hash = 3" if column != "hash" else
+          "UPDATE cache SET hash = 1003 WHERE hash = 3")  # fmt: skip
+    if column == "last_access":  # decides about nothing but what goes first
+        assert without_damage(entries) == 0
+        return
+    assert without_damage(entries) == 1
+    left, size = _done(entries, "SELECT count(*) FROM cache", "SELECT value FROM config")
+    assert (left, size) == ((4,), (400,))
+    assert without_damage(entries) == 0
+
+
+def test_what_nobody_vouches_for_is_removed(entries: Path) -> None:
+    """It may have been damaged as well as not since a run that was killed has written it."""
+    assert without_damage(entries) == 5
+    assert _done(entries, "SELECT count(*) FROM cache") == [(0,)]
+
+
+def test_what_is_no_such_file_is_removed_whole(tmp_path: Path) -> None:
+    path = tmp_path / "cache.db"
     path.write_text("no database")
     assert without_damage(path) == 1
     assert not path.exists()
+    _done(path, "CREATE TABLE cache (hash INTEGER PRIMARY KEY, obj BLOB NOT NULL)")
+    assert without_damage(path) == 1
+    assert not path.exists()
+    assert without_damage(path) == 0
+
+
+def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
+    """A checksum follows each entry at once, so that only what is damaged is compiled again."""
+    program = (
+        "import os, tippedisk_verify as tv\ntv.Taylor()(tv.Request(tv.PRINTED, '30.4', (1.2, 0.3, 0), 1))\nos._exit(9)"
+    )
+    own = environment(XDG_CACHE_HOME=str(tmp_path))
+    assert subprocess.run([sys.executable, "-c", program], env=own, timeout=LONGEST, check=False).returncode == 9
+    path = tmp_path / "tippedisk-verify" / "cache.db"
+    count = _done(path, "SELECT count(*) FROM cache")[0][0]
+    assert count > 0
+    assert without_damage(path) == 0
+
+
+@pytest.mark.parametrize("chosen", ["off", "code", "{folder}/named"])
+def test_where_code_is_kept(chosen: str, tmp_path: Path) -> None:
+    """`off` keeps nothing at all, another folder what is kept, `code` compiled code alone."""
+    chosen = chosen.format(folder=tmp_path)
+    own = {"XDG_CACHE_HOME": str(tmp_path / "own"), "HOME": str(tmp_path / "home"), VARIABLE: chosen}
+    assert run([*_SCENE, "--quiet"], **own).returncode == 0
+    assert run(["verify", "--only", "omega_crit", "--quiet"], **own).returncode == 0
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    code = {name for name in found if "/cache.db" in name}
+    if chosen == "off":
+        assert found == set()
+    elif chosen == "code":
+        assert "own/tippedisk-verify/cache.db" in code == found
+    else:
+        assert "named/cache.db" in code < found
+        assert {name.partition("/")[0] for name in found} == {"named"}
 
 
 @pytest.mark.slow

@@ -17,10 +17,13 @@ from pathlib import Path
 import pytest
 
 from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
-from tests.stress.strikes import INTERRUPTED, Struck
+from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.evidence.reference.manifest import faults_in_files
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
+
+
+_VERIFY = ["verify", "--only", "omega_crit", "period_crit", "--quiet", "--out"]
 
 
 def _table(path: Path) -> list[dict[str, str]]:
@@ -70,7 +73,7 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     files = _whole(folder)
     for n in range(count):
         ended, _, told = next(ends[n % len(ends)])
-        assert (ended, told) == ((130, INTERRUPTED) if number == signal.SIGINT else (-number, ""))
+        assert (ended, told) == ended_by(number)
         assert _whole(folder) >= files  # nothing that was there is lost or cut
         yield ended
     for arguments in commands:
@@ -87,8 +90,9 @@ def test_kills_leave_whole_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_interrupts_leave_whole_files(tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 4, signal.SIGINT))) == 4
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_leave_whole_files(number: int, tmp_path: Path) -> None:
+    assert len(list(_strikes(tmp_path, 4, number))) == 4
 
 
 @pytest.mark.slow
@@ -306,10 +310,10 @@ def test_little_memory_is_one_line(megabytes: int, filled_cache: tuple[Path, str
 
 
 # ------------------------------------------------------------------------------------------ two at once
-@pytest.mark.parametrize("command", [GENERATE, SWEEP], ids=["generate", "sweep"])
+@pytest.mark.parametrize("command", [GENERATE, SWEEP, _VERIFY], ids=["generate", "sweep", "verify"])
 def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
     """One does it and the others say that it is being done, or that nothing was left to do; nothing is lost."""
-    target = str(tmp_path / ("data" if command is GENERATE else "sweep.csv"))
+    target = str(tmp_path / ("sweep.csv" if command is SWEEP else "data"))
     runs = [
         subprocess.Popen([*PROGRAM, *command, target], env=environment(), stderr=subprocess.PIPE, text=True)
         for _ in range(3)
@@ -321,6 +325,9 @@ def test_two_at_once_into_one_place(command: list[str], tmp_path: Path) -> None:
     if command is GENERATE:
         assert faults_in_files(tmp_path / "data") == []
         assert not (tmp_path / "data" / ".work").exists()
+    elif command is _VERIFY:
+        assert _whole(tmp_path / "data") > 1
+        assert not list((tmp_path / "data").glob(".*"))
     else:
         assert len(_table(tmp_path / "sweep.csv")) == 300
         assert [path.name for path in tmp_path.iterdir()] == ["sweep.csv"]

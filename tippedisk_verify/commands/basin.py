@@ -6,6 +6,7 @@ import click
 
 from tippedisk_verify.commands.common import (
     Common,
+    alone_in,
     common_options,
     print_json,
     processes,
@@ -36,11 +37,10 @@ def basin(
     out: str | None,
 ) -> int:
     """What each of many initial states ends on: picture, and fractions with their sampling error."""
-    from tippedisk_verify.files import output_folder
     from tippedisk_verify.orbits.basins import basins
 
     value = speed(common, omega, below_crit)
-    folder = None if out is None else output_folder(out)
+    folder = alone_in(out)
     options = {"friction": common.friction, "count": count, "duration": seconds, "v": velocity}
     with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
         found = basins(common.parameters, value, advance=advance, executor=pool, **options)

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, alone_in, plain_options, print_json, processes, progress
 
 __all__ = ["COMMANDS"]
 
@@ -30,7 +30,6 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
     from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named
     from tippedisk_verify.evidence.bench.race import machine, raced
     from tippedisk_verify.evidence.bench.ratios import ratios
-    from tippedisk_verify.files import output_folder
     from tippedisk_verify.model.parameters import PRINTED
 
     names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
@@ -40,7 +39,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         from tippedisk_verify.evidence.bench.peers import peer_methods
 
         methods = (*METHODS, *peer_methods())
-    folder = None if out is None else output_folder(out)
+    folder = alone_in(out)
     total = sum(method.fits(problem) for method in methods for problem in problems)
     # One process beside the one that is timed, for the truths.
     with progress(common, total) as advance, processes(1, needed=len(problems) > 1, beside=True) as pool:

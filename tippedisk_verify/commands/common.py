@@ -8,15 +8,17 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import unbroken, undoing
+from tippedisk_verify.interrupts import deaf_children, unbroken, undoing
 
 __all__ = [
     "Common",
+    "alone_in",
     "checked_jobs",
     "common_options",
     "plain_options",
@@ -164,6 +166,16 @@ def print_json(result: dict[str, Any]) -> None:
     click.echo(json.dumps(result, indent=1))
 
 
+def alone_in(out: str | None) -> Path | None:
+    """The output folder, if one is given, with no other run writing into it until the command has ended.
+
+    Raises InputError if it cannot be used, or another run does so now.
+    """
+    from tippedisk_verify.files import sole_writer
+
+    return None if out is None else click.get_current_context().with_resource(sole_writer(out))
+
+
 @contextmanager
 def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
     """A live bar on a terminal's standard error, nothing anywhere else."""
@@ -191,8 +203,8 @@ def checked_jobs(jobs: int | None) -> int | None:
 def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
-    Ctrl-C reaches this process only, and the pool ends with it, however it ends. Raises InputError for a number of
-    processes that makes no sense.
+    Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
+    of processes that makes no sense.
     """
     workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
@@ -204,7 +216,8 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
 
     quiet_tracker()
     with undoing(kill_workers):
-        with unbroken():  # its semaphores are made first and registered afterwards
+        # Its semaphores are made first and registered afterwards, with a process that must outlive this one.
+        with unbroken(), deaf_children():
             pool = ProcessPoolExecutor(workers, mp_context=Workers(), initializer=end_with_parent)
         try:
             yield pool

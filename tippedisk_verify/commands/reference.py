@@ -29,7 +29,7 @@ def reference(context: click.Context) -> None:
 def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, ...], jobs: int | None) -> int:
     """Make the reference files; what an interrupted run has computed is taken up again."""
     from tippedisk_verify.evidence.reference.generation import generate as made
-    from tippedisk_verify.evidence.reference.places import SETS
+    from tippedisk_verify.evidence.reference.manifest import SETS
 
     if not out:
         raise InputError("--out needs the name of a folder")

@@ -9,6 +9,7 @@ import click
 
 from tippedisk_verify.commands.common import (
     Common,
+    alone_in,
     checked_jobs,
     common_options,
     print_json,
@@ -63,7 +64,7 @@ def verify(
     if only and not names:
         raise InputError("--only names no claim")
     claims = selected(names)
-    folder = _folder(out)
+    folder = alone_in(out)
     order = Order(common.parameters, common.friction, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
 
@@ -123,7 +124,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
     given = None
     if omega_h is not None:
         given = Measured(checked_speed(omega_h), Fraction(0))
-    folder = _folder(out)
+    folder = alone_in(out)
     engine = default_engine()
     with progress(common, len(chosen)) as advance:
         found_with: tuple[Any, ...] = ()
@@ -165,14 +166,6 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
                 detail = f" at {ending.time} s" if ending.time is not None else ""
                 click.echo(f"  orbit {start}: {ending.kind}{detail} ({ending.reason})")
     return 0
-
-
-def _folder(out: str | None) -> Any:
-    if out is None:
-        return None
-    from tippedisk_verify.files import output_folder
-
-    return output_folder(out)
 
 
 def _listed(common: Common) -> int:

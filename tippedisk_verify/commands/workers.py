@@ -1,4 +1,4 @@
-"""The processes of a pool: started whole, deaf to Ctrl-C, and gone when the process that started them is gone."""
+"""The processes of a pool: started whole, deaf to Ctrl-C and HUP, and gone when their parent is gone."""
 
 from __future__ import annotations
 

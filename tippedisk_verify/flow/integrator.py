@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
+from weakref import proxy
 
 from tippedisk_verify.flow.contract import (
     FLAT,
@@ -105,7 +106,7 @@ class Integrator:
         )
         stepper = self._stepper
         if smooth:
-            self._branch.stepper = stepper
+            self._branch.stepper = proxy(stepper)  # heyoka holds its callbacks, which no collector of garbage sees
         self._divergence = request.divergence
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         extended = request.variations or request.divergence

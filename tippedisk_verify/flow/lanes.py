@@ -10,10 +10,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+from weakref import proxy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
-from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
+from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
@@ -111,10 +112,11 @@ class Lanes:
         key = (variations, divergence, events, shifted, friction)
         batch = self._batches.get(key)
         if batch is None:
-            with BUILDING:
-                if key not in self._batches:  # another thread may have been faster
-                    self._batches[key] = OneAtATime(_Batch(self.width, *key))
-            batch = self._batches[key]
+            with building():
+                batch = self._batches.get(key)
+                if batch is None:  # another thread may have been faster
+                    make_room(self._batches)
+                    batch = self._batches[key] = OneAtATime(_Batch(self.width, *key))
         given_products = batch.runner.products
         pars = numpy.empty((len(names) + given_products, count))
         pars[0] = omegas
@@ -294,21 +296,23 @@ class _Batch:
     def _turned(self, branches: _Branches, flat: Sequence[str]) -> Any:
         """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
 
+        batch = proxy(self)  # heyoka holds its callbacks, which no collector of garbage sees
+
         def turned(stepper: Any, sign: int, lane: int) -> bool:
             branches.turn(stepper, lane)
-            self._note(stepper, lane, flat)
+            batch._note(stepper, lane, flat)
             return True
 
         return turned
 
     def _reversed(self, branches: _Branches, reversals: Sequence[Event]) -> Any:
         """The same for gamma_y = 0; a crossing at the start is the start itself."""
-        switched = branches.callback()
+        switched, batch = branches.callback(), proxy(self)
 
         def crossed(stepper: Any, sign: int, lane: int) -> bool:
             switched(stepper, sign, lane)
             if not (branches.from_surface[lane] and abs(stepper.time[lane]) <= START_WINDOW):
-                self._note(stepper, lane, [event.name for event in reversals if event.direction in (0, sign)])
+                batch._note(stepper, lane, [event.name for event in reversals if event.direction in (0, sign)])
             return True
 
         return crossed
@@ -319,12 +323,12 @@ class _Batch:
             self._names.append((name, self._first + lane, float(stepper.time[lane]), (beta, gamma, v)))
 
     def _recorder(self, name: str) -> Any:
-        names = self._names
+        names, batch = self._names, proxy(self)
 
         def record(stepper: Any, when: float, sign: int, lane: int) -> None:
-            stepper.update_d_output([when] * self._width)
+            stepper.update_d_output([when] * batch._width)
             beta, gamma, v = stepper.d_output[:3, lane].tolist()
-            names.append((name, self._first + lane, when, (beta, gamma, v)))
+            names.append((name, batch._first + lane, when, (beta, gamma, v)))
 
         return record
 

@@ -1,4 +1,4 @@
-"""What compiled integrators need to be safe: one run at a time, whichever thread it comes from.
+"""What compiled integrators need to be safe and few: one run at a time, whichever thread it comes from.
 
 heyoka's integrators hold the state of their run and let other threads go on meanwhile. Two runs of one integrator would
 mix their states, and nothing would show it.
@@ -6,13 +6,38 @@ mix their states, and nothing would show it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
 from threading import RLock
 from typing import Any
 
-__all__ = ["BUILDING", "OneAtATime"]
+from tippedisk_verify.model.code_cache import vouched
 
-#: Held while something is compiled: who needs the same in another thread then finds its machine code in memory.
-BUILDING = RLock()
+__all__ = ["OneAtATime", "building", "make_room"]
+
+#: Integrators that an engine keeps, each of 1 to 4 MB; all commands one after the other need some 40, `stress` 110.
+_MOST_KEPT = 128
+_BUILDING = RLock()
+_CLOCK = count()
+
+
+@contextmanager
+def building() -> Iterator[None]:
+    """Entered while something is compiled, by one thread at a time.
+
+    Who needs the same in another thread then finds its machine code in memory, and what was compiled gets its checksum
+    before anything can happen to it.
+    """
+    with _BUILDING:
+        yield
+        vouched()
+
+
+def make_room(kept: dict[Any, OneAtATime]) -> None:
+    """For one more; what has not run for longest leaves. To be called within `building`."""
+    while len(kept) >= _MOST_KEPT:
+        del kept[min(kept, key=lambda key: kept[key].used)]
 
 
 class OneAtATime:
@@ -20,6 +45,7 @@ class OneAtATime:
 
     def __init__(self, runner: Any) -> None:
         self.runner = runner
+        self.used = next(_CLOCK)  #: grows from run to run, of whatever runner
         self._lock = RLock()
         self._running = False
 
@@ -32,6 +58,7 @@ class OneAtATime:
             if self._running:
                 raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
             self._running = True
+            self.used = next(_CLOCK)
             try:
                 return self.runner.run(*arguments)
             finally:

@@ -1,8 +1,8 @@
 """heyoka's Taylor integrator behind the contract, one run at a time in any precision.
 
-What a request needs is compiled once per process and kept: the plain field, the field with the events asked for, the
-variational system for the derivatives asked for, each in the arithmetic asked for. All parameters are runtime values,
-so one build serves every parameter set and speed. `Taylor.builds` tells what has been built so far.
+What a request needs is compiled once and kept, until a hundred others have been used since: the plain field, the field
+with the events asked for, the variational system for the derivatives asked for, each in the arithmetic asked for. All
+parameters are runtime values, so one build serves every parameter set and speed. `Taylor.builds` tells what is kept.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import budgeted, parted, twins_needed, undecided
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import BUILDING, OneAtATime
+from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, Precision, companion
@@ -63,7 +63,7 @@ class Taylor:
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """Everything that this engine has built so far, in order."""
+        """Everything that this engine has built and still keeps, in order."""
         return tuple(integrator.runner.build for integrator in list(self._integrators.values()))
 
     def __call__(self, request: Request) -> Result:
@@ -89,10 +89,13 @@ class Taylor:
 
     def _built(self, key: tuple[Any, ...], request: Request, events: tuple[Event, ...]) -> OneAtATime:
         compact = self._compact if self._compact is not None else request.precision != DOUBLE
-        with BUILDING:
-            if key not in self._integrators:  # another thread may have been faster
-                self._integrators[key] = OneAtATime(Integrator(request, events, self._options, compact))
-        return self._integrators[key]
+        with building():
+            integrator = self._integrators.get(key)
+            if integrator is None:  # another thread may have been faster
+                make_room(self._integrators)
+                integrator = OneAtATime(Integrator(request, events, self._options, compact))
+                self._integrators[key] = integrator
+            return integrator
 
     def _with_error(self, request: Request, result: Result) -> Result:
         begin = time.perf_counter()

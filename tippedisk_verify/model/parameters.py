@@ -20,7 +20,8 @@ from tippedisk_verify.model.precision import Precision
 
 __all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
 
-_LARGEST_FILE = 1_000_000
+_LARGEST_FILE = 64_000  # bytes; a file has some hundreds, and nine decimals of the longest kind 36,000
+_MOST_DOTS = 200  # in a line; the time and the memory that TOML takes for a dotted key go with their square
 _SMALLEST = Fraction(1, 10**30)  # of anything that a disk can be; ratios and products of such fit into doubles
 
 
@@ -208,7 +209,10 @@ def _toml_entries(path: Path) -> dict[str, Any]:
             content = stream.read(_LARGEST_FILE + 1)
         if len(content) > _LARGEST_FILE:
             raise InputError(f"parameter file {path} is larger than {_LARGEST_FILE} bytes")
-        entries = tomllib.loads(content.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
+        if any(line.count(".") > _MOST_DOTS for line in text.split("\n")):
+            raise InputError(f"parameter file {path} has a line with more than {_MOST_DOTS} dots: it is no such file")
+        entries = tomllib.loads(text)
     except OSError as fault:
         raise InputError(f"parameter file {path} cannot be read: {fault.strerror or fault}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError, RecursionError) as fault:

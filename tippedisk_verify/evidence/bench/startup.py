@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
+from tippedisk_verify.cache import VARIABLE
 from tippedisk_verify.interrupts import deaf_children, undoing
 
 __all__ = ["StartUp", "start_up"]
@@ -40,7 +41,7 @@ def start_up(repeats: int = 3) -> StartUp:
     """Measured in fresh processes, each cold one with a code cache of its own."""
 
     def seconds(arguments: list[str], cache: str) -> float:
-        environment = {**os.environ, "XDG_CACHE_HOME": cache}
+        environment = {**os.environ, "XDG_CACHE_HOME": cache, VARIABLE: "code"}
         begin = time.perf_counter()
         with deaf_children():
             run = subprocess.Popen([sys.executable, *arguments], env=environment, stdout=subprocess.DEVNULL)

@@ -67,6 +67,11 @@ class Report:
                 f" {self.answers.repeated[0]}; "
                 "the first answer counts"
             )
+        if self.answers.altered:
+            rows = counted(len(self.answers.altered), "row does", "rows do")
+            said.append(
+                f"{rows} not ask what the id stands for, such as {self.answers.altered[0]}: is the sheet damaged?"
+            )
         if self.answers.short:
             said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)

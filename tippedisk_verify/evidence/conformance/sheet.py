@@ -29,6 +29,8 @@ COLUMNS = (
     *_INPUTS,
     *("t", "n", "order", "equilibrium", "form", "from", "answer"),
 )
+_QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
+_Row = tuple[str, str, str, dict[str, str]]  # id, reading, answer, and what else the row says
 _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
@@ -43,6 +45,7 @@ class Answers:
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
     unknown: list[str] = field(default_factory=list)  #: ids that are no question
     repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
+    altered: list[str] = field(default_factory=list)  #: rows whose columns are not those of the question: id, column
     undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
     short: int = 0  #: rows that end before the column answer
 
@@ -138,7 +141,7 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
         raise InputError(f"{printable(path.name)}: {fault}") from None
 
 
-def _json_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
+def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
     def first_of_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for name, value in pairs:
@@ -159,7 +162,7 @@ def _json_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
     everywhere = content.get("from", "")
     if isinstance(content.get("answers"), dict):
         for id_, answer in content["answers"].items():
-            yield id_, _said(everywhere), _said(answer)
+            yield id_, _said(everywhere), _said(answer), {}
         return
     rows = content.get("questions")
     if not isinstance(rows, list):
@@ -167,14 +170,15 @@ def _json_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
             raise InputError('each question of a JSON sheet has an "id"')
-        yield _said(row["id"]), _said(row.get("from", "") or everywhere), _said(row.get("answer", ""))
+        asked = {name: _said(row[name]) for name in _QUESTION if name in row}
+        yield _said(row["id"]), _said(row.get("from", "") or everywhere), _said(row.get("answer", "")), asked
 
 
 def _said(value: Any) -> str:
     return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
 
 
-def _csv_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
+def _csv_rows(text: str, answers: Answers) -> Iterable[_Row]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
     table = csv.reader(io.StringIO(text, newline=""), strict=True)
@@ -187,6 +191,8 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
+        # Single columns of such names may be somebody's own.
+        asked_at = {name: header.index(name) for name in _QUESTION} if set(_QUESTION) <= set(header) else {}
         for row in table:
             if len(row) > len(header):
                 raise InputError(
@@ -196,15 +202,14 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[tuple[str, str, str]]:
                 answers.short += bool(row)
             else:
                 reading = row[from_at] if from_at is not None and len(row) > from_at else ""
-                yield row[id_at], reading, row[answer_at]
+                asked = {name: row[place] for name, place in asked_at.items() if place < len(row)}
+                yield row[id_at], reading, row[answer_at], asked
     except csv.Error as fault:
         raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
 
 
-def _collected(
-    rows: Iterable[tuple[str, str, str]], store: Store, default_reading: str | None, answers: Answers
-) -> Answers:
-    for id_, reading, answer in rows:
+def _collected(rows: Iterable[_Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
+    for id_, reading, answer, asked in rows:
         id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
         if id_ in store:
             answers.sets.add(store[id_].set)
@@ -214,6 +219,8 @@ def _collected(
             if len(answers.unknown) < _MOST_UNKNOWN:
                 answers.unknown.append(id_[:200])
             continue
+        if (column := _altered(asked, store, store[id_])) is not None:
+            answers.altered.append(f"{id_}, {column}")
         if id_ in answers.given:
             answers.repeated.append(id_)
             continue
@@ -224,3 +231,18 @@ def _collected(
             raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
         answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
     return answers
+
+
+def _altered(said: dict[str, str], store: Store, quantity: Quantity) -> str | None:
+    """The first column that says something else than the question of that id; a number may be written otherwise."""
+    asked = _row(store, quantity) if said else {}
+    for name, text in said.items():
+        wanted, text = asked.get(name, ""), text.strip()
+        if text and text != wanted:
+            try:
+                if float(text) == float(wanted):
+                    continue
+            except ValueError:
+                pass
+            return name
+    return None

@@ -14,9 +14,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.entries import Item, Reading, Values, as_measured, case_of, disagreements
 from tippedisk_verify.evidence.reference.generation import values_csv
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import faults_in_files
-from tippedisk_verify.evidence.reference.places import SETS
-from tippedisk_verify.evidence.reference.store import LARGEST, data_folder
+from tippedisk_verify.evidence.reference.manifest import LARGEST, SETS, faults_in_files
+from tippedisk_verify.evidence.reference.store import data_folder
 from tippedisk_verify.files import printable, read_text
 
 __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]

@@ -22,9 +22,8 @@ from typing import Any
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import FORMAT, STATIC, write_manifest
-from tippedisk_verify.evidence.reference.places import SETS
-from tippedisk_verify.evidence.reference.store import LARGEST, data_folder
+from tippedisk_verify.evidence.reference.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
+from tippedisk_verify.evidence.reference.store import data_folder
 from tippedisk_verify.files import alone, checksum, output_folder, read_text, remains_of, write_text
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
@@ -112,7 +111,15 @@ def generate(
     work = output_folder(folder / ".work")
     with alone(work / "lock", f"another run is generating into {folder}: wait for it, or give another --out"):
         _remove_remains(folder)
+        _others(folder, kinds, sets)  # damage is told before hours of work
         return _generate(folder, work, kinds, sets, executor, advance)
+
+
+def _others(folder: Path, kinds: Sequence[Kind], sets: Sequence[str]) -> dict[str, str]:
+    """What was there before and stays: it goes into the table and under the new manifest, so the old one vouches."""
+    made = {(name, kind.name) for name in sets for kind in kinds}
+    names = {f"{name}/{kind.name}.json" for name in SETS for kind in KINDS if (name, kind.name) not in made}
+    return sound_files(folder, names)
 
 
 def _remove_remains(folder: Path) -> None:
@@ -149,24 +156,23 @@ def _generate(
         piece, place = waiting[done]
         results[piece.kind, piece.set][place] = done.result()
         advance(piece.items[0].id, len(piece.items))
-    written = []
-    for (kind_name, set_name), pieces_done in results.items():
-        entries = [entry for piece_done in pieces_done for entry in piece_done]
-        target = output_folder(folder / set_name) / f"{kind_name}.json"
-        written.append(write_text(target, file_text(kind_named(kind_name), set_name, entries)))
+    texts = {
+        f"{set_name}/{kind_name}.json": file_text(
+            kind_named(kind_name), set_name, [entry for piece_done in pieces_done for entry in piece_done]
+        )
+        for (kind_name, set_name), pieces_done in results.items()
+    }
+    whole = _others(folder, kinds, sets) | texts
     for set_name in sets:
-        present = [path for kind in KINDS if (path := folder / set_name / f"{kind.name}.json").exists()]
+        output_folder(folder / set_name)
+        present = [whole[name] for kind in KINDS if (name := f"{set_name}/{kind.name}.json") in whole]
         try:
-            table = values_csv([json.loads(read_text(path, LARGEST)) for path in present])
+            texts[f"{set_name}/values.csv"] = values_csv([json.loads(text) for text in present])
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None
-        written.append(write_text(folder / set_name / "values.csv", table))
-    written += [
-        write_text(folder / name, read_text(data_folder() / name, LARGEST))
-        for name in STATIC
-        if folder.resolve() != data_folder().resolve()
-    ]
-    written.append(write_manifest(folder))
+    if folder.resolve() != data_folder().resolve():
+        texts |= {name: read_text(data_folder() / name, LARGEST) for name in STATIC}
+    written = replace_files(folder, texts)
     # A worker of a killed run may still be writing into it; what it leaves is taken up or removed next time.
     shutil.rmtree(work, ignore_errors=True)
     return written

@@ -18,7 +18,6 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = [
-    "SETS",
     "cycles",
     "equilibria",
     "harmonic_balances",
@@ -30,8 +29,6 @@ __all__ = [
     "trajectories",
 ]
 
-#: The parameter sets that reference data is made for.
-SETS = ("printed", "calibrated")
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 
 _STATES = 200

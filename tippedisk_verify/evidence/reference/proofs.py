@@ -8,9 +8,9 @@ the enclosure. If it does not, the value is wrong or claims more than is proved,
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, as_completed
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,8 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.entries import as_measured
 from tippedisk_verify.evidence.reference.generation import file_text, values_csv
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import write_manifest
-from tippedisk_verify.evidence.reference.store import LARGEST
-from tippedisk_verify.files import alone, output_folder, read_text, write_text
+from tippedisk_verify.evidence.reference.manifest import replace_files, sound_files
+from tippedisk_verify.files import alone, output_folder
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
@@ -148,13 +147,28 @@ def prove(
 
     Raises InputError if the folder cannot be used or nothing in it can be proved, Shortfall if a proof fails.
     """
+    work = output_folder(folder / ".work")
+    try:
+        with alone(work / "lock", f"another run writes into {folder}: wait for it"):
+            try:
+                return _prove(folder, prefixes, executor, advance)
+            finally:
+                (work / "lock").unlink(missing_ok=True)
+    finally:
+        with suppress(OSError):  # somebody's lock, or what an interrupted `generate` has computed, is left alone
+            work.rmdir()
+
+
+def _prove(
+    folder: Path, prefixes: Sequence[str], executor: Executor | None, advance: Callable[[str, int], None]
+) -> int:
     documents = {}
-    for path in sorted(folder.glob("*/*.json")):
+    for name, text in sound_files(folder).items():
         try:
-            document = json.loads(read_text(path, LARGEST))
-            documents[path] = document, [entry["id"] for entry in document["entries"]]
+            document = json.loads(text)
+            documents[name] = document, [entry["id"] for entry in document["entries"]]
         except (ValueError, KeyError, TypeError, RecursionError):
-            raise InputError(f"reference file {path} cannot be read: run reference check") from None
+            raise InputError(f"reference file {folder / name} cannot be read: run reference check") from None
     wanted = {
         id_: entry
         for document, ids in documents.values()
@@ -163,14 +177,9 @@ def prove(
     }
     if not wanted:
         raise InputError("nothing there can be proved: equilibria, hopf, limit cycles and Omega_h of the linear law")
-    work = output_folder(folder / ".work")
-    try:
-        with alone(work / "lock", f"another run writes into {folder}: wait for it"):
-            proofs = _proofs(wanted, executor, advance)
-            changed = {id_: _with_proof(wanted[id_], proof) for id_, proof in proofs.items()}
-            _write(folder, {path: document for path, (document, _) in documents.items()}, changed)
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
+    proofs = _proofs(wanted, executor, advance)
+    changed = {id_: _with_proof(wanted[id_], proof) for id_, proof in proofs.items()}
+    _write(folder, {name: document for name, (document, _) in documents.items()}, changed)
     return len(changed)
 
 
@@ -192,15 +201,16 @@ def _proofs(
     return found
 
 
-def _write(folder: Path, documents: dict[Path, dict[str, Any]], changed: dict[str, dict[str, Any]]) -> None:
-    for path, document in documents.items():
+def _write(folder: Path, documents: dict[str, dict[str, Any]], changed: dict[str, dict[str, Any]]) -> None:
+    texts = {}
+    for name, document in documents.items():
         entries = [changed.get(entry["id"], entry) for entry in document["entries"]]
         if entries != document["entries"]:
             document["entries"] = entries
-            write_text(path, file_text(kind_named(document["kind"]), document["set"], entries))
-    for set_folder in sorted({path.parent for path in documents}):
-        rank = {kind.name: place for place, kind in enumerate(KINDS)}
-        present = [document for path, document in documents.items() if path.parent == set_folder]
+            texts[name] = file_text(kind_named(document["kind"]), document["set"], entries)
+    rank = {kind.name: place for place, kind in enumerate(KINDS)}
+    for set_folder in sorted({name.partition("/")[0] for name in documents}):
+        present = [document for name, document in documents.items() if name.startswith(f"{set_folder}/")]
         present.sort(key=lambda document: rank[document["kind"]])
-        write_text(set_folder / "values.csv", values_csv(present))
-    write_manifest(folder)
+        texts[f"{set_folder}/values.csv"] = values_csv(present)
+    replace_files(folder, texts)

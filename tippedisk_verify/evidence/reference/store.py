@@ -1,4 +1,7 @@
-"""Reading reference data: where they lie, and what an entry says. Imports nothing heavy."""
+"""Reading reference data: where they lie, and what an entry says. Imports nothing heavy.
+
+Every byte is held against the manifest on the way in, once in a process.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,11 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import read_text
+from tippedisk_verify.evidence.reference.manifest import sound_files
 from tippedisk_verify.model.measured import Measured
 
-__all__ = ["LARGEST", "Quantity", "Store", "data_folder", "reference", "stored"]
+__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
 
-LARGEST = 64_000_000  #: bytes of a reference file; the largest has some three million
 Reading = Literal["decimals", "doubles"]
 
 
@@ -71,18 +73,18 @@ class Quantity:
 
 
 class Store(Mapping[str, Quantity]):
-    """All reference values, by id, in order of difficulty."""
+    """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.parameters: dict[str, dict[str, dict[str, str]]] = {}
         self._quantities: dict[str, Quantity] = {}
         documents = []
-        for path in sorted(folder.glob("*/*.json")):
+        for name, text in sound_files(folder).items():
             try:
-                documents.append(json.loads(read_text(path, LARGEST)))
+                documents.append(json.loads(text))
             except (ValueError, RecursionError):
-                raise InputError(f"reference file {path} cannot be read: run reference check") from None
+                raise InputError(f"reference file {folder / name} cannot be read: run reference check") from None
         if not documents:
             raise InputError(f"no reference data in {folder}")
         try:
