@@ -14,7 +14,7 @@ from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
@@ -112,7 +112,10 @@ def bisect_omega_h(
         half_width *= 2
         if half_width > centre / 1000:
             raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
-    return Connection(Measured(centre, half_width), f"bisection, confirmed in {wider.name} precision", follow.runs)
+    # Twice as wide: close to its ends another processor's wider run may see the other side.
+    return Connection(
+        Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision", follow.runs
+    )
 
 
 def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
