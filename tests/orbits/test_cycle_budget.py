@@ -58,8 +58,9 @@ def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
     random = numpy.random.default_rng(2)
     spreads = numpy.ptp(random.standard_normal((600_000, branch_budget.TWINS + 1)), axis=1).reshape(-1, 3).max(axis=1)
     widths = branch_budget.TWIN_FACTOR * spreads
-    assert 1e-6 < numpy.mean(2 * stats.norm.sf(widths)) < 2e-6
-    assert 11 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 13
+    assert 1e-8 < numpy.mean(2 * stats.norm.sf(widths)) < 3e-8
+    assert numpy.mean(2 * stats.norm.sf(widths / 2)) < 1e-4
+    assert 16 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 18
 
 
 def test_truncation_is_a_small_part_of_a_rounding() -> None:

@@ -21,9 +21,9 @@ __all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
 
 #: With them, and the node itself, six values each on three neighbouring nodes.
 TWINS = 5
-#: An error beyond so many times the largest of three spreads of six values has a probability of 1.5e-6 for normal
-#: errors; the half-width is 12 times the error in the median.
-TWIN_FACTOR = 2.5
+#: An error beyond so many times the largest of three spreads of six values has a probability of 2e-8 for normal errors,
+#: one beyond half of that 7e-5: a branch has thousands of numbers. The half-width is 17 times the error in the median.
+TWIN_FACTOR = 3.5
 _EVERY = 4  # nodes between those where rounding is measured
 #: Of the constants that a twin moves up, and as many down: they then err by half a place, as rounding makes them.
 _SHARE_MOVED = 1 / 8
