@@ -167,8 +167,9 @@ class _Stepper:
         if self._after is not None:
             given = options.get("callback")
             options["callback"] = [*([] if given is None else [given]), self._after]
-        if self._machine.longest is not None:
-            options["max_delta_t"] = type(self._stepper.time)(self._machine.longest)
+        if (longest := self._machine.longest) is not None:
+            now = self._stepper.time
+            options["max_delta_t"] = [longest] * len(now) if isinstance(now, numpy.ndarray) else type(now)(longest)
         return options
 
 

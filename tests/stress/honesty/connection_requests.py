@@ -43,15 +43,15 @@ def connection(
     digits = 12 if method in ("manifolds", "limit-cycles") else 6
 
     def compared(found: Any, beyond: int) -> list[Number]:
-        truth = true_omega_h(parameters, friction, 50 if beyond else 30)
+        truth = true_omega_h(parameters, friction, 60 if beyond else 45)
         numbers = [printed("omega_h", found.omega_h, truth.omega_h)]
-        saddle = equilibrium(parameters, truth.omega_h.value, "noninverted", 28).eigenvalues
+        saddle = equilibrium(parameters, truth.omega_h.value, "noninverted", 43).eigenvalues
         numbers += [
-            printed(f"saddle_eigenvalue_{n}", claim, Measured(value.re.value, abs(value.re.value) / 10**27))
+            printed(f"saddle_eigenvalue_{n}", claim, Measured(value.re.value, abs(value.re.value) / 10**42))
             for n, (claim, value) in enumerate(zip(found.saddle_eigenvalues, saddle, strict=True), start=1)
         ]
         value = saddle[0].re.value + saddle[1].re.value
-        numbers.append(printed("saddle_value", found.saddle_value, Measured(value, abs(value) / 10**25)))
+        numbers.append(printed("saddle_value", found.saddle_value, Measured(value, abs(value) / 10**40)))
         if found.splitting_derivative is not None:
             numbers.append(printed("splitting_derivative", found.splitting_derivative, truth.derivative))
         return numbers
