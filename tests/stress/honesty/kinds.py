@@ -22,7 +22,20 @@ from tests.stress.honesty.comparison import Asked, Number, unlike
 from tests.stress.honesty.draws import FAR, generator
 from tippedisk_verify.errors import InputError, Shortfall
 
-__all__ = ["CLOSED", "IN_LANES", "KINDS", "ROWS", "Draw", "Row", "Summary", "drawn", "honesty", "kind_of", "summary"]
+__all__ = [
+    "BY_SCIPY",
+    "CLOSED",
+    "IN_LANES",
+    "KINDS",
+    "ROWS",
+    "Draw",
+    "Row",
+    "Summary",
+    "drawn",
+    "honesty",
+    "kind_of",
+    "summary",
+]
 
 Outcome = Literal["holds", "violated", "refused"]
 Row = Literal["around", "far"]
@@ -53,8 +66,8 @@ _REQUESTS: dict[str, Callable[..., Asked]] = {
     "smooth scipy bisection": partial(_connection, method="scipy", friction="smooth"),
 }
 KINDS = tuple(_REQUESTS)
-#: Kinds that no arithmetic of the integrators touches, and kinds that run in lanes.
-CLOSED, IN_LANES = tuple(local_requests.BY_NAME), ("branch",)
+#: Kinds that no arithmetic of the integrators touches, kinds that run in lanes, and kinds that SciPy integrates.
+CLOSED, IN_LANES, BY_SCIPY = tuple(local_requests.BY_NAME), ("branch",), ("scipy bisection", "smooth scipy bisection")
 
 #: How many of a hundred draws ask for what: in turn, from one hundred to the next, where it is several things.
 ROWS: dict[Row, tuple[tuple[int, tuple[str, ...]], ...]] = {

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TextIO
 
 from tests.stress.honesty.arithmetics import ARITHMETICS, DEFAULT, Arithmetic, arithmetic_named
-from tests.stress.honesty.kinds import CLOSED, IN_LANES, KINDS, ROWS, Draw, Row, drawn, kind_of
+from tests.stress.honesty.kinds import BY_SCIPY, CLOSED, IN_LANES, KINDS, ROWS, Draw, Row, drawn, kind_of
 from tippedisk_verify.fingerprint import fingerprint
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -74,6 +74,8 @@ def _applies(arithmetic: Arithmetic, kind: str) -> bool:
     """Whether the arithmetic could change what is claimed."""
     if arithmetic is DEFAULT:
         return True
+    if kind in BY_SCIPY:
+        return bool(arithmetic.environment)
     return kind not in CLOSED and (kind in IN_LANES or not arithmetic.lanes_only)
 
 
