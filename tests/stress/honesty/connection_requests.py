@@ -43,7 +43,7 @@ def connection(
     digits = 12 if method in ("manifolds", "limit-cycles") else 6
 
     def compared(found: Any, beyond: int) -> list[Number]:
-        truth = true_omega_h(parameters, friction, 60 if beyond else 45)
+        truth = true_omega_h(parameters, friction, 80 if beyond else 60)
         numbers = [printed("omega_h", found.omega_h, truth.omega_h)]
         saddle = equilibrium(parameters, truth.omega_h.value, "noninverted", 43).eigenvalues
         numbers += [
