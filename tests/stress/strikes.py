@@ -152,7 +152,14 @@ class Struck:
         pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         own = environment(PYTHONPATH=self._path, LISTENS=str(self._listens), STRIKE=step, STRIKE_BY=str(int(number)))
         # A group of its own, as a shell gives to a command.
-        return subprocess.Popen([*self._program, *arguments], env=own, start_new_session=True, **{**pipes, **streams})
+        options = {**pipes, **streams, "env": own, "start_new_session": True, "preexec_fn": _hearing}
+        return subprocess.Popen([*self._program, *arguments], **options)
+
+
+def _hearing() -> None:
+    """Whatever runs the tests may ignore a signal, as nohup and a shell's background do; the program would too."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def _end(run: subprocess.Popen[str]) -> tuple[int | None, str, str]:

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from random import Random
 from typing import Any, NamedTuple
 
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["Rounding", "nudged", "step_nudges"]
 
-#: Of the numbers that move up, and as many down: they then err by about half a place, as rounding makes them.
-_SHARE_MOVED = 1 / 6
+#: In so many patterns each number moves up once and down once: none stays where it is in all of a budget's twins, and on
+#: average they err by half a place, as rounding makes them.
+_ROUND = 5
 _PATTERNS = 64  # of the moves after steps, before they begin anew: more than a result remembers
 
 
@@ -35,9 +37,10 @@ def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[An
 @lru_cache(maxsize=256)
 def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
     one, ulp = precision.number(1), precision.number(precision.epsilon)
-    # Irrational turns, other ones for each place and pattern, so that no two numbers or patterns move together.
-    turns = (place * (0.5698402909980532 + pattern * 0.7548776662466927) % 1 for place in range(1, count + 1))
-    return tuple(one - ulp if turn < _SHARE_MOVED else one + ulp if turn >= 1 - _SHARE_MOVED else one for turn in turns)
+    block, turn = divmod(pattern, _ROUND)
+    random = Random(block)  # another one for each round of patterns, and the same on every machine
+    moves = [random.sample(range(_ROUND), 2) for _ in range(count)]
+    return tuple(one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves)
 
 
 def step_nudges(rounding: Rounding, size: int, precision: Precision) -> Callable[[Any], bool]:

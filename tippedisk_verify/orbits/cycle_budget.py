@@ -25,7 +25,7 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import TURN, Engine, Event
-from tippedisk_verify.flow.rounding import Rounding
+from tippedisk_verify.flow.rounding import Rounding, nudged
 from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -125,7 +125,12 @@ def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> l
         rounding = Rounding(pattern)
         here = flights.map(state, rounding)
         numbers = numbers_at(flights, state, here, DOUBLE, rounding)
-        step = newton_step(here.matrix, here.residual)
+        # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
+        # same, often zero, over many starts. One unit more or less in the arrival's last place brings it to light.
+        arrival = [now + before for now, before in zip(here.residual, state, strict=True)]
+        moved = nudged(arrival, pattern + 2, DOUBLE)
+        residual = [now + (other - whole) for now, whole, other in zip(here.residual, arrival, moved, strict=True)]
+        step = newton_step(here.matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         later = here.time_by_state[0] * step[0] + here.time_by_state[1] * step[1]
         found.append(numbers | {"gamma_bar_0": state[0], "v_0": state[1], "period": numbers["period"] + 2 * later})
