@@ -16,7 +16,7 @@ from tippedisk_verify.model.precision import Precision
 
 __all__ = ["Rounding", "nudged", "step_nudges"]
 
-#: In so many patterns each number moves up once and down once: none stays where it is in all of a budget's twins, and on
+#: In so many patterns each number moves up once and down once: none stays where it is in all twins of a cycle, and on
 #: average they err by half a place, as rounding makes them.
 _ROUND = 5
 _PATTERNS = 64  # of the moves after steps, before they begin anew: more than a result remembers
