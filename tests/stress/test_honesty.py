@@ -15,7 +15,7 @@ from tests.stress.honesty import kinds, motion_requests
 from tests.stress.honesty.arithmetics import ARITHMETICS, DEFAULT, Arithmetic, arithmetic_named
 from tests.stress.honesty.comparison import Asked, of_double, printed
 from tests.stress.honesty.draws import FAMILIES, FAR, disk, generator
-from tests.stress.honesty.kinds import BY_SCIPY, IN_LANES, KINDS, ROWS, Draw, drawn, honesty, kind_of, summary
+from tests.stress.honesty.kinds import BY_SCIPY, IN_LANES, KINDS, ROWS, Draw, Row, drawn, honesty, kind_of, summary
 from tests.stress.honesty.optimism import TERMS, planted
 from tests.stress.honesty.study import computed, lines, main
 from tippedisk_verify.errors import Shortfall
@@ -68,6 +68,21 @@ def test_far_draws_hold_in(arithmetic: Arithmetic, tmp_path: Path) -> None:
     else:  # in a process of its own
         found = list(computed(tmp_path, [("far", 1, index, arithmetic.name) for index in indices], 1, set()))
         assert [line.outcome for group in found for line in group] == ["holds"] * len(indices)
+
+
+@pytest.mark.parametrize(
+    ("seed", "index", "name", "row"),
+    [
+        (1, 250, "lower order", "far"),  # a cycle that attracts so weakly that doubles see it at rest next to itself
+        (1, 251, "compensated", "far"),
+        (1, 289, "moved bits", "far"),  # interpolated multipliers that are lost in rounding
+        (1, 690, "default", "far"),  # a branch whose Chebyshev coefficients fall too slowly to tell what is left out
+        (99, 238, "default", "around"),  # backward, where the field stops what rounding has grown to
+    ],
+)
+def test_draws_that_were_claimed_too_small_once(seed: int, index: int, name: str, row: Row) -> None:
+    draw = drawn(seed, index, arithmetic_named(name), row)
+    assert draw.outcome != "violated", (draw.reason, draw.worst)
 
 
 @pytest.mark.slow(minutes=6)
