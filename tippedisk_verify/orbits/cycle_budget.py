@@ -49,8 +49,9 @@ __all__ = [
 #: Where beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
 #: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
-#: errors as large as the twins', and the half-width is 14 times the error in the median (tests/orbits/test_cycle_budget.py
-#: integrates both). What a unit more or less in constants and arrival does to a twin is twice what rounding does there.
+#: errors as large as the twins', and the half-width is 14 times the error in the median
+#: (tests/orbits/test_cycle_budget.py integrates both). What a unit more or less in constants and arrival does to a twin
+#: is twice what rounding does there.
 TWINS = 5
 TWIN_FACTOR = 4
 #: Of the next wider arithmetic the error is none of the values whose spread measures it. With so many twins, and the
