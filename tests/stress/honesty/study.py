@@ -258,6 +258,7 @@ def _run(folder: Path, journal: Path, wanted: list[tuple[Row, int, int, str]], j
         journal.write_text(json.dumps({"code": code}) + "\n", encoding="utf-8")
     done = {(line.row, line.seed, line.index, line.arithmetic) for line in lines(journal)}
     begin, count, violated = time.monotonic(), 0, 0
+    _prepared(str(folder / "compiled"))  # processes that begin a new file of compiled code at once stop one another
     with open(journal, "a", encoding="utf-8") as kept:
         _ended(journal, kept)
         for ready in computed(folder, wanted, jobs, done):
