@@ -165,7 +165,7 @@ def test_no_row_comes_from_code_that_its_origin_leaves_out() -> None:
         f"for analysis, point, laws in {points}:\n"
         "    axes = tuple((name, (value,)) for name, value in point.items())\n"
         "    for law in laws:\n"
-        "        assert computed(Plan(analysis, PRINTED, axes, friction=law), point)['status'] == 'ok'\n"
+        "        assert computed(Plan(analysis, PRINTED.with_friction(law), axes), point)['status'] == 'ok'\n"
         "print('\\n'.join(name for name in sys.modules if name.startswith('tippedisk_verify.')))"
     )
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

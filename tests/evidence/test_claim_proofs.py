@@ -19,9 +19,8 @@ from tippedisk_verify.evidence.catalogue import CLAIMS, selected
 from tippedisk_verify.evidence.claim_proofs import ClaimProof, proof_of
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, examined, rounds_to, sets_with
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Friction, Parameters
 
 PAGE = Path(__file__).parents[2] / "docs" / "certified.md"
 PROVED: dict[Friction, set[str]] = {
@@ -116,12 +115,12 @@ def _prove(claim: Claim, finding: Finding, proof: ClaimProof) -> None:
             assert abs(mine.value - theirs.value) <= mine.uncertainty + theirs.uncertainty, (claim.name, name)
 
 
-def _proofs(parameters: Parameters, friction: Friction, wanted: set[str]) -> dict[str, tuple[Claim, Finding, Any]]:
-    audit = Audit(parameters, default_engine(), friction)
+def _proofs(parameters: Parameters, wanted: set[str]) -> dict[str, tuple[Claim, Finding, Any]]:
+    audit = Audit(parameters, default_engine())
     found = {}
     for claim in selected(sorted(wanted)):
         finding = examined(audit, claim)
-        found[claim.name] = (claim, finding, proof_of(claim, finding, friction, audit.sets))
+        found[claim.name] = (claim, finding, proof_of(claim, finding, audit.sets))
     return found
 
 
@@ -134,10 +133,10 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
     """With a disk of its own as well: its name is a file's, to be read where the command is run."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
-    parameters = Parameters.named("./my disk.toml")
+    parameters = Parameters.named("./my disk.toml").with_friction(friction)
     local = {"lambda_3", "critical_pair", "chi", "supercritical"} | PROVED["smooth"]
     proved = 0
-    for claim, finding, proof in _proofs(parameters, friction, local).values():
+    for claim, finding, proof in _proofs(parameters, local).values():
         if claim.name in ("chi", "supercritical"):
             assert (proof is None) == (friction == "smooth")
             if proof is not None:  # the file's own is not spoken of
@@ -155,13 +154,14 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("parameters", NAMED_SETS.values(), ids=NAMED_SETS)
-def test_every_proof_is_proved_again(parameters: Parameters, friction: Friction) -> None:
+@pytest.mark.parametrize("name", NAMED_SETS)
+def test_every_proof_is_proved_again(name: str, friction: Friction) -> None:
     """All claims, with the grades that they must have, and every command that they name."""
-    found = _proofs(parameters, friction, {*DECIDED, "homoclinic_identified", "amplitude_law", "attraction"})
+    parameters = NAMED_SETS[name].with_friction(friction)
+    found = _proofs(parameters, {*DECIDED, "homoclinic_identified", "amplitude_law", "attraction"})
     grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
-    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[friction]
-    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[friction]
+    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[parameters.friction]
+    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[parameters.friction]
     for claim, finding, proof in found.values():
         if proof is not None:
             assert set(proof.commands) == set(finding.holds)
@@ -190,7 +190,7 @@ def test_the_report_names_the_set_and_how_far_the_proof_goes(capsys: pytest.Capt
 def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None:
     page = PAGE.read_text(encoding="utf-8")
     finding = Finding(dict.fromkeys(NAMED_SETS, "-"), dict.fromkeys(NAMED_SETS, False))
-    proofs = {claim.name: proof_of(claim, finding, "linear", NAMED_SETS) for claim in CLAIMS}
+    proofs = {claim.name: proof_of(claim, finding, NAMED_SETS) for claim in CLAIMS}
     assert {name for name, proof in proofs.items() if proof} == set(DECIDED)
     for name, proof in proofs.items():
         if proof is None:
@@ -203,18 +203,18 @@ def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None
     capsys.readouterr()
 
 
-def _of(name: str, parameters: Parameters, friction: Friction = "linear", **answers: bool | None) -> ClaimProof | None:
+def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof | None:
     """The proof of a claim whose verdicts are given."""
     (claim,) = selected([name])
     sets = sets_with(parameters)
     holds = dict.fromkeys(sets, True) | answers
-    return proof_of(claim, Finding(dict.fromkeys(sets, "-"), holds), friction, sets)
+    return proof_of(claim, Finding(dict.fromkeys(sets, "-"), holds), sets)
 
 
 def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     assert _of("supercritical", GEOMETRY).grade == "proved"
-    assert _of("supercritical", GEOMETRY, "smooth") is None
-    assert _of("noninverted_unstable", PRINTED, "smooth").friction == ("linear", "smooth")
+    assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
+    assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == ("linear", "smooth")
     assert _of("convergent_series", PRINTED) is None
     # An answer that was left open is not proved, nor is anything of a set that no command can name.
     assert set(_of("noninverted_unstable", PRINTED, printed=None).commands) == {"calibrated", "geometry"}
@@ -232,7 +232,7 @@ def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
         "edge.toml": Measured(Fraction("-129.045"), Fraction(0)),
         "printed": Measured(Fraction(-129), Fraction(0)),
     }
-    proof = proof_of(claim, Finding(computed, {"edge.toml": True, "printed": False}), "linear", sets)
+    proof = proof_of(claim, Finding(computed, {"edge.toml": True, "printed": False}), sets)
     assert proof is not None
     assert set(proof.commands) == {"printed"}
     assert "edge.toml" in proof.rest

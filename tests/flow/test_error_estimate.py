@@ -47,7 +47,7 @@ def next_to(side: int, friction: str) -> Iterator[Request]:
         if number % 4 > 1:  # the same from angles that are not shifted
             start = [exact(start[0]) + quarter, exact(start[1]) + quarter, start[2]]
         duration = random.choice(("0.001", "0.1", "0.5", "2", "5"))
-        yield Request(PRINTED, "30.4", start, duration, friction=friction, shifted=number % 4 < 2, domain="none")
+        yield Request(PRINTED.with_friction(friction), "30.4", start, duration, shifted=number % 4 < 2, domain="none")
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])

@@ -11,7 +11,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
 R = bits(160)
@@ -20,11 +20,12 @@ ON_SECTION = ("pi/2", "2.1", "-1")
 _WIDE = bits(224)
 
 
-def truth(taylor: Taylor, start, time, **options) -> list[Fraction]:
+def truth(taylor: Taylor, start, time, friction: Friction = "linear", **options) -> list[Fraction]:
     """The state at one time, by a run of its own that is asked for nothing else."""
     if not fraction(_WIDE.number(time)):
         return [fraction(_WIDE.number(part)) for part in start]
-    return [fraction(x) for x in taylor(Request(PRINTED, "30.4", start, time, precision=_WIDE, **options)).state]
+    request = Request(PRINTED.with_friction(friction), "30.4", start, time, precision=_WIDE, **options)
+    return [fraction(x) for x in taylor(request).state]
 
 
 def away(state, exact) -> float:
@@ -34,7 +35,9 @@ def away(state, exact) -> float:
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 @pytest.mark.parametrize("times", [("0", "0.001", "0.11", "0.2"), ("0", "-0.001", "-0.02", "-0.04")])
 def test_samples_and_dense_output_are_those_of_single_runs(taylor, friction, times) -> None:
-    request = Request(PRINTED, "30.4", START, times[-1], precision=R, times=times, friction=friction, domain="none")
+    request = Request(
+        PRINTED.with_friction(friction), "30.4", START, times[-1], precision=R, times=times, domain="none"
+    )
     plain, both = taylor(request), taylor(Request(**{**vars(request), "dense": True}))
     for k, time in enumerate(times):
         exact = truth(taylor, START, time, friction=friction, domain="none")
@@ -87,7 +90,7 @@ def test_a_run_that_ends_early_has_the_samples_up_to_there(taylor) -> None:
 def test_the_last_sample_may_be_a_rounding_of_a_double_later_than_the_end(taylor) -> None:
     times = numpy.linspace(0, 0.1, 5)  # 0.1 as a double is more than 0.1
     for friction in ("linear", "smooth"):
-        result = taylor(Request(PRINTED, "30.4", START, "0.1", precision=R, times=times, friction=friction))
+        result = taylor(Request(PRINTED.with_friction(friction), "30.4", START, "0.1", precision=R, times=times))
         assert len(result.samples) == 5
         assert away(result.samples[4], truth(taylor, START, times[4], friction=friction)) < 1e-44
 
@@ -123,7 +126,13 @@ def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
     for most in range(1, 40):
         result = taylor(
             Request(
-                PRINTED, "30.4", ON_SECTION, "1.0", precision=R, friction="smooth", times=("0", "1"), max_steps=most
+                PRINTED.with_friction("smooth"),
+                "30.4",
+                ON_SECTION,
+                "1.0",
+                precision=R,
+                times=("0", "1"),
+                max_steps=most,
             )
         )
         assert result.status in (Status.STEP_LIMIT, Status.REACHED)

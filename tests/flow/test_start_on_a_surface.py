@@ -18,7 +18,7 @@ from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
 from tippedisk_verify.orbits.half_map import half_map
 
@@ -36,8 +36,12 @@ def _event(turn: bool, direction: Any, terminal: bool) -> Event:
     return Event("watched", (TURN if turn else SECTION).function, direction, terminal)
 
 
-def request(state: tuple[float, ...], duration: float, *events: Event, **more: Any) -> Request:
-    return Request(PRINTED, "30.5", state, duration, shifted=True, events=events, domain="none", **more)
+def request(
+    state: tuple[float, ...], duration: float, *events: Event, friction: Friction = "linear", **more: Any
+) -> Request:
+    return Request(
+        PRINTED.with_friction(friction), "30.5", state, duration, shifted=True, events=events, domain="none", **more
+    )
 
 
 @pytest.mark.parametrize("make", [Taylor, Baseline])
@@ -109,7 +113,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
     """The same crossings as one run at a time; one of the starts is at rest, and one on no surface."""
     turns = Event("turns", TURN.function, terminal=False)
     states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (0.0, 0.3, -1.0), (0.1, 0.3, -1.0)])
-    engine, constants = Taylor(), field_constants(PRINTED, friction)
+    engine, constants = Taylor(), field_constants(PRINTED.with_friction(friction))
     for duration in (0.3, -0.02):
         many = Lanes()(
             constants,
@@ -128,11 +132,14 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
                 assert abs(when - abs(record.time)) < 1e-12
 
 
-@pytest.mark.parametrize("more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"friction": "smooth"}])
+@pytest.mark.parametrize(
+    "more", [{}, {"times": [5e-11, 0.05]}, {"dense": True}, {"parameters": PRINTED.with_friction("smooth")}]
+)
 @pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
 def test_a_disk_that_lies_flat_at_once_is_not_passed_by(taylor: Taylor, more, precision) -> None:
     """1e-10 s before sin(beta) = 0, on the surface of a terminal event: that start is no crossing, the end is one."""
-    result = taylor(Request(PRINTED, "30.5", (1e-10, 0.5, -1.0), 0.1, events=(LEVEL,), precision=precision, **more))
+    wanted = {"parameters": PRINTED, "omega": "30.5", "state": (1e-10, 0.5, -1.0), "duration": 0.1} | more
+    result = taylor(Request(**wanted, events=(LEVEL,), precision=precision))
     assert result.status is Status.FLAT
     assert abs(result.time - 1e-10) < 1e-16
     if "times" in more:
@@ -164,9 +171,11 @@ def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> No
 def test_a_start_that_touches_the_surface_but_for_rounding(taylor: Taylor, distance) -> None:
     """pi/2 is no double, so that an orbit which touches the section crosses it some 1e-9 s to 1e-7 s later."""
     for duration in (0.1, -0.01):
-        for more in ({}, {"dense": True}, {"times": [duration]}, {"friction": "smooth"}):
+        laws = {"parameters": PRINTED}, {"parameters": PRINTED.with_friction("smooth")}
+        for more in (*laws, laws[0] | {"dense": True}, laws[0] | {"times": [duration]}):
             start = (exact("pi/2"), exact("pi/2") - exact(distance), 0)
-            result = taylor(Request(PRINTED, "30.5", start, duration, events=(SECTION,), domain="none", **more))
+            wanted = {"omega": "30.5", "state": start, "duration": duration} | more
+            result = taylor(Request(**wanted, events=(SECTION,), domain="none"))
             assert result.status is Status.REACHED, more
 
 

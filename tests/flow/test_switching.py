@@ -22,7 +22,7 @@ _ENGINE = Taylor()
 
 
 def smooth(omega, start, duration, **needs) -> Request:
-    return Request(PRINTED, omega, start, duration, friction="smooth", **needs)
+    return Request(PRINTED.with_friction("smooth"), omega, start, duration, **needs)
 
 
 @pytest.mark.honest
@@ -37,10 +37,10 @@ def test_estimates_hold_and_are_small(taylor, omega, start) -> None:
 
 
 def errors_against_tolerance(friction: str, tolerances: list[float]) -> list[float]:
-    truth = _ENGINE(Request(PRINTED, "30.4", STARTS[1], 3, friction=friction, precision=QUADRUPLE)).state
+    truth = _ENGINE(Request(PRINTED.with_friction(friction), "30.4", STARTS[1], 3, precision=QUADRUPLE)).state
     found = []
     for tolerance in tolerances:
-        state = _ENGINE(Request(PRINTED, "30.4", STARTS[1], 3, friction=friction, tolerance=tolerance)).state
+        state = _ENGINE(Request(PRINTED.with_friction(friction), "30.4", STARTS[1], 3, tolerance=tolerance)).state
         found.append(max(abs(float(fraction(a) - fraction(b))) for a, b in zip(state, truth, strict=True)))
     return found
 
@@ -172,7 +172,7 @@ def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
 def test_lanes_find_the_same_reversals(taylor) -> None:
     starts = random_states(16, 4)
     found = Lanes()(
-        field_constants(PRINTED, "smooth"),
+        field_constants(PRINTED.with_friction("smooth")),
         numpy.full(16, 30.4),
         starts,
         numpy.full(16, 0.5),
@@ -244,7 +244,7 @@ def test_100_starts_against_200_bits_and_scipy(taylor) -> None:
 def test_10000_starts_end_with_a_status(friction) -> None:
     """20 s each, one by one: every run ends, and none leaves the domain unreported."""
     for k, start in enumerate(random_states(10_000, 5)):
-        request = Request(PRINTED, (29.9, 30.4, 31.4)[k % 3], start.tolist(), 20.0, friction=friction)
+        request = Request(PRINTED.with_friction(friction), (29.9, 30.4, 31.4)[k % 3], start.tolist(), 20.0)
         result = _ENGINE(request)
         assert result.status in (Status.REACHED, Status.FLAT)
         assert (numpy.sin(result.state[0]) > 1e-9) == (result.status is Status.REACHED)
@@ -255,7 +255,7 @@ def test_lanes_agree_with_single_runs_and_see_who_lies_flat(taylor, friction) ->
     flat = Event("lies flat", FLAT.function, terminal=False)
     starts = random_states(120, 9)
     found = Lanes()(
-        field_constants(PRINTED, friction),
+        field_constants(PRINTED.with_friction(friction)),
         numpy.full(120, 30.4),
         starts,
         numpy.full(120, 4.0),
@@ -264,7 +264,7 @@ def test_lanes_agree_with_single_runs_and_see_who_lies_flat(taylor, friction) ->
     )
     lying = {run for name, run, _, _ in found.crossings if name == flat.name}
     for k, start in enumerate(starts):
-        alone = taylor(Request(PRINTED, 30.4, start.tolist(), 4.0, friction=friction))
+        alone = taylor(Request(PRINTED.with_friction(friction), 30.4, start.tolist(), 4.0))
         if not found.finished[k]:
             continue  # it says so
         assert (k in lying) == (alone.status is Status.FLAT)

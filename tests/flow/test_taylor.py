@@ -27,8 +27,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
 
@@ -53,8 +52,8 @@ def test_products_given_as_numbers_change_no_derivative(variations, friction) ->
     """Which products are runtime numbers depends on the derivatives asked for; values and derivatives must not."""
     engine = Taylor()
     every = ("beta", "gamma", "v", "Omega", "e", "b")  # with these, none is
-    whole = engine(Request(PRINTED, 30.4, STARTS[1], 0.3, friction=friction, domain="none", variations=every))
-    part = engine(Request(PRINTED, 30.4, STARTS[1], 0.3, friction=friction, domain="none", variations=variations))
+    whole = engine(Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 0.3, domain="none", variations=every))
+    part = engine(Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 0.3, domain="none", variations=variations))
     # Two orders of summation over some twenty steps.
     assert part.state == pytest.approx(whole.state, rel=0, abs=1e-14)
     if variations:
@@ -182,7 +181,7 @@ def test_error_estimate_admits_not_knowing(taylor: Taylor) -> None:
         ({"state": (1, 2)}, "three components"),
         ({"max_steps": 0}, "max_steps"),
         ({"tolerance": 2.0}, "tolerance"),
-        ({"friction": "rough"}, "use linear or smooth"),
+        ({"domain": "edge"}, "domain is"),
         ({"variations": ("mass",)}, "no derivative"),
         ({"omega": "nan"}, "finite"),
         ({"duration": math.inf}, "finite"),
@@ -201,9 +200,9 @@ def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 3)
 
 
-def _tolerances(count: int, **options: Any) -> list[Request]:
-    tolerances = [Fraction(n + 1, 10**12) for n in range(count)]
-    return [Request(PRINTED, "30.4", (1.2, 0.3, 0), 0.1, tolerance=one, **options) for one in tolerances]
+def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:
+    tolerances, disk = [Fraction(n + 1, 10**12) for n in range(count)], PRINTED.with_friction(friction)
+    return [Request(disk, "30.4", (1.2, 0.3, 0), 0.1, tolerance=one, **options) for one in tolerances]
 
 
 @pytest.mark.usefixtures("three_kept")
@@ -244,7 +243,14 @@ def test_compiled_batches_that_leave_are_given_back(friction: Friction) -> None:
     for n in range(5):
         events = (Event(f"section {n}", SECTION.function, terminal=False), FLAT, SLIDING_REVERSAL)
         events = tuple(replace(event, terminal=False) for event in events)
-        lanes(field_constants(PRINTED, friction), [30.4], [[1.2, 0.3, 0]], [0.1], friction=friction, events=events)
+        lanes(
+            field_constants(PRINTED.with_friction(friction)),
+            [30.4],
+            [[1.2, 0.3, 0]],
+            [0.1],
+            friction=friction,
+            events=events,
+        )
         newest = list(lanes._batches.values())[-1].runner
         left += [weakref.ref(newest), weakref.ref(newest._stepper)]
     del newest

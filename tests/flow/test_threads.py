@@ -19,8 +19,7 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
 from tippedisk_verify.flow.lanes import Lanes, field_constants
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import Friction
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.orbits.basins import basins
 from tippedisk_verify.orbits.dense import DenseBranch
@@ -67,12 +66,13 @@ def _requests(count: int) -> list[Request]:
     found = []
     for n in range(count):
         start = [draw.uniform(1.2, 1.9), draw.uniform(1, 2.2), draw.uniform(-2, 2)]
-        options: dict[str, Any] = {"events": _EVENTS[n % 3], "friction": ("linear", "smooth")[n % 5 == 0]}
+        options: dict[str, Any] = {"events": _EVENTS[n % 3]}
         if n % 4 == 1:
             options["times"] = [0.1, 0.2]
         if n % 4 == 2:  # of one kind only: they take long to compile
             options = {"variations": ("v",)}
-        found.append(Request((PRINTED, CALIBRATED)[n % 2], draw.uniform(30, 31), start, 0.3, **options))
+        disk = (PRINTED, CALIBRATED)[n % 2].with_friction("smooth" if n % 5 == 0 and n % 4 != 2 else "linear")
+        found.append(Request(disk, draw.uniform(30, 31), start, 0.3, **options))
     return found
 
 
@@ -124,7 +124,7 @@ def test_one_engine_above_double_in_threads() -> None:
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_one_batch_engine_in_threads(friction: Friction) -> None:
-    shared, constants = Lanes(2), field_constants(PRINTED, friction)
+    shared, constants = Lanes(2), field_constants(PRINTED.with_friction(friction))
     draw = numpy.random.default_rng(19)
     jobs = []
     for _ in range(80):
@@ -145,7 +145,7 @@ def test_one_batch_engine_in_threads(friction: Friction) -> None:
 def test_continuous_output_is_for_all_threads(friction: Friction) -> None:
     """Also while its integrator is on another run."""
     engine = default_engine()
-    request = Request(PRINTED, 30.4, STARTS[1], 2.0, dense=True, friction=friction)
+    request = Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 2.0, dense=True)
     dense = engine(request).dense
     times = numpy.linspace(0, 2, 400).reshape(80, 5)
     serial = [dense(some).tobytes() for some in times]
@@ -232,10 +232,10 @@ def test_a_branch_of_cycles_in_threads() -> None:
     [("linear", 5000), *(pytest.param(law, 20_000, marks=pytest.mark.slow) for law in ("linear", "smooth"))],
 )
 def test_basins_on_threads(friction: Friction, count: int) -> None:
-    options: dict[str, Any] = {"friction": friction, "count": count, "duration": 5.0}
-    serial = basins(PRINTED, "30.4", **options)
+    options: dict[str, Any] = {"count": count, "duration": 5.0}
+    serial = basins(PRINTED.with_friction(friction), "30.4", **options)
     with ThreadPoolExecutor(_THREADS) as pool:
-        found = basins(PRINTED, "30.4", executor=pool, **options)
+        found = basins(PRINTED.with_friction(friction), "30.4", executor=pool, **options)
     assert found.outcome.tobytes() == serial.outcome.tobytes()
 
 

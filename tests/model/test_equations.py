@@ -109,4 +109,4 @@ def test_arrays_are_welcome() -> None:
 
 def test_unknown_friction_is_refused() -> None:
     with pytest.raises(InputError, match="linear or smooth"):
-        equations.checked_friction("sticky")
+        PRINTED.with_friction("sticky")

@@ -82,7 +82,7 @@ def test_interpolated_crossings_against_located_ones(taylor) -> None:
 def test_the_smooth_law_has_the_same_outcomes(taylor) -> None:
     omega_h = Measured(Fraction("30.0848424715"), Fraction(1, 10**9))
     for name in SCENES:
-        panel = compute(name, PRINTED, taylor, omega_h=omega_h, friction="smooth")
+        panel = compute(name, PRINTED.with_friction("smooth"), taylor, omega_h=omega_h)
         assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[name.name]] * 2
 
 

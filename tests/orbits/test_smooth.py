@@ -40,8 +40,8 @@ def below(parameters, distance) -> Fraction:
 @pytest.mark.honest
 def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     speed = below(PRINTED, "0.5")
-    rough = limit_cycle(PRINTED, speed, taylor, friction="smooth")
-    sharp = limit_cycle(PRINTED, speed, taylor, digits=30, friction="smooth")
+    rough = limit_cycle(PRINTED.with_friction("smooth"), speed, taylor)
+    sharp = limit_cycle(PRINTED.with_friction("smooth"), speed, taylor, digits=30)
     for name in MAIN:
         assert getattr(rough, name).holds(getattr(sharp, name).value), name
     assert sharp.period.uncertainty < sharp.period.value / 10**30
@@ -58,7 +58,7 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
     apart = []
     for distance in ("0.004", "0.001"):
         linear, smooth = (
-            limit_cycle(PRINTED, below(PRINTED, distance), taylor, digits=20, friction=law)
+            limit_cycle(PRINTED.with_friction(law), below(PRINTED, distance), taylor, digits=20)
             for law in ("linear", "smooth")
         )
         apart.append(float(abs(smooth.beta_max.value / linear.beta_max.value - 1)))
@@ -66,7 +66,7 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
 
 
 def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
-    near = followed_cycle(PRINTED, Fraction("30.0855"), taylor, friction="smooth")
+    near = followed_cycle(PRINTED.with_friction("smooth"), Fraction("30.0855"), taylor)
     assert near.stable
     assert float(near.period) > 3
 
@@ -74,15 +74,15 @@ def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_below_omega_h_it_says_so(taylor, friction) -> None:
     with pytest.raises(NoSuchCycleError, match=r"above Omega_h = 30\.0"):
-        followed_cycle(PRINTED, Fraction("30.03"), taylor, friction=friction)
+        followed_cycle(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
 
 
 @pytest.mark.honest
 def test_omega_h_of_the_smooth_law(taylor) -> None:
-    few, more = (heteroclinic(CALIBRATED, taylor, digits=digits, friction="smooth") for digits in (12, 30))
+    few, more = (heteroclinic(CALIBRATED.with_friction("smooth"), taylor, digits=digits) for digits in (12, 30))
     assert few.omega_h.holds(more.omega_h.value)
     assert few.splitting_derivative.holds(more.splitting_derivative.value)
-    side = heteroclinic(CALIBRATED, taylor, method="bisection", friction="smooth").omega_h
+    side = heteroclinic(CALIBRATED.with_friction("smooth"), taylor, method="bisection").omega_h
     assert abs(side.value - more.omega_h.value) <= side.uncertainty + more.omega_h.uncertainty
     for mine, other in zip(
         more.saddle_eigenvalues, equilibrium(CALIBRATED, more.omega_h.value, "noninverted", 20).eigenvalues, strict=True
@@ -93,16 +93,16 @@ def test_omega_h_of_the_smooth_law(taylor) -> None:
 @pytest.mark.slow
 def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
     manifolds, cycles = (
-        heteroclinic(PRINTED, taylor, digits=20, method=method, friction="smooth").omega_h
+        heteroclinic(PRINTED.with_friction("smooth"), taylor, digits=20, method=method).omega_h
         for method in ("manifolds", "limit-cycles")
     )
     assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
-    near = cycle_above(PRINTED, "1e-9", taylor, friction="smooth")
+    near = cycle_above(PRINTED.with_friction("smooth"), "1e-9", taylor)
     assert near.stable
     start = (0, near.gamma_bar_0.value, near.v_0.value)
     half = near.period.value / 2
     request = Request(
-        PRINTED, near.omega.value, start, half, friction="smooth", shifted=True, precision=bits(220), domain="none"
+        PRINTED.with_friction("smooth"), near.omega.value, start, half, shifted=True, precision=bits(220), domain="none"
     )
     grown = (near.gamma_bar_0.uncertainty + near.v_0.uncertainty + near.omega.uncertainty) * 10**9
     for there, here in zip(taylor(request).state, start, strict=True):
@@ -111,7 +111,7 @@ def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
 
 def test_relaxation_follows_the_closed_form_near_rolling() -> None:
     for law in ("linear", "smooth"):
-        found = relaxation(PRINTED, below(PRINTED, "0.5"), Lanes(), friction=law, distance=0.1, margin=0.8)
+        found = relaxation(PRINTED.with_friction(law), below(PRINTED, "0.5"), Lanes(), distance=0.1, margin=0.8)
         ratio = found.measured / found.closed_form
         # Of order epsilon: the other terms of v', whose rates are of the order of Omega.
         assert numpy.abs(ratio - 1).max() < 0.25
@@ -128,14 +128,14 @@ def test_order_is_regained(tmp_path: Path) -> None:
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_basins(friction) -> None:
     speed = below(PRINTED, "0.5")
-    alone = basins(PRINTED, speed, friction=friction, count=600)
+    alone = basins(PRINTED.with_friction(friction), speed, count=600)
     with ThreadPoolExecutor(1) as pool:
-        pooled = basins(PRINTED, speed, friction=friction, count=600, executor=pool)
+        pooled = basins(PRINTED.with_friction(friction), speed, count=600, executor=pool)
     assert (alone.outcome == pooled.outcome).all()
     shares = alone.fractions()
     assert abs(sum(share for share, _ in shares.values()) - 1) < 1e-12
     # Another sample of the same plane, within both sampling errors.
-    other = basins(PRINTED, speed, friction=friction, count=600, seed=2).fractions()
+    other = basins(PRINTED.with_friction(friction), speed, count=600, seed=2).fractions()
     for name, (share, error) in shares.items():
         assert abs(share - other[name][0]) <= 1.5 * (error + other[name][1])
     assert shares["undecided"][0] < 0.01

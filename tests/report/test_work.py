@@ -51,7 +51,7 @@ def test_a_record_loses_nothing() -> None:
     ],
 )
 def test_a_record_of_another_shape_is_computed_again(record, tmp_path: Path) -> None:
-    order, task, cache = Order(PRINTED, "linear", 12, ("omega_crit",)), Task("claim", "omega_crit"), Cache(tmp_path)
+    order, task, cache = Order(PRINTED, 12, ("omega_crit",)), Task("claim", "omega_crit"), Cache(tmp_path)
     cache.put(key(order, task), record)
     outcome = done(order, [task], cache, lambda tasks: nullcontext(None), quiet)
     assert not outcome.kept
@@ -68,7 +68,7 @@ def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pyte
         results.append(json.loads(capsys.readouterr().out))
     runs = [result.pop("run") for result in results]
     assert results[0] == results[1] == results[2]
-    tasks = len(tasks_for(Order(PRINTED, "linear", 12, tuple(only[1].split(","))), figures=True))
+    tasks = len(tasks_for(Order(PRINTED, 12, tuple(only[1].split(","))), figures=True))
     assert [(run["kept"], run["computed"]) for run in runs] == [(0, tasks), (tasks, 0), (0, tasks)]
     for path in (tmp_path / "one").iterdir():
         if path.name not in ("results.json", "report.html", "report.md"):
@@ -78,7 +78,7 @@ def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pyte
 
 
 def test_nothing_is_computed_for_what_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    order, cache = Order(PRINTED, "linear", 12, LOCAL), Cache(tmp_path)
+    order, cache = Order(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
     done(order, tasks, cache, lambda tasks: nullcontext(None), quiet)
 
@@ -91,22 +91,22 @@ def test_nothing_is_computed_for_what_is_kept(tmp_path: Path, monkeypatch: pytes
 
 def test_a_key_is_for_one_question(tmp_path: Path) -> None:
     orders = [
-        Order(PRINTED, "linear", 12, LOCAL),
-        Order(CALIBRATED, "linear", 12, LOCAL),
-        Order(PRINTED.changed(mu="0.31", name="printed"), "linear", 12, LOCAL),
-        Order(PRINTED.changed(name="other"), "linear", 12, LOCAL),
-        Order(PRINTED, "smooth", 12, LOCAL),
-        Order(PRINTED, "linear", 13, LOCAL),
+        Order(PRINTED, 12, LOCAL),
+        Order(CALIBRATED, 12, LOCAL),
+        Order(PRINTED.changed(mu="0.31", name="printed"), 12, LOCAL),
+        Order(PRINTED.changed(name="other"), 12, LOCAL),
+        Order(PRINTED.with_friction("smooth"), 12, LOCAL),
+        Order(PRINTED, 13, LOCAL),
     ]
     tasks = [Task("claim", name) for name in LOCAL] + [Task("figure", "eigenvalues")]
     keys = [key(order, task) for order in orders for task in tasks]
     assert len(set(keys)) == len(keys)
-    scenes = [Order(PRINTED, "linear", 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
+    scenes = [Order(PRINTED, 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
     assert key(scenes[0], Task("figure", "scenes_3d")) != key(scenes[1], Task("figure", "scenes_3d"))
 
 
 def test_processes_change_nothing() -> None:
-    order = Order(PRINTED, "linear", 12, (*LOCAL, *HEAVY))
+    order = Order(PRINTED, 12, (*LOCAL, *HEAVY))
     tasks = tasks_for(order, figures=False)
     labels: list[str] = []
     steps = 0
@@ -133,7 +133,7 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
             future.set_exception(BrokenProcessPool("killed"))
             return future
 
-    order = Order(PRINTED, "linear", 12, HEAVY)
+    order = Order(PRINTED, 12, HEAVY)
     outcome = done(order, tasks_for(order, figures=False), Cache(None), lambda tasks: nullcontext(Dying()), quiet)  # type: ignore[arg-type]
     assert {task.name for task in outcome.records} == set(HEAVY)
 

@@ -17,8 +17,13 @@ _ID = "printed/linear/hopf/point/omega_crit"
 _OMITTED = None  # stands for Omega_h
 
 
-def _request(**changes: object) -> tv.Request:
-    told: dict[str, Any] = {"parameters": tv.PRINTED, "omega": "30.4", "state": ("pi/2", 2, 0), "duration": 1}
+def _request(friction: Any = "linear", **changes: object) -> tv.Request:
+    told: dict[str, Any] = {
+        "parameters": tv.PRINTED.with_friction(friction),
+        "omega": "30.4",
+        "state": ("pi/2", 2, 0),
+        "duration": 1,
+    }
     return tv.Request(**{**told, **changes})
 
 
@@ -102,7 +107,7 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
         True,
     ),
     ("limit_cycle", lambda x: tv.limit_cycle(tv.PRINTED, _OMEGA, x), NO_NUMBERS, False),
-    ("limit_cycle", lambda x: tv.limit_cycle(tv.PRINTED, _OMEGA, default_engine(), friction=x), NO_NUMBERS, True),
+    ("limit_cycle", lambda x: tv.limit_cycle(tv.PRINTED.with_friction(x), _OMEGA, default_engine()), NO_NUMBERS, True),
     (
         "cycle_above",
         lambda x: tv.cycle_above(tv.PRINTED, x, default_engine()),
@@ -117,7 +122,7 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
         ("", "abc", "\0", *NO_OBJECTS),
         True,
     ),
-    ("bisect_omega_h", lambda x: tv.bisect_omega_h(tv.PRINTED, default_engine(), friction=x), NO_NUMBERS, True),
+    ("bisect_omega_h", lambda x: tv.bisect_omega_h(tv.PRINTED.with_friction(x), default_engine()), NO_NUMBERS, True),
     ("basins", lambda x: tv.basins(tv.PRINTED, x, count=4, duration=5.0), NO_SPEEDS, True),
     ("basins", lambda x: tv.basins(tv.PRINTED, _OMEGA, count=x), (0, -1, 10**9, 10**400, 3.5), True),
     (

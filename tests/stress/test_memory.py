@@ -35,7 +35,7 @@ _ASKED = {
         "divergence": True,
     },
     "continuous output": {"dense": True},
-    "smooth law": {"times": _SAMPLES, "friction": "smooth"},
+    "smooth law": {"times": _SAMPLES, "parameters": PRINTED.with_friction("smooth")},
     "events and error": {"events": (SECTION,), "domain": "event", "error_estimate": True},
 }
 
@@ -70,7 +70,8 @@ def _grown(run: Callable[[], object], count: int) -> int:
 
 
 def _flight(engine: Taylor, precision: Precision, asked: str) -> Callable[[], object]:
-    request = Request(PRINTED, "30.4", ("pi/2", "2.1", 0), "0.02", precision=precision, **_ASKED[asked])
+    wanted = {"parameters": PRINTED, "omega": "30.4", "state": ("pi/2", "2.1", 0), "duration": "0.02"} | _ASKED[asked]
+    request = Request(**wanted, precision=precision)
 
     def run() -> None:
         assert engine(request).status is Status.REACHED

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from tippedisk_verify.model.equations import Friction, field, jacobian
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
 

@@ -41,9 +41,10 @@ def basin(
 
     value = speed(common, omega, below_crit)
     folder = alone_in(out)
-    options = {"friction": common.friction, "count": count, "duration": seconds, "v": velocity}
     with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
-        found = basins(common.parameters, value, advance=advance, executor=pool, **options)
+        found = basins(
+            common.parameters, value, count=count, duration=seconds, v=velocity, advance=advance, executor=pool
+        )
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save

@@ -40,10 +40,14 @@ class Common:
     """The options that every command takes, checked."""
 
     parameters: Any
-    friction: Any
     digits: int
     json: bool
     quiet: bool
+
+    @property
+    def friction(self) -> str:
+        """The friction law."""
+        return str(self.parameters.friction)
 
 
 def common_options(command: F) -> F:
@@ -52,13 +56,11 @@ def common_options(command: F) -> F:
 
     @wraps(command)
     def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
-        from tippedisk_verify.model.equations import checked_friction
-        from tippedisk_verify.model.parameters import Parameters
+        from tippedisk_verify.model.parameters import Parameters, checked_friction
         from tippedisk_verify.model.precision import checked_digits
 
-        chosen = Common(
-            Parameters.named(parameters), checked_friction(friction), checked_digits(digits), as_json, quiet
-        )
+        named = Parameters.named(parameters).with_friction(checked_friction(friction))
+        chosen = Common(named, checked_digits(digits), as_json, quiet)
         return command(chosen, **options)
 
     for option in reversed(
@@ -88,7 +90,7 @@ def plain_options(command: F) -> F:
 
     @wraps(command)
     def wrapped(as_json: bool, quiet: bool, **options: Any) -> Any:
-        return command(Common(None, "linear", 12, as_json, quiet), **options)
+        return command(Common(None, 12, as_json, quiet), **options)
 
     for option in reversed(_OUTPUT_OPTIONS):
         wrapped = option(wrapped)

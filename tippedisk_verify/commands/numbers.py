@@ -102,15 +102,12 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
 
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
-        cycle = cycle_above(
-            common.parameters, above_het, default_engine(), digits=common.digits, friction=common.friction
-        )
+        cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
     else:
         from tippedisk_verify.orbits.continuation import followed_cycle
 
         omega_value = speed(common, omega, below_crit, ("--above-het",))
-        options = {"digits": common.digits, "friction": common.friction}
-        cycle = followed_cycle(common.parameters, omega_value, default_engine(), **options)
+        cycle = followed_cycle(common.parameters, omega_value, default_engine(), digits=common.digits)
     found = cycle.json()
     del found["residuals"]  # of interest to who studies the iteration, from Python
     print_result(common, found)
@@ -139,9 +136,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
     total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
     cycles = []
     with progress(common, total) as advance:
-        for cycle in branches.family(
-            common.parameters, engine, paper_sets=paper_sets, omegas=omegas, friction=common.friction
-        ):
+        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
             cycles.append(cycle)
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:
@@ -177,9 +172,9 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
 
     target = None if out is None else output_file(out)
     engine = default_engine()
-    found = connection(common.parameters, engine, digits=common.digits, method=method, friction=common.friction)
+    found = connection(common.parameters, engine, digits=common.digits, method=method)
     if target is not None:
-        rows = samples(common.parameters, found.omega_h, engine, friction=common.friction).tolist()
+        rows = samples(common.parameters, found.omega_h, engine).tolist()
         write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
     print_result(common, found.json())
     return 0

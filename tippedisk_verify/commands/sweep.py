@@ -46,7 +46,7 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
-    plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits, common.friction)
+    plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits)
     target = output_file(out)
     pools: dict[str, Callable[[], AbstractContextManager[Any]]] = {
         "serial": lambda: nullcontext(None),

@@ -65,7 +65,7 @@ def verify(
         raise InputError("--only names no claim")
     claims = selected(names)
     folder = alone_in(out)
-    order = Order(common.parameters, common.friction, common.digits, tuple(claim.name for claim in claims))
+    order = Order(common.parameters, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
 
     def pool(wanted: int) -> AbstractContextManager[Any]:
@@ -132,12 +132,12 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
             advance("Omega_h", 0)
-            given = heteroclinic(common.parameters, engine, friction=common.friction).omega_h
+            given = heteroclinic(common.parameters, engine).omega_h
             found_with = getattr(engine, "builds", ())
         panels = []
         for panel in chosen:
             advance(f"scene {panel.name}", 0)
-            panels.append(compute(panel, common.parameters, engine, omega_h=given, friction=common.friction))
+            panels.append(compute(panel, common.parameters, engine, omega_h=given))
             advance(f"scene {panel.name}", 1)
         if folder is not None:
             from tippedisk_verify.figures.state_space import draw_scenes_2d, draw_scenes_3d, scene_tables
@@ -192,7 +192,9 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}
     audited = sets_with(order.parameters)
-    table = Table(title=escape(f"Claims ({order.parameters.name}, {order.friction} friction)"), title_justify="left")
+    table = Table(
+        title=escape(f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"), title_justify="left"
+    )
     for heading in ("claim", "paper", *sets, "verdict"):
         table.add_column(escape(heading), overflow="fold")
     for claim, finding in findings:
@@ -200,7 +202,7 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
         text = f"[{colours[verdict]}]{verdict}[/]" + (
             ": " + escape(", ".join(finding.sets)) if verdict == "holds-for" else ""
         )
-        proof = proof_of(claim, finding, order.friction, audited)
+        proof = proof_of(claim, finding, audited)
         verdict_text = text + (f" [dim]({proof.grade})[/]" if proof else "")
         cells = [escape(shown(finding.computed[name])) if name in finding.computed else "" for name in sets]
         label = f"{claim.name} [{claim.unit}]" if claim.unit else claim.name

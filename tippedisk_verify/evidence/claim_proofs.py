@@ -13,9 +13,8 @@ from shlex import quote
 from typing import Any, NamedTuple
 
 from tippedisk_verify.evidence.claims import Claim, Finding, rounds_to
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 
 __all__ = ["ClaimProof", "proof_of"]
 
@@ -115,10 +114,10 @@ _OFFERS = {
 }
 
 
-def proof_of(claim: Claim, finding: Finding, friction: Friction, sets: Mapping[str, Parameters]) -> ClaimProof | None:
+def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> ClaimProof | None:
     """How far a claim's verdict on these sets is proved; None if nothing of it is."""
     offer = _OFFERS.get(claim.name)
-    if offer is None or offer.law not in (None, friction):
+    if offer is None:
         return None
     commands = {}
     for name, answer in finding.holds.items():
@@ -136,8 +135,10 @@ def proof_of(claim: Claim, finding: Finding, friction: Friction, sets: Mapping[s
 
 
 def _covered(offer: _Offer, parameters: Parameters) -> bool:
-    """Whether the theorem speaks of the disk, and a command can name it."""
-    if NAMED_SETS.get(parameters.name) == parameters:
+    """Whether the theorem speaks of the disk and its friction law, and a command can name it."""
+    if offer.law not in (None, parameters.friction):
+        return False
+    if NAMED_SETS.get(parameters.name) == parameters.with_friction("linear"):
         return True
     return offer.every_disk and ("." in parameters.name or "/" in parameters.name)
 

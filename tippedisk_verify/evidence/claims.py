@@ -16,7 +16,6 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
@@ -124,7 +123,6 @@ class Audit:
 
     parameters: Parameters
     engine: Engine
-    friction: Friction = "linear"
     digits: int = 12
     omega_h_builds: dict[Build, None] = field(default_factory=dict)
     _connections: dict[str, Heteroclinic] = field(default_factory=dict)
@@ -144,7 +142,7 @@ class Audit:
     def connection(self, name: str) -> Heteroclinic:
         """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
         if name not in self._connections:
-            self._connections[name] = heteroclinic(self._set(name), self.engine, friction=self.friction)
+            self._connections[name] = heteroclinic(self._set(name), self.engine)
             self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
         return self._connections[name]
 
@@ -155,7 +153,7 @@ class Audit:
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles."""
         if name not in self._families:
-            self._families[name] = tuple(family(self._set(name), self.engine, friction=self.friction))
+            self._families[name] = tuple(family(self._set(name), self.engine))
         return self._families[name]
 
     def panel(self, scene: str, name: str) -> Panel:
@@ -164,14 +162,14 @@ class Audit:
         if key not in self._panels:
             panel = scene_named(scene)
             omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
-            self._panels[key] = compute(panel, self._set(name), self.engine, omega_h=omega_h, friction=self.friction)
+            self._panels[key] = compute(panel, self._set(name), self.engine, omega_h=omega_h)
         return self._panels[key]
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
-    """The audited sets: the selected one first, then the named ones."""
+    """The audited sets, all under one friction law: the selected one first, then the named ones."""
     chosen = {parameters.name: parameters}
-    return chosen | NAMED_SETS | chosen
+    return chosen | {name: one.with_friction(parameters.friction) for name, one in NAMED_SETS.items()} | chosen
 
 
 def rounds_to(measured: Measured, printed: str) -> bool | None:

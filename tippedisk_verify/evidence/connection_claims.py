@@ -19,7 +19,7 @@ _SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are
 
 def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
-    descent = Descent(audit.sets[name], audit.engine, audit.friction)
+    descent = Descent(audit.sets[name], audit.engine)
     above, here = float(descent.above), descent.here
     growth = float(audit.connection(name).saddle_eigenvalues[0])
     # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
@@ -35,7 +35,7 @@ def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:
     omega_h = audit.omega_h(name).value
     ends = []
     for sign in (-1, 1):
-        result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine, friction=audit.friction)
+        result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine)
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
     return f"{ends[0]} below, {ends[1]} above", ends[0] != "turns back" and ends[1] == "turns back"
 
@@ -51,7 +51,7 @@ def _both_connections(audit: Audit, name: str) -> tuple[str, bool]:
     ends = []
     for sign in (1, -1):
         start = [sign * Fraction(part) for part in ("0.01", "-3.1", "0.05")]
-        request = Request(audit.sets[name], omega, start, 0.5, shifted=True, friction=audit.friction, domain="none")
+        request = Request(audit.sets[name], omega, start, 0.5, shifted=True, domain="none")
         ends.append(audit.engine(request).state)
     apart = float(abs(ends[0] + ends[1]).max())
     return f"images stay {apart:.0e} apart", apart < 1e-9
@@ -68,7 +68,7 @@ def _identified(audit: Audit, name: str) -> tuple[str, bool]:
         sin = staticmethod(lambda angle: sin(angle - round(angle / 6.283185307179586) * 6.283185307179586))
         cos = staticmethod(lambda angle: cos(angle - round(angle / 6.283185307179586) * 6.283185307179586))
 
-    rates = field(Turned, audit.sets[name].at(DOUBLE), float(audit.omega_h(name)), audit.friction)
+    rates = field(Turned, audit.sets[name].at(DOUBLE), float(audit.omega_h(name)), audit.parameters.friction)
     here, turned = (rates(1.7, gamma, 0.3) for gamma in (-1.5, -1.5 + 6.283185307179586))
     apart = max(abs(a - b) for a, b in zip(here, turned, strict=True))
     return f"the field differs by {apart:.0e}", apart < 1e-11

@@ -8,8 +8,8 @@ from functools import lru_cache
 from tippedisk_verify.evidence.claims import Audit, Claim, per_set
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.equations import Friction, terms
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.basins import OUTCOMES, basins
 from tippedisk_verify.orbits.continuation import followed_cycle
@@ -28,17 +28,18 @@ def _below(parameters: Parameters) -> Fraction:
 
 
 @lru_cache(maxsize=16)
-def _cycle(parameters: Parameters, friction: Friction) -> LimitCycle:
-    return followed_cycle(parameters, _below(parameters), default_engine(), digits=12, friction=friction)
+def _cycle(parameters: Parameters) -> LimitCycle:
+    return followed_cycle(parameters, _below(parameters), default_engine(), digits=12)
 
 
 def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
     """Same kind of Hopf point, stable cycles, and a connection, by both laws."""
     parameters = audit.sets[name]
     speeds = [
-        float(heteroclinic(parameters, default_engine(), friction=law).omega_h.value) for law in ("linear", "smooth")
+        float(heteroclinic(parameters.with_friction(law), default_engine()).omega_h.value)
+        for law in ("linear", "smooth")
     ]
-    cycles = [_cycle(parameters, law) for law in ("linear", "smooth")]
+    cycles = [_cycle(parameters.with_friction(law)) for law in ("linear", "smooth")]
     crit = float(omega_crit(parameters))
     same = all(speed < crit for speed in speeds) and all(cycle.stable for cycle in cycles)
     return f"Omega_h {speeds[0]:.6f} linear, {speeds[1]:.6f} smooth", same
@@ -49,11 +50,17 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
     import numpy
 
     parameters = audit.sets[name]
-    linear, smooth = (_cycle(parameters, law) for law in ("linear", "smooth"))
+    linear, smooth = (_cycle(parameters.with_friction(law)) for law in ("linear", "smooth"))
     times = numpy.linspace(0, float(linear.period), 200)
     start = (0, linear.gamma_bar_0.value, linear.v_0.value)
     request = Request(
-        parameters, linear.omega.value, start, float(linear.period), shifted=True, times=times, domain="none"
+        parameters.with_friction("linear"),
+        linear.omega.value,
+        start,
+        float(linear.period),
+        shifted=True,
+        times=times,
+        domain="none",
     )
     states = default_engine()(request).samples
     constants = parameters.at(DOUBLE)
@@ -75,7 +82,7 @@ def _attractive(audit: Audit, name: str) -> tuple[str, bool | None]:
     said, falling = [], []
     laws: tuple[Friction, ...] = ("linear", "smooth")
     for law in laws:
-        found = relaxation(parameters, _below(parameters), default_lanes(), friction=law, distance=0.5)
+        found = relaxation(parameters.with_friction(law), _below(parameters), default_lanes(), distance=0.5)
         parts = ~(found.measured > 0)
         falling.append(not parts.any())
         away = numpy.abs(found.beta - numpy.pi / 2)
@@ -89,7 +96,7 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     """A plane of starts at rest above Omega_crit."""
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
-    found = basins(parameters, omega, friction=audit.friction, count=_STATES)
+    found = basins(parameters, omega, count=_STATES)
     shares = found.fractions()
     flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
     text = (

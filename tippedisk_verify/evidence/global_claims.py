@@ -48,7 +48,7 @@ def _branch(audit: Audit, name: str) -> tuple[str, bool]:
 
 def _table_2(audit: Audit, name: str) -> tuple[str, bool]:
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS, friction=audit.friction)
+    cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS)
     found = f"{float(cycle.gamma_bar_0):.4f}, {float(cycle.v_0):.4f}, {float(cycle.period):.4f}"
     return f"converges to {found}", True
 
@@ -67,7 +67,7 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.friction)
+            rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.parameters.friction)
             smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
     text = f"at least {min(smallest[:2]):.3g} of the weight in scene a, {min(smallest[2:]):.3g} in the others"
     return text, min(smallest) > 0

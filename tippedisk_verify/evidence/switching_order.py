@@ -12,9 +12,8 @@ from fractions import Fraction
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, Exact, fraction
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -40,11 +39,13 @@ def switching_order(parameters: Parameters) -> list[OrderPoint]:
     taylor, points = Taylor(), []
     laws: tuple[Friction, ...] = ("linear", "smooth")
     for law in laws:
-        truth = taylor(Request(parameters, omega, _START, _SECONDS, friction=law, precision=QUADRUPLE)).state
+        truth = taylor(Request(parameters.with_friction(law), omega, _START, _SECONDS, precision=QUADRUPLE)).state
         for engine in (taylor, Baseline("DOP853")):
             for power in range(3, 14):
                 tolerance = 10.0**-power
-                state = engine(Request(parameters, omega, _START, _SECONDS, friction=law, tolerance=tolerance)).state
+                state = engine(
+                    Request(parameters.with_friction(law), omega, _START, _SECONDS, tolerance=tolerance)
+                ).state
                 error = max(abs(float(fraction(a) - fraction(b))) for a, b in zip(state, truth, strict=True))
                 points.append(OrderPoint(engine.name, law, tolerance, error))
     return points

@@ -37,7 +37,7 @@ def draw_basins(found: Basins) -> Any:
     axis.set_xlabel("γ [rad]")
     axis.set_ylabel("β [rad]")
     axis.set_title(
-        f"Ω = {float(found.omega):.4f} rad/s, {found.friction} law, start at dβ/dt = {found.v:g} rad/s,"
+        f"Ω = {float(found.omega):.4f} rad/s, {found.parameters.friction} law, start at dβ/dt = {found.v:g} rad/s,"
         f" {found.duration:g} s",
         fontsize=10,
     )

@@ -26,7 +26,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import at_rest, start_window, starts_on
-from tippedisk_verify.model.equations import checked_friction, field, jacobian, shifted
+from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
@@ -73,7 +73,7 @@ class Baseline:
             raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
         if request.events and at_rest(request):
             return self(replace(request, events=()))
-        friction = checked_friction(request.friction)
+        friction = request.friction
         number = DOUBLE.number
         start = [number(part) for part in request.state]
         duration, omega = number(request.duration), number(request.omega)

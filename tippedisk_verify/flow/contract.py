@@ -14,8 +14,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.rounding import Rounding
-from tippedisk_verify.model.equations import Friction, checked_friction
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
@@ -109,7 +108,6 @@ class Request:
     omega: object
     state: Sequence[object]
     duration: object
-    friction: Friction = "linear"
     shifted: bool = False  #: angles are beta_bar and gamma_bar, measured from pi/2, in the start and in every result
     precision: Precision = DOUBLE
     tolerance: float | Fraction | None = None
@@ -126,7 +124,6 @@ class Request:
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
     def __post_init__(self) -> None:
-        checked_friction(self.friction)
         _check_state(self.state)
         if not isinstance(self.max_steps, int) or not 1 <= self.max_steps < 2**31:
             raise InputError("max_steps must be a whole number between 1 and 2^31")
@@ -144,6 +141,11 @@ class Request:
                 raise InputError(f"the event name '{FLAT.name}' is taken by sin(beta) = 0")
         if len(set(self.variations)) != len(self.variations):
             raise InputError("a variation is asked for twice")
+
+    @property
+    def friction(self) -> Friction:
+        """The friction law."""
+        return self.parameters.friction
 
     def starting_at(self, state: Sequence[object], rounding: Rounding | None = None) -> Request:
         """The same from another state, for a fraction of what `replace` takes: nothing else is checked again."""

@@ -22,7 +22,7 @@ from tippedisk_verify.flow.rounding import nudged, step_nudges
 from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, on_edge, surfaces
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
-from tippedisk_verify.model.equations import checked_friction, products, shifted
+from tippedisk_verify.model.equations import products, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -35,7 +35,7 @@ class Integrator:
     """One compiled integrator and what is needed to set it off again."""
 
     def __init__(self, request: Request, events: tuple[Any, ...], chosen: dict[str, Any], compact: bool) -> None:
-        self._smooth = checked_friction(request.friction) == "smooth"
+        self._smooth = request.friction == "smooth"
         self.precision = precision = request.precision
         begin = time.perf_counter()
         hy = heyoka_module()

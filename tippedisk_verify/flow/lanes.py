@@ -17,9 +17,9 @@ from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variat
 from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
-from tippedisk_verify.model.equations import Friction, checked_friction, field, products, shifted
+from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Constants, Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
 __all__ = ["Flights", "Lanes", "field_constants"]
@@ -40,12 +40,12 @@ class Flights:
     finished: Any = None  #: (n,) whether the final time was reached
 
 
-def field_constants(parameters: Parameters, friction: Friction = "linear") -> Any:
+def field_constants(parameters: Parameters) -> Any:
     """The field's constants in double as an array: (r, e, a, b, g, k), or traction and epsilon instead of k."""
     import numpy
 
     constants = parameters.at(DOUBLE)
-    return numpy.array([getattr(constants, name) for name in _names(friction)[1:]])
+    return numpy.array([getattr(constants, name) for name in _names(parameters.friction)[1:]])
 
 
 def _names(friction: Friction) -> tuple[str, ...]:

@@ -14,19 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = [
-    "Friction",
     "Products",
     "Terms",
     "acceleration",
     "centre_of_gravity_height",
-    "checked_friction",
     "checked_speed",
     "field",
     "friction_force",
@@ -38,7 +36,6 @@ __all__ = [
     "terms",
 ]
 
-Friction = Literal["linear", "smooth"]
 Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
 _SLOWEST, _FASTEST = Fraction(1, 10**300), 10**6  # rad/s
@@ -57,13 +54,6 @@ def shifted(ops: Any) -> Any:
     relative accuracy that beta and gamma, of size pi/2, lose.
     """
     return _ShiftedOps(ops)
-
-
-def checked_friction(friction: str) -> Friction:
-    """The friction law of that name. Raises InputError if there is none."""
-    if friction not in get_args(Friction):
-        raise InputError(f"friction law '{shown(friction)}' is not known: use linear or smooth")
-    return friction  # type: ignore[return-value]
 
 
 def checked_speed(omega: object) -> Fraction:

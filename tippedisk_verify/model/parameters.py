@@ -1,4 +1,4 @@
-"""Parameters of the tippedisk: exact, validated, each with its unit and source.
+"""What is studied: the parameters of a tippedisk, exact and validated, and the friction law.
 
 Three sets are named: ``printed`` (the paper's Table 1 as it stands), ``calibrated`` (inside Table 1's rounding, and
 reproducing the paper's five printed results) and ``geometry`` (derived from a disk's dimensions). Others come from a
@@ -11,14 +11,26 @@ import tomllib
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["CALIBRATED", "GEOMETRY", "NAMED_SETS", "PRINTED", "Constants", "Parameters", "disk_with_hole"]
+__all__ = [
+    "CALIBRATED",
+    "GEOMETRY",
+    "NAMED_SETS",
+    "PRINTED",
+    "Constants",
+    "Friction",
+    "Parameters",
+    "checked_friction",
+    "disk_with_hole",
+]
+
+Friction = Literal["linear", "smooth"]
 
 _LARGEST_FILE = 64_000  # bytes; a file has some hundreds, and nine decimals of the longest kind 36,000
 _MOST_DOTS = 200  # in a line; the time and the memory that TOML takes for a dotted key go with their square
@@ -52,10 +64,11 @@ def _quantity(unit: str, source: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """One tippedisk. All values are exact rationals; give strings, Fractions, Decimals, ints or floats.
+    """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
+    floats.
 
-    Raises InputError with one line for each fault: not finite, not between 1e-30 and 1e30, e >= r, Bbar <= 0, B > A,
-    and, where C is given, A > C.
+    Two are equal if all their fields are. Raises InputError with one line for each fault: not finite, not between
+    1e-30 and 1e30, e >= r, Bbar <= 0, B > A, where C is given A > C, and an unknown friction law.
     """
 
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
@@ -71,6 +84,7 @@ class Parameters:
         metadata={"unit": "kg m^2", "source": "Table tab:dim_mass, inertia (3,3); enters no equation here"},
     )
     name: str = "custom"
+    friction: Friction = "linear"  #: Eq. lin_lambda_y_3DOF, or the smooth Coulomb law that it linearises
     _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -81,7 +95,7 @@ class Parameters:
         faults = []
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name in ("name", "_constants") or (item.name == "C" and value is None):
+            if item.name not in _QUANTITIES or (item.name == "C" and value is None):
                 continue
             try:
                 number = exact(value)
@@ -95,6 +109,7 @@ class Parameters:
             elif not _SMALLEST <= number.rational <= 1 / _SMALLEST:
                 faults.append(f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, not {shown(value)}")
             object.__setattr__(self, item.name, number.rational)
+        checked_friction(self.friction)
         if not faults:
             faults = self._inconsistencies()
         if faults:
@@ -139,12 +154,21 @@ class Parameters:
         """A copy with some fields replaced (validated again), named ``custom`` unless a name is given."""
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
+    def with_friction(self, friction: Friction) -> Parameters:
+        """The same disk, with the same name, under this friction law."""
+        return self if friction == self.friction else replace(self, friction=friction)
+
+    def refuse_smooth(self, what: str) -> None:
+        """Raise InputError under the smooth law: ``what``, such as 'harmonic balance is', begins the sentence."""
+        if self.friction == "smooth":
+            raise InputError(f"{what} for the linear friction law only")
+
     def decimals(self) -> dict[str, str]:
         """Each given field as an exact decimal string (fifty digits where the decimal repeats)."""
         return {
             item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
             for item in fields(self)
-            if item.name not in ("name", "_constants") and getattr(self, item.name) is not None
+            if item.name in _QUANTITIES and getattr(self, item.name) is not None
         }
 
     def definition(self) -> str:
@@ -177,13 +201,13 @@ class Parameters:
         that `Parameters` refuses.
         """
         entries = _toml_entries(path)
-        allowed = [item.name for item in fields(cls) if item.name not in ("name", "_constants")]
-        faults = [f"unknown key '{key[:40]}' (known: {', '.join(allowed)})" for key in entries if key not in allowed]
-        faults += [f"key '{key}' is missing" for key in allowed if key != "C" and key not in entries]
+        known = ", ".join(_QUANTITIES)
+        faults = [f"unknown key '{key[:40]}' (known: {known})" for key in entries if key not in _QUANTITIES]
+        faults += [f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries]
         faults += [
             f'{key} must be a quoted decimal such as "0.435", not a bare {type(value).__name__}'
             for key, value in entries.items()
-            if key in allowed and not isinstance(value, str)
+            if key in _QUANTITIES and not isinstance(value, str)
         ]
         if faults:
             raise InputError(f"parameter file {path.name}: {fault}" for fault in faults)
@@ -191,6 +215,17 @@ class Parameters:
             return cls(**entries, name=_file_name(path))
         except InputError as fault:
             raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
+
+
+#: The names of the numbers: the eight that the equations need, and C.
+_QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
+
+
+def checked_friction(friction: str) -> Friction:
+    """The friction law of that name. Raises InputError if there is none."""
+    if friction not in get_args(Friction):
+        raise InputError(f"friction law '{shown(friction)}' is not known: use linear or smooth")
+    return friction  # type: ignore[return-value]
 
 
 def _file_name(path: Path) -> str:
@@ -260,8 +295,7 @@ PRINTED = Parameters(**_DISK, A=_F("0.249e-3"), B=_F("0.227e-3"), C=_F("0.468e-3
 CALIBRATED = Parameters(**_DISK, A=_F("0.24884e-3"), B=_F("0.22656e-3"), name="calibrated")
 #: A disk of radius 45 mm, 10 mm thick, with a hole of radius 15 mm whose centre lies 20 mm from the disk's.
 GEOMETRY = Parameters(
-    **disk_with_hole(*(_F(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))),
-    **_COMMON,
+    **{**disk_with_hole(*(_F(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))), **_COMMON},
     name="geometry",
 )
 NAMED_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}

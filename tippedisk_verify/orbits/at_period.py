@@ -14,7 +14,7 @@ from typing import Any
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status, Variation
-from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -42,7 +42,6 @@ def cycle_at_half_period(
     guess: Sequence[Any],
     engine: Engine,
     precision: Precision = DOUBLE,
-    friction: Friction = "linear",
 ) -> PeriodPoint:
     """Newton's iteration for (gamma_bar_0, v_0, Omega) at the half period T / 2 [s].
 
@@ -61,7 +60,6 @@ def cycle_at_half_period(
                 omega,
                 (0, gamma_bar, v),
                 duration,
-                friction=friction,
                 shifted=True,
                 precision=precision,
                 variations=_VARIATIONS,
@@ -76,7 +74,7 @@ def cycle_at_half_period(
         matrix = [[rows[i][k + 1] for k in range(3)] for i in range(3)]
         matrix[1][0] = matrix[1][0] + 1
         matrix[2][1] = matrix[2][1] + 1
-        moving = field(shifted(precision.ops), rates, omega, friction)(beta, gamma, v_end)
+        moving = field(shifted(precision.ops), rates, omega, parameters.friction)(beta, gamma, v_end)
         step = _solved(matrix, errors)
         unknowns = [value - part for value, part in zip(unknowns, step, strict=True)]
         # The state matters against its distance from the saddle, the speed against how fast it still changes.
@@ -127,7 +125,6 @@ def lengthened(
     longest: float,
     precision: Precision = DOUBLE,
     longest_step: float = math.inf,
-    friction: Friction = "linear",
 ) -> Iterator[PeriodPoint]:
     """Cycles of longer and longer period from ``first`` on, up to the period ``longest`` [s].
 
@@ -147,7 +144,7 @@ def lengthened(
         half_period = min(float(here.half_period) + step, longest / 2)
         try:
             guess = _predicted(here, before, number(half_period), precision)
-            found = cycle_at_half_period(parameters, half_period, guess, engine, precision, friction)
+            found = cycle_at_half_period(parameters, half_period, guess, engine, precision)
         except NoSuchCycleError:
             step /= 2
             continue

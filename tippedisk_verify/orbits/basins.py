@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
-from tippedisk_verify.model.equations import Friction, checked_speed
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.continuation import followed_cycle
@@ -41,8 +41,8 @@ _SPEEDS_OF_STATES = 1000.0  # rad/s
 class Basins:
     """What the states ended on."""
 
+    parameters: Parameters
     omega: Fraction  #: [rad/s]
-    friction: Friction
     duration: float  #: [s]
     v: float  #: [rad/s] of every initial state
     beta: Any  #: (rows, columns) [rad]
@@ -65,7 +65,7 @@ class Basins:
         shares = self.fractions()
         return {
             "omega": str(float(self.omega)),
-            "friction": self.friction,
+            "friction": self.parameters.friction,
             "states": int(self.outcome.size),
             "seconds": self.duration,
             "v": self.v,
@@ -77,7 +77,6 @@ def basins(
     parameters: Parameters,
     omega: object,
     *,
-    friction: Friction = "linear",
     count: int = 100_000,
     duration: float = 20.0,
     v: float = 0.0,
@@ -108,14 +107,14 @@ def basins(
     beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi
     gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
     states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
-    amplitude = _cycle_amplitude(parameters, speed, friction)
+    amplitude = _cycle_amplitude(parameters, speed)
     outcome = numpy.empty(len(states), dtype=numpy.int8)
     portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
-    setting = (parameters, speed, friction, duration, amplitude)
+    setting = (parameters, speed, duration, amplitude)
     for first, found in _run(portions, setting, executor):
         outcome[first : first + len(found)] = found
         advance("states", len(found))
-    return Basins(speed, friction, duration, v, beta, gamma, outcome.reshape(beta.shape))
+    return Basins(parameters, speed, duration, v, beta, gamma, outcome.reshape(beta.shape))
 
 
 def _run(
@@ -130,22 +129,22 @@ def _run(
         yield waiting[done], done.result()
 
 
-def _cycle_amplitude(parameters: Parameters, omega: Fraction, friction: Friction) -> float | None:
+def _cycle_amplitude(parameters: Parameters, omega: Fraction) -> float | None:
     """gamma_bar_0 of the stable limit cycle at this speed, if one is found."""
     try:
-        cycle = followed_cycle(parameters, omega, default_engine(), digits=6, friction=friction)
+        cycle = followed_cycle(parameters, omega, default_engine(), digits=6)
     except (NoSuchCycleError, Shortfall):
         return None
     return float(cycle.gamma_bar_0) if cycle.stable else None
 
 
 def classified_lanes(
-    states: Any, parameters: Parameters, omega: Fraction, friction: Friction, duration: float, amplitude: float | None
+    states: Any, parameters: Parameters, omega: Fraction, duration: float, amplitude: float | None
 ) -> Any:
     """Outcomes, as indices into `OUTCOMES`, of one portion of states (n, 3)."""
     import numpy
 
-    constants, speed = field_constants(parameters, friction), float(omega)
+    constants, speed = field_constants(parameters), float(omega)
     stable = is_stable(linearization(parameters, omega))
     outcome = numpy.full(len(states), OUTCOMES.index("undecided"), dtype=numpy.int8)
     moving = numpy.flatnonzero(numpy.sin(states[:, 0]) > 0)
@@ -161,7 +160,7 @@ def classified_lanes(
             numpy.full(len(moving), speed),
             now,
             numpy.full(len(moving), stretch),
-            friction=friction,
+            friction=parameters.friction,
             events=events,
         )
         flat = numpy.zeros(len(moving), dtype=bool)
@@ -173,7 +172,7 @@ def classified_lanes(
                 crossings.setdefault(run, []).append(_amplitude(state[1]))
         start, now = now, flights.states.copy()
         for run in numpy.flatnonzero(~flights.finished & ~flat).tolist():
-            flat[run], now[run], crossings[run] = _alone(parameters, omega, friction, start[run], stretch, last)
+            flat[run], now[run], crossings[run] = _alone(parameters, omega, start[run], stretch, last)
         outcome[moving[flat]] = OUTCOMES.index("lies flat")
         if last:
             for run in numpy.flatnonzero(~flat).tolist():
@@ -200,10 +199,10 @@ def _ending(amplitudes: list[float], cycle: float | None, inverted_stable: bool)
 
 
 def _alone(
-    parameters: Parameters, omega: Fraction, friction: Friction, start: Any, duration: float, last: bool
+    parameters: Parameters, omega: Fraction, start: Any, duration: float, last: bool
 ) -> tuple[bool, Any, list[float]]:
     """A run that its lane could not finish, by the engine that looks closer."""
     events = (_SECTION,) if last else ()
-    result = default_engine()(Request(parameters, omega, start.tolist(), duration, friction=friction, events=events))
+    result = default_engine()(Request(parameters, omega, start.tolist(), duration, events=events))
     amplitudes = [_amplitude(float(record.state[1])) for record in result.events if record.name == _SECTION.name]
     return result.status is not Status.REACHED, result.state, amplitudes

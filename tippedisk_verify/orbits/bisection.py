@@ -12,7 +12,6 @@ from typing import Literal
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -52,7 +51,6 @@ def unstable_branch(
     omega: Fraction,
     engine: Engine,
     *,
-    friction: Friction = "linear",
     precision: Precision = DOUBLE,
     offset: Fraction = _OFFSET,
     tolerance: float | None = None,
@@ -76,7 +74,6 @@ def unstable_branch(
             omega,
             start,
             _LONGEST,
-            friction=friction,
             precision=precision,
             tolerance=tolerance,
             events=(_TURNS_BACK, _PASSES),
@@ -84,9 +81,7 @@ def unstable_branch(
     )
 
 
-def bisect_omega_h(
-    parameters: Parameters, engine: Engine, *, friction: Friction = "linear", confirm: bool = True
-) -> Connection:
+def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
     """Omega_h by bisection on what the unstable branch does, to the last digits of double precision.
 
     With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
@@ -95,7 +90,7 @@ def bisect_omega_h(
     Another engine has no wider arithmetic; there looser tolerances say how far the answer is off.
     Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and Omega_crit.
     """
-    follow = _Follower(parameters, engine, friction)
+    follow = _Follower(parameters, engine)
     lower, upper = _bisected(follow)
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     if not confirm:
@@ -141,8 +136,8 @@ def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
 class _Follower:
     """Which side the unstable branch takes at a speed; counts its integrations."""
 
-    def __init__(self, parameters: Parameters, engine: Engine, friction: Friction) -> None:
-        self.parameters, self._engine, self._friction = parameters, engine, friction
+    def __init__(self, parameters: Parameters, engine: Engine) -> None:
+        self.parameters, self._engine = parameters, engine
         self.runs = 0
 
     def __call__(
@@ -153,7 +148,6 @@ class _Follower:
             self.parameters,
             omega,
             self._engine,
-            friction=self._friction,
             precision=precision,
             offset=offset,
             tolerance=tolerance,

@@ -8,7 +8,7 @@ from fractions import Fraction
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import Friction, checked_speed
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import continued, followed_cycle
@@ -30,7 +30,6 @@ def family(
     *,
     paper_sets: bool = False,
     omegas: str | None = None,
-    friction: Friction = "linear",
 ) -> Iterator[LimitCycle]:
     """The paper's 801 cycles, those at a comma-separated list of speeds, or an even overview.
 
@@ -40,30 +39,28 @@ def family(
         speeds = [checked_speed(text) for text in omegas.split(",")]
         if len(speeds) > _MOST:
             raise InputError(f"a family has at most {_MOST} speeds, not {len(speeds)}")
-        if len(speeds) >= _MANY and friction == "linear":
+        if len(speeds) >= _MANY and parameters.friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:
-            first = followed_cycle(parameters, speeds[0], engine, friction=friction)
-            yield from continued(parameters, [float(speed) for speed in speeds], engine, first=first, friction=friction)
+            first = followed_cycle(parameters, speeds[0], engine)
+            yield from continued(parameters, [float(speed) for speed in speeds], engine, first=first)
         return
-    omega_h = bisect_omega_h(parameters, engine, friction=friction).omega_h.value
+    omega_h = bisect_omega_h(parameters, engine).omega_h.value
     if not paper_sets:
         crit = omega_crit(parameters, 20).value
         # From just below Omega_crit down to a thousandth of the way above Omega_h, closer together towards both ends.
         shares = [(2 * n - DEFAULT_COUNT + 1) / (DEFAULT_COUNT - 1) for n in range(DEFAULT_COUNT)]
         spread = [0.5 + 0.499 * share * (1.5 - 0.5 * share * share) for share in shares]
-        yield from continued(
-            parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine, friction=friction
-        )
+        yield from continued(parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine)
         return
     sets = sets_of(parameters, omega_h)
-    if friction == "linear":
+    if parameters.friction == "linear":
         yield from _together(parameters, (sets.start, *sets.increasing, *sets.decreasing), engine, omega_h)
         return
-    start = followed_cycle(parameters, Fraction(sets.start), engine, friction=friction)
+    start = followed_cycle(parameters, Fraction(sets.start), engine)
     yield start
-    yield from continued(parameters, sets.increasing, engine, first=start, friction=friction)
-    yield from continued(parameters, sets.decreasing, engine, first=start, friction=friction)
+    yield from continued(parameters, sets.increasing, engine, first=start)
+    yield from continued(parameters, sets.decreasing, engine, first=start)
 
 
 def _together(

@@ -9,7 +9,6 @@ from fractions import Fraction
 
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.bisection import bisect_omega_h
@@ -55,7 +54,6 @@ def continued(
     engine: Engine,
     *,
     first: LimitCycle | None = None,
-    friction: Friction = "linear",
 ) -> Iterator[LimitCycle]:
     """Limit cycles at one speed after the other, each predicted along the tangent of the one before.
 
@@ -67,27 +65,25 @@ def continued(
     for omega in omegas:
         target = Fraction(omega)
         if previous is None:
-            previous = limit_cycle(parameters, target, engine, precision=DOUBLE, friction=friction)
+            previous = limit_cycle(parameters, target, engine, precision=DOUBLE)
         else:
-            previous = _reached(parameters, previous, target, engine, friction)
+            previous = _reached(parameters, previous, target, engine)
         yield previous
 
 
-def followed_cycle(
-    parameters: Parameters, omega: Fraction, engine: Engine, *, digits: int = 12, friction: Friction = "linear"
-) -> LimitCycle:
+def followed_cycle(parameters: Parameters, omega: Fraction, engine: Engine, *, digits: int = 12) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s] of either law; followed from near the Hopf point where no guess is at hand.
 
     Raises as `limit_cycle` does; below Omega_h it says so.
     """
     try:
-        return _followed(parameters, omega, engine, digits, friction)
+        return _followed(parameters, omega, engine, digits)
     except NoSuchCycleError:
-        _refused_outside(parameters, omega, engine, friction)
+        _refused_outside(parameters, omega, engine)
         raise
 
 
-def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine, friction: Friction) -> None:
+def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine) -> None:
     """Raises NoSuchCycleError with the reason if the speed lies outside the family, as far as that can be told."""
     crit = omega_crit(parameters, 20).value
     if omega > crit and criticality(parameters) == "supercritical":
@@ -97,7 +93,7 @@ def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine, fr
         ) from None
     omega_h = Fraction(0)
     with suppress(NoConnectionError, Shortfall):
-        omega_h = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h.value
+        omega_h = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     if omega < omega_h:
         raise NoSuchCycleError(
             f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g}, which is"
@@ -105,24 +101,22 @@ def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine, fr
         ) from None
 
 
-def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: int, friction: Friction) -> LimitCycle:
+def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: int) -> LimitCycle:
     try:
-        return limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
+        return limit_cycle(parameters, omega, engine, digits=digits)
     except NoSuchCycleError:
         crit = omega_crit(parameters, 20).value
-        if friction == "linear" or not omega < crit:
+        if parameters.friction == "linear" or not omega < crit:
             raise
     # The linear law's balance guesses too far away here: step towards the speed, closer and closer together.
     speeds = [float(crit + (omega - crit) * Fraction(share, 16)) for share in (1, 4, 8, 11, 13, 14, 15)]
-    *_, near = continued(parameters, speeds, engine, friction=friction)
-    *_, near = continued(parameters, [float(omega)], engine, first=near, friction=friction)
+    *_, near = continued(parameters, speeds, engine)
+    *_, near = continued(parameters, [float(omega)], engine, first=near)
     guess = (float(near.gamma_bar_0), float(near.v_0))
-    return limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
+    return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
 
 
-def _reached(
-    parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine, friction: Friction
-) -> LimitCycle:
+def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
     for halvings in range(_FEWEST_HALVINGS + 1):
         try:
             found = here
@@ -131,13 +125,13 @@ def _reached(
             for part in range(1, parts + 1):
                 omega = begin + (target - begin) * part / parts
                 guess = _predicted(found, omega)
-                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE, friction=friction)
+                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
             return found
         except NoSuchCycleError:
             if halvings == _FEWEST_HALVINGS:
                 raise
             if halvings == _EXPLAINED_AFTER:
-                _refused_outside(parameters, target, engine, friction)
+                _refused_outside(parameters, target, engine)
     raise AssertionError("unreachable")  # pragma: no cover
 
 

@@ -26,7 +26,6 @@ from typing import Any
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import TURN, Engine, Event
 from tippedisk_verify.flow.rounding import Rounding, nudged
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -76,10 +75,9 @@ def cycle_numbers(
     shot: Shot,
     engine: Engine,
     precision: Precision,
-    friction: Friction = "linear",
 ) -> dict[str, Any]:
     """All numbers of the cycle in one arithmetic."""
-    return sharpened(shot, HalfFlights(parameters, omega, engine, precision, friction), precision)[0]
+    return sharpened(shot, HalfFlights(parameters, omega, engine, precision), precision)[0]
 
 
 def numbers_at(

@@ -85,6 +85,7 @@ class DenseBranch:
         lowest: float | None = None,
         highest: float | None = None,
     ) -> None:
+        parameters.refuse_smooth("the branch interpolant is")
         self.parameters, self._lanes, self.omega_h = parameters, lanes, omega_h
         self.omega_crit = float(omega_crit(parameters))
         if criticality(parameters) != "supercritical":

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status, Variation
 from tippedisk_verify.flow.rounding import Rounding
-from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -59,13 +59,11 @@ class HalfFlights:
     They raise NoSuchCycleError for a start with v >= 0, and where the orbit does not return to the section.
     """
 
-    def __init__(
-        self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision, friction: Friction = "linear"
-    ) -> None:
+    def __init__(self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision) -> None:
         self._parameters, self._engine = parameters, engine
-        self._precision, self._friction = precision, friction
+        self._precision = precision
         self._omega = precision.number(omega)  # once, not at every start
-        self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, friction)
+        self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction)
         # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
         # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
         self._edge = precision.number(-(precision.epsilon**2))
@@ -127,7 +125,6 @@ class HalfFlights:
             self._omega,
             (self._edge, *state),
             _LONGEST_FLIGHT,
-            friction=self._friction,
             shifted=True,
             precision=self._precision,
             domain="none",
@@ -151,11 +148,10 @@ def half_map(
     state: Sequence[Any],
     engine: Engine,
     precision: Precision = DOUBLE,
-    friction: Friction = "linear",
 ) -> HalfMap:
     """The map and its derivatives at one (gamma_bar, v). Raises NoSuchCycleError without a return."""
     start = tuple(precision.number(part) for part in state)
-    return HalfFlights(parameters, omega, engine, precision, friction).map(start)
+    return HalfFlights(parameters, omega, engine, precision).map(start)
 
 
 def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:

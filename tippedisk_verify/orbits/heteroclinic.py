@@ -14,7 +14,6 @@ from typing import Any, Literal, get_args
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction, shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -62,7 +61,6 @@ def heteroclinic(
     *,
     digits: int = 12,
     method: str = "manifolds",
-    friction: Friction = "linear",
 ) -> Heteroclinic:
     """Omega_h to ``digits`` significant digits by one of `METHODS`.
 
@@ -78,15 +76,13 @@ def heteroclinic(
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     derivative, budget = None, {}
     if method == "manifolds":
-        near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
-        found = splitting_zero(parameters, near.value, engine, digits, friction)
+        near = bisect_omega_h(parameters, engine, confirm=False).omega_h
+        found = splitting_zero(parameters, near.value, engine, digits)
         omega_h, derivative, budget = found.omega_h, found.derivative, found.budget
     elif method == "limit-cycles":
-        omega_h, _ = limit_of_cycles(parameters, engine, digits, friction)
+        omega_h, _ = limit_of_cycles(parameters, engine, digits)
     else:
-        omega_h = bisect_omega_h(
-            parameters, Baseline("DOP853") if method == "scipy" else engine, friction=friction
-        ).omega_h
+        omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
     eigenvalues = _eigenvalues(parameters, omega_h, digits)
     unstable, slow, _ = eigenvalues
     return Heteroclinic(
@@ -112,9 +108,7 @@ def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tupl
     return first, second, third
 
 
-def samples(
-    parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401, *, friction: Friction = "linear"
-) -> Any:
+def samples(parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401) -> Any:
     """(count, 4): t [s], beta, gamma [rad], v [rad/s] along the connection in double; t = 0 where gamma = pi/2.
 
     From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
@@ -122,7 +116,7 @@ def samples(
     """
     import numpy
 
-    saddle = Saddle(parameters, omega_h.value, 80, 5, friction)
+    saddle = Saddle(parameters, omega_h.value, 80, 5)
     start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
     times = numpy.linspace(0, 12, 6001)
     state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
@@ -131,7 +125,6 @@ def samples(
         omega_h.value,
         state,
         12.0,
-        friction=friction,
         shifted=True,
         times=times,
         domain="none",

@@ -13,7 +13,6 @@ from typing import Any
 
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -32,9 +31,9 @@ _MOST_CYCLES = 60
 class Descent:
     """The family followed towards Omega_h, cycle by cycle, with what its limit looks like so far."""
 
-    def __init__(self, parameters: Parameters, engine: Engine, friction: Friction = "linear") -> None:
-        self.parameters, self.engine, self.friction = parameters, engine, friction
-        self._points = _in_double(parameters, engine, friction)
+    def __init__(self, parameters: Parameters, engine: Engine) -> None:
+        self.parameters, self.engine = parameters, engine
+        self._points = _in_double(parameters, engine)
         self.here, self.solved = self._points[-1], len(self._points)
         self.law = Law(parameters, self._points[-2], self.here, DOUBLE)
         #: The last change of the limit [rad/s]; the error of the present one is a small part of it.
@@ -69,7 +68,7 @@ class Descent:
         precision = resolving(self.parameters, self.law.omega_h, ahead, 12)
         half_period, guess = self.law.at(ahead, self.here, precision)
         try:
-            found = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision, self.friction)
+            found = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
             raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
         law = Law(self.parameters, self.here, found, precision)
@@ -94,16 +93,14 @@ def _log10(value: Fraction) -> float:
     return math.log10(value.numerator) - math.log10(value.denominator)
 
 
-def limit_of_cycles(
-    parameters: Parameters, engine: Engine, digits: int, friction: Friction = "linear"
-) -> tuple[Measured, int]:
+def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tuple[Measured, int]:
     """Omega_h [rad/s] to ``digits`` significant digits, and the number of cycles solved for it.
 
     The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
     factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
     Raises Shortfall if the family ends before.
     """
-    descent = Descent(parameters, engine, friction)
+    descent = Descent(parameters, engine)
     while True:
         omega_h = descent.law.omega_h
         descent.further(omega_h / 10 ** (digits + 3))
@@ -112,13 +109,13 @@ def limit_of_cycles(
             return Measured(omega_h, half_width), descent.solved
 
 
-def _in_double(parameters: Parameters, engine: Engine, friction: Friction) -> list[PeriodPoint]:
+def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
     """Cycles of the family in double, from near the Hopf point as far as the slopes keep a few digits."""
     speed = omega_crit(parameters, 20).value * Fraction(999, 1000)
-    cycle = limit_cycle(parameters, speed, engine, precision=DOUBLE, friction=friction)
+    cycle = limit_cycle(parameters, speed, engine, precision=DOUBLE)
     guess = (float(cycle.gamma_bar_0), float(cycle.v_0), float(speed))
-    points = [cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine, friction=friction)]
-    for point in lengthened(parameters, points[0], engine, longest=30.0, friction=friction):
+    points = [cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine)]
+    for point in lengthened(parameters, points[0], engine, longest=30.0):
         points.append(point)
         growth = max(
             float(value.re) for value in equilibrium(parameters, fraction(point.omega), "noninverted").eigenvalues

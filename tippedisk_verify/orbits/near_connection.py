@@ -15,7 +15,6 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Event, Request, Status
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -35,9 +34,7 @@ _MOST_STEPS = 12
 _SMALLEST = 800  # zeros after the point that D may have
 
 
-def cycle_above(
-    parameters: Parameters, above: object, engine: Engine, *, digits: int = 12, friction: Friction = "linear"
-) -> LimitCycle:
+def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
     Raises InputError unless 0 < above < Omega_crit - Omega_h, NoSuchCycleError where none is found, Shortfall if the
@@ -53,18 +50,18 @@ def cycle_above(
         raise InputError(f"distances above Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
     if zeros + digits > MOST_DIGITS:
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s above it need more")
-    near = bisect_omega_h(parameters, engine, friction=friction, confirm=False).omega_h
+    near = bisect_omega_h(parameters, engine, confirm=False).omega_h
     room = omega_crit(parameters, 20).value - near.value
     if value >= room:
         raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
     # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
     wanted = zeros + digits + 6
-    omega_h = splitting_zero(parameters, near.value, engine, wanted, friction).omega_h
+    omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h
     omega = omega_h.value + value
     if value > room / 2:
-        cycle = limit_cycle(parameters, omega, engine, digits=digits, friction=friction)
+        cycle = limit_cycle(parameters, omega, engine, digits=digits)
     else:
-        cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits, friction=friction)
+        cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits)
     widened = with_speed(parameters, cycle, omega_h, value, room)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
@@ -78,7 +75,6 @@ def cycle_near(
     engine: Engine,
     *,
     digits: int = 12,
-    friction: Friction = "linear",
 ) -> LimitCycle:
     """The limit cycle at exactly ``omega`` [rad/s], a little above ``omega_h``: their distance needs some digits.
 
@@ -86,16 +82,16 @@ def cycle_near(
     """
     above = omega - omega_h
     if above > _DOUBLE_SHOOTS:
-        guess = Descent(parameters, engine, friction).nearest(above)
-        return limit_cycle(parameters, omega, engine, digits=digits, guess=guess, friction=friction)
+        guess = Descent(parameters, engine).nearest(above)
+        return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
     precision = resolving(parameters, omega_h, above, digits + 4)
-    shot = _shot(parameters, omega, _predicted(parameters, above, engine, friction), engine, precision, friction)
-    return measured_cycle(parameters, omega, shot, engine, precision, friction)
+    shot = _shot(parameters, omega, _predicted(parameters, above, engine), engine, precision)
+    return measured_cycle(parameters, omega, shot, engine, precision)
 
 
-def _predicted(parameters: Parameters, above: Fraction, engine: Engine, friction: Friction) -> Sequence[Any]:
+def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
     """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
-    descent = Descent(parameters, engine, friction)
+    descent = Descent(parameters, engine)
     if above >= descent.above:
         return descent.nearest(above)
     while 100 * descent.change >= above:
@@ -111,13 +107,12 @@ def _shot(
     guess: Sequence[Any],
     engine: Engine,
     precision: Precision,
-    friction: Friction,
 ) -> Shot:
     """Newton's iteration in the arithmetic given, until the state's distance from the saddle has six digits or more."""
     state = (precision.number(guess[0]), precision.number(guess[1]))
     sizes: list[float] = []
     for _ in range(_MOST_STEPS):
-        here = half_map(parameters, omega, state, engine, precision, friction)
+        here = half_map(parameters, omega, state, engine, precision)
         step = newton_step(here.matrix, here.residual)
         sizes.append(max(abs(float(step[0] / (precision.pi - state[0]))), abs(float(step[1] / state[1]))))
         if sizes[-1] < 1e-6:

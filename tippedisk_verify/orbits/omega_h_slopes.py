@@ -30,6 +30,7 @@ def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) ->
 
     ``omega_h`` must be known to some twenty digits. Raises Shortfall if the branch cannot be followed.
     """
+    parameters.refuse_smooth("slopes by the field's constants are")
     rough, sharp = (
         _by_constants_given(parameters, _by_field_constants(parameters, omega_h, engine, closer))
         for closer in (_CLOSE, _CLOSE * _CLOSER)

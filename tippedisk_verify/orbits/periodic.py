@@ -19,7 +19,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.equations import Friction, checked_speed, field, shifted
+from tippedisk_verify.model.equations import checked_speed, field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
@@ -84,9 +84,7 @@ class LimitCycle:
         }
 
 
-def shoot(
-    parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine, friction: Friction = "linear"
-) -> Shot:
+def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine) -> Shot:
     """Damped Newton iteration in double from a guess (gamma_bar, v).
 
     Raises NoSuchCycleError if it does not converge, or if it shrinks towards the equilibrium, which is the trivial
@@ -95,7 +93,7 @@ def shoot(
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v at beta = pi/2")
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
-    flights = HalfFlights(parameters, omega, engine, DOUBLE, friction)
+    flights = HalfFlights(parameters, omega, engine, DOUBLE)
     scale = abs(state[0]) + abs(state[1]) / 10
     residuals: list[float] = []
     here = flights.map(state)
@@ -171,7 +169,6 @@ def shoot_full_period(
     state: Sequence[float],
     period: float,
     engine: Engine,
-    friction: Friction = "linear",
 ) -> tuple[tuple[float, float, float], float, tuple[float, ...]]:
     """The paper's own form, without the symmetry: periodicity residual r_p and anchor r_a = beta_bar_0, four unknowns.
 
@@ -183,7 +180,7 @@ def shoot_full_period(
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
     residuals: list[float] = []
-    rates = field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), friction)
+    rates = field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), parameters.friction)
     for _ in range(_MOST_STEPS):
         start = unknown[:3]
         result = engine(
@@ -192,7 +189,6 @@ def shoot_full_period(
                 omega,
                 start.tolist(),
                 unknown[3],
-                friction=friction,
                 shifted=True,
                 variations=("beta", "gamma", "v"),
                 domain="none",
@@ -225,7 +221,6 @@ def limit_cycle(
     digits: int = 12,
     guess: Sequence[float] | None = None,
     precision: Precision | None = None,
-    friction: Friction = "linear",
 ) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s], each number to about ``digits`` significant digits.
 
@@ -238,39 +233,37 @@ def limit_cycle(
     """
     value = checked_speed(omega)
     checked_digits(digits)
-    shot = _first_shot(parameters, value, engine, friction, guess)
+    shot = _first_shot(parameters, value, engine, guess)
     if precision == DOUBLE or (precision is None and digits <= _DOUBLE_DIGITS):
-        cycle = cycle_in_double(parameters, value, shot, engine, friction)
+        cycle = cycle_in_double(parameters, value, shot, engine)
         if precision == DOUBLE or _lacking(cycle, _DOUBLE_DIGITS) is None:
             return cycle
-        finer = _cycle_in_companion(parameters, value, shot, engine, friction)
+        finer = _cycle_in_companion(parameters, value, shot, engine)
         if finer is not None and _lacking(finer, digits) is None:
             return finer
     if precision is not None:
-        return measured_cycle(parameters, value, shot, engine, precision, friction)
+        return measured_cycle(parameters, value, shot, engine, precision)
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
-    cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)), friction)
+    cycle = measured_cycle(parameters, value, shot, engine, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
     return cycle
 
 
-def _first_shot(
-    parameters: Parameters, value: Fraction, engine: Engine, friction: Friction, guess: Sequence[float] | None
-) -> Shot:
+def _first_shot(parameters: Parameters, value: Fraction, engine: Engine, guess: Sequence[float] | None) -> Shot:
     """Newton's iteration from the guess; without one from the one-harmonic law, or else from harmonic balance.
 
     The law costs nothing and is near where cycles are small; what is found far from its guess is not trusted.
     """
     if guess is not None:
-        return shoot(parameters, value, guess, engine, friction)
+        return shoot(parameters, value, guess, engine)
     near = section_start(parameters.at(DOUBLE), float(value))
     if near is not None and near[0] < _LAW_SERVES:
         with suppress(NoSuchCycleError):
-            shot = shoot(parameters, value, near[:2], engine, friction)
+            shot = shoot(parameters, value, near[:2], engine)
             if abs(shot.state[0] / near[0] - 1) < _NEAR_THE_LAW:
                 return shot
-    return shoot(parameters, value, approximate_cycle(parameters, value), engine, friction)
+    return shoot(parameters, value, approximate_cycle(parameters, value), engine)
 
 
 def _lacking(cycle: LimitCycle, digits: int) -> str | None:
@@ -282,22 +275,18 @@ def _lacking(cycle: LimitCycle, digits: int) -> str | None:
     return None
 
 
-def cycle_in_double(
-    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, friction: Friction = "linear"
-) -> LimitCycle:
+def cycle_in_double(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> LimitCycle:
     """The cycle that Newton's iteration in double found, with half-widths from twins in double."""
-    flights = HalfFlights(parameters, value, engine, DOUBLE, friction)
+    flights = HalfFlights(parameters, value, engine, DOUBLE)
     numbers = numbers_at(flights, shot.state, shot.map, DOUBLE)
     return _as_cycle(value, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
 
 
-def _cycle_in_companion(
-    parameters: Parameters, value: Fraction, shot: Shot, engine: Engine, friction: Friction
-) -> LimitCycle | None:
+def _cycle_in_companion(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> LimitCycle | None:
     """The same in the next wider arithmetic; None if its iteration stands still above what rounding explains."""
     wider = companion(DOUBLE)
-    numbers, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider, friction), wider)
-    flights = HalfFlights(parameters, value, engine, DOUBLE, friction)
+    numbers, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider), wider)
+    flights = HalfFlights(parameters, value, engine, DOUBLE)
     others = [numbers_at(flights, shot.state, shot.map, DOUBLE), *twins(flights, shot.state, TWINS_OF_WIDER)]
     measured = half_widths_by_twins(numbers, others, wider)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
@@ -311,16 +300,15 @@ def measured_cycle(
     shot: Shot,
     engine: Engine,
     precision: Precision,
-    friction: Friction = "linear",
 ) -> LimitCycle:
     """The cycle in one arithmetic, with half-widths from a wider one, starting from what Newton's iteration found.
 
     Raises Shortfall if the chord iteration does not settle.
     """
     if precision == DOUBLE:
-        return cycle_in_double(parameters, value, shot, engine, friction)
+        return cycle_in_double(parameters, value, shot, engine)
     (rough, _), (sharp, doubt) = (
-        sharpened(shot, HalfFlights(parameters, value, engine, kind, friction), kind)
+        sharpened(shot, HalfFlights(parameters, value, engine, kind), kind)
         for kind in (precision, companion(precision))
     )
     return _as_cycle(value, half_widths_by_wider_run(rough, sharp, doubt, precision), shot)

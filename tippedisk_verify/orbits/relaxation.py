@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.flow.lanes import Lanes, field_constants
-from tippedisk_verify.model.equations import Friction, jacobian
+from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.slow_manifold import critical_manifold
@@ -38,7 +38,6 @@ def relaxation(
     omega: Fraction,
     lanes: Lanes,
     *,
-    friction: Friction = "linear",
     distance: float = 0.01,
     rows: int = 24,
     columns: int = 32,
@@ -56,17 +55,17 @@ def relaxation(
     v = critical_manifold(numpy, constants, speed, beta, gamma)
 
     def rate(b: Any, g: Any, w: Any) -> Any:
-        return -jacobian(numpy, constants, speed, friction)(b, g, w)[2][2]
+        return -jacobian(numpy, constants, speed, parameters.friction)(b, g, w)[2][2]
 
     before = rate(beta, gamma, v + distance / 2)
     durations = numpy.tile((_SHARE / numpy.abs(before)).ravel(), 2)
     starts = [numpy.stack((beta.ravel(), gamma.ravel(), (v + up).ravel()), axis=1) for up in (0.0, distance)]
     flights = lanes(
-        field_constants(parameters, friction),
+        field_constants(parameters),
         numpy.full(2 * beta.size, speed),
         numpy.concatenate(starts),
         durations,
-        friction=friction,
+        friction=parameters.friction,
     )
     low, high = flights.states.T.reshape(3, 2, *beta.shape).transpose(1, 0, 2, 3)
     measured = -numpy.log(numpy.abs(high[2] - low[2]) / distance) / durations[: beta.size].reshape(beta.shape)

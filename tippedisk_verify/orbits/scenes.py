@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, Exact, exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -147,7 +146,6 @@ def compute(
     engine: Engine,
     *,
     omega_h: Measured | None = None,
-    friction: Friction = "linear",
 ) -> Panel:
     """Integrate a panel's orbits and say what each ends on.
 
@@ -168,7 +166,6 @@ def compute(
             omega.value,
             start,
             float(times[-1]),
-            friction=friction,
             times=times,
             dense=True,
             tolerance=None if engine.name == "taylor" else _LOOSER,

@@ -16,7 +16,6 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -68,14 +67,13 @@ class Road:
         precision: Precision,
         closer: float = 1.0,
         coarser: tuple[Fraction, Splitting] | None = None,
-        friction: Friction = "linear",
     ) -> None:
-        self.parameters, self.engine, self.precision, self.friction = parameters, engine, precision, friction
+        self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
         # Longer series cost a cube of their order, closer starts a longer flight: a balance.
         self.order = 2 * round(6 + digits / 4) + 1
         self.bits = precision.bits + 32
-        saddle = Saddle(parameters, near, self.bits, self.order, friction)
+        saddle = Saddle(parameters, near, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
         self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
         self.end = _short(
@@ -90,10 +88,10 @@ class Road:
                 self.duration, time + Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
             )
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
-        self.truncation = 2 * share ** (self.order + 1 + (friction == "linear"))
+        self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
 
     def __call__(self, omega: Fraction) -> Splitting:
-        saddle = Saddle(self.parameters, omega, self.bits, self.order, self.friction)
+        saddle = Saddle(self.parameters, omega, self.bits, self.order)
         ctx = saddle.context
         result = self.engine(
             Request(
@@ -101,7 +99,6 @@ class Road:
                 omega,
                 self.start_of(saddle),
                 self.duration,
-                friction=self.friction,
                 shifted=True,
                 precision=self.precision,
                 domain="none",
@@ -132,7 +129,6 @@ class Road:
             near,
             state,
             float(times[-1]),
-            friction=self.friction,
             shifted=True,
             times=times,
             precision=DOUBLE,
@@ -168,16 +164,14 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def splitting_zero(
-    parameters: Parameters, near: Fraction, engine: Engine, digits: int, friction: Friction = "linear"
-) -> SplittingZero:
+def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digits: int) -> SplittingZero:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some twelve.
 
     Raises Shortfall if the iteration does not settle, or if the digits are not reached.
     """
     guard = _GUARD
     while True:
-        found = _zero(parameters, near, engine, digits + guard, friction)
+        found = _zero(parameters, near, engine, digits + guard)
         if found.omega_h.uncertainty <= found.omega_h.value / 10**digits:
             return found
         guard *= 2
@@ -187,12 +181,12 @@ def splitting_zero(
             )
 
 
-def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, friction: Friction) -> SplittingZero:
+def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -> SplittingZero:
     omega, slope, evaluations = near, None, 0
     value = Splitting(0, 0, 0)
     coarser: tuple[Fraction, Splitting] | None = None
     for precision in _stages(wanted):
-        road = Road(parameters, near, engine, precision, coarser=coarser, friction=friction)
+        road = Road(parameters, near, engine, precision, coarser=coarser)
         step = _half_digits(precision)
         value = road(omega)
         slope = (fraction(road(omega + step).u) - fraction(value.u)) / step
@@ -213,7 +207,7 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int, f
     if slope is None or not slope:
         raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
     wider = companion(precision)
-    finer = Road(parameters, near, engine, wider, closer=0.5, coarser=coarser, friction=friction)
+    finer = Road(parameters, near, engine, wider, closer=0.5, coarser=coarser)
     check = finer(omega)
     shift = abs(fraction(check.u) / slope)
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.

@@ -43,7 +43,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         for name, value in by_set.items()
         if isinstance(value, dict) and (digits := agreed_digits(value["value"], claim.printed)) is not None
     }
-    proof = proof_of(claim, finding, order.friction, sets_with(order.parameters))
+    proof = proof_of(claim, finding, sets_with(order.parameters))
     return {
         "name": claim.name,
         "group": group_of(claim.name),
@@ -71,7 +71,7 @@ def _command(order: Order) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
         ("parameters", order.parameters.name, "printed"),
-        ("friction", order.friction, "linear"),
+        ("friction", order.parameters.friction, "linear"),
         ("digits", str(order.digits), "12"),
     ):
         if value != usual:
@@ -121,7 +121,7 @@ def results_json(
         "sets": list(sets_with(parameters)),
         "parameters": {"name": parameters.name, **decimals},
         "units": {item.name: item.metadata["unit"] for item in fields(Parameters) if item.name in decimals},
-        "friction": order.friction,
+        "friction": order.parameters.friction,
         "digits": order.digits,
         "command": _command(order),
         "figures": [figure["entry"] for figure in figures],

@@ -14,7 +14,6 @@ from tippedisk_verify.evidence.catalogue import GROUPS, group_of, selected
 from tippedisk_verify.evidence.catalogue import home_of as home_of_claim
 from tippedisk_verify.evidence.claims import Audit, Finding, examined
 from tippedisk_verify.fingerprint import DRAWING, fingerprint
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.report.formulas import FORMULAS
 
@@ -31,7 +30,6 @@ class Order:
     """What is audited."""
 
     parameters: Parameters
-    friction: Friction
     digits: int
     claims: tuple[str, ...]
 
@@ -58,7 +56,7 @@ def tasks_for(order: Order, *, figures: bool) -> tuple[Task, ...]:
     if figures:
         from tippedisk_verify.figures.catalogue import exhibits_for
 
-        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims, order.friction)]
+        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims, order.parameters.friction)]
         tasks.append(Task("formulas", "formulas"))
     return tuple(tasks)
 
@@ -70,7 +68,6 @@ def key(order: Order, task: Task) -> str:
         "parameters": {
             item.name: str(getattr(order.parameters, item.name)) for item in fields(Parameters) if item.init
         },
-        "friction": order.friction,
         "digits": order.digits,
     }
     if task.kind == "claim":
@@ -97,11 +94,11 @@ def _exhibit(name: str) -> Any:
 
 
 @lru_cache(maxsize=1)
-def _audit(parameters: Parameters, friction: Friction, digits: int) -> Audit:
+def _audit(parameters: Parameters, digits: int) -> Audit:
     """What this process's tasks share: connections, families and panels are computed once in it."""
     from tippedisk_verify.flow import default_engine
 
-    return Audit(parameters, default_engine(), friction, digits)
+    return Audit(parameters, default_engine(), digits)
 
 
 def carried_out(order: Order, task: Task) -> Any:
@@ -110,7 +107,7 @@ def carried_out(order: Order, task: Task) -> Any:
         from tippedisk_verify.figures.formula import formulas_drawn
 
         return formulas_drawn(_formulas(order))
-    audit = _audit(order.parameters, order.friction, order.digits)
+    audit = _audit(order.parameters, order.digits)
     if task.kind == "claim":
         (claim,) = selected([task.name])
         return examined(audit, claim).record()

@@ -19,7 +19,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.fingerprint import origin
-from tippedisk_verify.model.equations import checked_friction, checked_speed
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -33,19 +33,18 @@ _MOST_BITS = 1_000_000_000  # of a range's numbers
 
 
 # ------------------------------------------------------------------------------------------ what can be swept
-def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
+def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.continuation import followed_cycle
 
-    options: dict[str, Any] = {"digits": digits, "friction": friction}
-    cycle = followed_cycle(parameters, _speed(parameters, point, digits), default_engine(), **options)
+    cycle = followed_cycle(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
     speed = {} if "omega" in point else {"omega": cycle.omega}
     names = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
     found: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
     return {**speed, **found, "stable": str(cycle.stable).lower()}
 
 
-def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
+def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.theory.equilibria import equilibrium
 
     found: dict[str, Any] = {}
@@ -57,22 +56,22 @@ def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int, f
     return found
 
 
-def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
+def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.theory.hopf import hopf_point
 
     found = hopf_point(parameters, digits)
     return {name: getattr(found, name) for name in found.__dataclass_fields__}
 
 
-def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
+def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
-    found = heteroclinic(parameters, default_engine(), digits=digits, friction=friction)
+    found = heteroclinic(parameters, default_engine(), digits=digits)
     return {"omega_h": found.omega_h, "saddle_value": found.saddle_value}
 
 
-def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int, friction: Any) -> dict[str, Any]:
+def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.flow.contract import Request
     from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
@@ -81,7 +80,7 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int, f
     precision = DOUBLE if digits <= 12 else bits(bits_for_digits(digits + 8))
     state = [point.get(name, default) for name, default in (("beta", "pi/2"), ("gamma", "pi/2 + 0.4"), ("v", "0"))]
     request = Request(
-        parameters, _speed(parameters, point, digits), state, point.get("duration", "10"), friction=friction,
+        parameters, _speed(parameters, point, digits), state, point.get("duration", "10"),
         precision=precision, error_estimate=True,
     )  # fmt: skip
     result = default_engine()(request)
@@ -110,7 +109,7 @@ class Analysis:
     """What is done at a point, and what a point may or must say beside the parameters."""
 
     says: str
-    compute: Callable[[Parameters, Mapping[str, str], int, Any], dict[str, Any]]
+    compute: Callable[[Parameters, Mapping[str, str], int], dict[str, Any]]
     needs_speed: bool = True
     takes: tuple[str, ...] = ()
 
@@ -166,7 +165,6 @@ class Plan:
     parameters: Parameters
     axes: tuple[tuple[str, tuple[str, ...]], ...]
     digits: int = 12
-    friction: str = "linear"
 
     def __post_init__(self) -> None:
         if self.analysis not in ANALYSES:
@@ -182,7 +180,6 @@ class Plan:
         if analysis.needs_speed and ("omega" in names) == ("below-crit" in names):
             raise InputError(f"{self.analysis} needs either omega or below-crit as an axis (one value will do)")
         checked_digits(self.digits)
-        checked_friction(self.friction)
         if not 0 < len(self) <= _MOST_POINTS:
             raise InputError(f"a sweep has 1 to {_MOST_POINTS} points, not {len(self)}")
 
@@ -202,7 +199,7 @@ class Plan:
     def key(self) -> str:
         """A hash of all that is asked for."""
         fixed = [_text(getattr(self.parameters, name)) for name in _PARAMETERS]
-        text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.friction])
+        text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -212,7 +209,7 @@ def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
     try:
         changes = {name: value for name, value in point.items() if name in _PARAMETERS}
         parameters = plan.parameters.changed(**changes) if changes else plan.parameters
-        found = ANALYSES[plan.analysis].compute(parameters, point, plan.digits, plan.friction)
+        found = ANALYSES[plan.analysis].compute(parameters, point, plan.digits)
     except (InputError, Shortfall, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"

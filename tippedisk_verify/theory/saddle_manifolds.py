@@ -24,7 +24,7 @@ from functools import cached_property
 from typing import Any
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
-from tippedisk_verify.model.equations import Friction, field, jacobian
+from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
@@ -128,7 +128,6 @@ class Saddle:
     omega: Fraction
     working_bits: int
     order: int
-    friction: Friction = "linear"
 
     @cached_property
     def context(self) -> Any:
@@ -190,7 +189,7 @@ class Saddle:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
         step = self._power_step
-        rates_of = field(_SeriesOps, self.constants, self.speed, self.friction, self._side(which))
+        rates_of = field(_SeriesOps, self.constants, self.speed, self.parameters.friction, self._side(which))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -206,11 +205,11 @@ class Saddle:
     @property
     def _power_step(self) -> int:
         """The linear law's field is odd about the saddle: every other power vanishes."""
-        return 2 if self.friction == "linear" else 1
+        return 2 if self.parameters.friction == "linear" else 1
 
     def _side(self, which: int) -> int | None:
         """The sign of gamma_y along a curve, on the half of it that is used."""
-        if self.friction == "linear":
+        if self.parameters.friction == "linear":
             return None
         c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
         # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of gamma itself.
@@ -257,7 +256,7 @@ class Saddle:
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.c for component in self.stable_curve]
-        law = (self.friction, self._side(1))
+        law = (self.parameters.friction, self._side(1))
         return jacobian(_SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
 
     def reach(self, *curves: Sequence[Series]) -> Any:

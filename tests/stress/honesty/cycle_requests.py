@@ -15,10 +15,9 @@ from tests.stress.honesty.comparison import Asked, Number, printed, unlike
 from tests.stress.honesty.draws import STRUCTURED, decay, decimal, disk, log_uniform, written
 from tests.stress.honesty.truths import rough_omega_h, true_cycle
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
@@ -44,7 +43,6 @@ class Truths:
     """The cycle of one draw in every arithmetic that was asked for, found once."""
 
     parameters: Parameters
-    friction: Friction
     _found: dict[tuple[Fraction, Precision], dict[str, Any]] = field(default_factory=dict)
 
     def compared(
@@ -76,7 +74,7 @@ class Truths:
         known = self._found.get((omega, precision))
         if known is None:
             guess = (found.gamma_bar_0.value, found.v_0.value, found.period.value / 2)
-            known = true_cycle(self.parameters, omega, guess, precision, self.friction)
+            known = true_cycle(self.parameters, omega, guess, precision)
             self._found[omega, precision] = known
         return known
 
@@ -84,9 +82,9 @@ class Truths:
 def _place(random: Random, families: Sequence[str], friction: Friction = "linear") -> tuple[Parameters, Fraction, str]:
     """A disk, and a speed on the side of its Omega_crit where cycles are: mostly above Omega_h, where that is known."""
     family = random.choice(families)
-    parameters = disk(random, family)
-    while decay(parameters) > _STIFFEST:
-        parameters = disk(random, family)
+    while decay(parameters := disk(random, family)) > _STIFFEST:
+        pass
+    parameters = parameters.with_friction(friction)
     crit = omega_crit(parameters, 30).value
     side = -1 if criticality(parameters) == "subcritical" else 1
     share = decimal(random.choice((random.uniform(1e-4, 0.02), log_uniform(random, 1e-8, 0.03))))
@@ -98,7 +96,7 @@ def _place(random: Random, families: Sequence[str], friction: Friction = "linear
     )
     if family in (*STRUCTURED, "far") and side > 0 and random.random() < 0.9:
         with suppress(NoConnectionError, Shortfall):
-            omega_h = rough_omega_h(parameters, friction)
+            omega_h = rough_omega_h(parameters)
             omega = omega_h + within * (crit - omega_h)
     omega = decimal_near(omega)
     return parameters, omega, f"at {float(omega)!r} rad/s, {written(parameters)}"
@@ -129,7 +127,7 @@ def cycle(random: Random, families: Sequence[str] = _MOSTLY) -> Asked:
     digits = random.choice((6, 9, 12))
     return _asked(
         f"limit cycle to {digits} digits {text}",
-        Truths(parameters, "linear"),
+        Truths(parameters),
         lambda here: followed_cycle(parameters, omega, here.engine, digits=digits),
     )
 
@@ -139,8 +137,8 @@ def cycle_in_double(random: Random, families: Sequence[str] = _MOSTLY, friction:
     parameters, omega, text = _place(random, families, friction)
     return _asked(
         f"limit cycle ({friction}) in double {text}",
-        Truths(parameters, friction),
-        lambda here: limit_cycle(parameters, omega, here.engine, precision=DOUBLE, friction=friction),
+        Truths(parameters),
+        lambda here: limit_cycle(parameters, omega, here.engine, precision=DOUBLE),
         53,
     )
 
@@ -153,8 +151,8 @@ def smooth_cycle(
     digits = random.choice((6, 9, 12))
     return _asked(
         f"smooth law's limit cycle to {digits} digits {text}",
-        Truths(parameters, "smooth"),
-        lambda here: followed_cycle(parameters, omega, here.engine, digits=digits, friction="smooth"),
+        Truths(parameters),
+        lambda here: followed_cycle(parameters, omega, here.engine, digits=digits),
     )
 
 
@@ -164,7 +162,7 @@ def balanced(random: Random, families: Sequence[str] = _MOSTLY) -> Asked:
     digits = random.choice((6, 9, 12))
     return _asked(
         f"harmonic balance to {digits} digits {text}",
-        Truths(parameters, "linear"),
+        Truths(parameters),
         lambda here: balanced_cycle(parameters, omega, digits=digits),
         names=("period", "gamma_bar_0", "v_0", "beta_max"),
     )
@@ -179,7 +177,7 @@ def branch(
     while decay(parameters) > _STIFFEST or criticality(parameters) != "supercritical":
         parameters = disk(random, family)
     shares = [random.choice((random.uniform(0.002, 0.998), log_uniform(random, 0.0011, 0.5))) for _ in range(speeds)]
-    truths = Truths(parameters, "linear")
+    truths = Truths(parameters)
 
     def answer(here: Arithmetic) -> Any:
         omega_h = float(bisect_omega_h(parameters, here.engine, confirm=False).omega_h)

@@ -56,14 +56,14 @@ _REQUESTS: dict[str, Callable[..., Asked]] = {
     "passage": connection_requests.passage,
     "next to Omega_h": connection_requests.cycle_next_to_it,
     "bisection": partial(_connection, method="bisection"),
-    "smooth heteroclinic": partial(_connection, method="manifolds", friction="smooth"),
+    "smooth heteroclinic": partial(_connection, friction="smooth", method="manifolds"),
     "above Omega_h": connection_requests.cycle_closer,
     "smooth passage": partial(connection_requests.passage, friction="smooth"),
     "limit of cycles": partial(_connection, method="limit-cycles"),
     "scipy bisection": partial(_connection, method="scipy"),
     "smooth next to Omega_h": partial(connection_requests.cycle_next_to_it, friction="smooth"),
-    "smooth bisection": partial(_connection, method="bisection", friction="smooth"),
-    "smooth scipy bisection": partial(_connection, method="scipy", friction="smooth"),
+    "smooth bisection": partial(_connection, friction="smooth", method="bisection"),
+    "smooth scipy bisection": partial(_connection, friction="smooth", method="scipy"),
 }
 KINDS = tuple(_REQUESTS)
 #: Kinds that no arithmetic of the integrators touches, kinds that run in lanes, and kinds that SciPy integrates.

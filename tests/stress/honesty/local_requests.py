@@ -13,7 +13,7 @@ from tippedisk_verify.evidence.reference.entries import Case, Item, Road
 from tippedisk_verify.evidence.reference.local_roads import BALANCE, HOPF, RHS
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
@@ -27,7 +27,8 @@ _TRUE_BITS = 600  # 180 digits: a double eigenvalue costs half of them
 
 
 def _case(parameters: Parameters, friction: str, inputs: dict[str, Any]) -> Case:
-    return Case(Item("drawn", "drawn", parameters.name, friction, {}), parameters, inputs)
+    law: Friction = "smooth" if friction == "smooth" else "linear"
+    return Case(Item("drawn", "drawn", parameters.name, friction, {}), parameters.with_friction(law), inputs)
 
 
 def _by_roads(first: Road, second: Road, case: Case, working_bits: int) -> list[Number]:

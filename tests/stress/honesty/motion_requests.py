@@ -14,8 +14,8 @@ from tests.stress.honesty.draws import FAMILIES, decay, decimal, disk, log_unifo
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Variation
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import PI, exact
+from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.model.precision import QUADRUPLE, bits
 from tippedisk_verify.orbits.half_map import RETURNS, VARIATIONS
 
@@ -79,11 +79,10 @@ def flow(random: Random, what: str, families: Sequence[str] = FAMILIES) -> Asked
         times = [duration * Fraction(n, 5) for n in range(random.choice((0, 1)), 6)]
     tolerance = random.choice((1e-6, 1e-9, 1e-12, 1e-14)) if setting.loose else None  # each is compiled
     request = Request(
-        parameters,
+        parameters.with_friction(setting.friction),
         omega,
         place,
         duration,
-        friction=setting.friction,
         shifted=setting.shifted,
         times=times,
         events=setting.events,

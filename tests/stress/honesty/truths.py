@@ -15,7 +15,7 @@ from typing import Any
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import TURN, Event, Request, Status
-from tippedisk_verify.model.equations import Friction, field, shifted
+from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, bits
@@ -28,15 +28,13 @@ _TURNS = Event("turns", TURN.function, terminal=False)
 _MOST_STEPS = 12
 
 
-def true_cycle(
-    parameters: Parameters, omega: Fraction, guess: Sequence[Any], precision: Precision, friction: Friction
-) -> dict[str, Any]:
+def true_cycle(parameters: Parameters, omega: Fraction, guess: Sequence[Any], precision: Precision) -> dict[str, Any]:
     """All numbers of the cycle near a guess (gamma_bar, v, T / 2). Raises NoSuchCycleError if there is none."""
-    rates = field(shifted(precision.ops), parameters.at(precision), precision.number(omega), friction)
+    rates = field(shifted(precision.ops), parameters.at(precision), precision.number(omega), parameters.friction)
     unknown = [precision.number(part) for part in guess]
     first = [abs(float(part)) for part in unknown]
     for _ in range(_MOST_STEPS):
-        run = _flown(parameters, omega, unknown, precision, friction, variations=("beta", "gamma", "v", "Omega"))
+        run = _flown(parameters, omega, unknown, precision, variations=("beta", "gamma", "v", "Omega"))
         (beta, gamma, v), (by_beta, by_gamma, by_v) = run.state.tolist(), run.derivatives.tolist()
         beta_rate, gamma_rate, v_rate = rates(beta, gamma, v)
         # S(flow) - start of (beta, gamma, v) by (gamma_bar, v, T / 2), and by Omega.
@@ -52,7 +50,7 @@ def true_cycle(
             break
         if size < 2.0 ** (-precision.bits * 0.6):  # the next step would be below rounding
             slopes = _solved(matrix, (-by_beta[3], by_gamma[3], by_v[3]))
-            passing = _flown(parameters, omega, unknown, precision, friction, divergence=True, events=(_TURNS,))
+            passing = _flown(parameters, omega, unknown, precision, divergence=True, events=(_TURNS,))
             turns = [abs(record.state[0]) for record in passing.events]
             trace = -by_beta[0] - by_gamma[1] - by_v[2] - 1
             return _named(unknown, slopes, max(turns, default=0 * beta), trace, passing.divergence, precision)
@@ -64,13 +62,12 @@ def _flown(
     omega: Fraction,
     unknown: Sequence[Any],
     precision: Precision,
-    friction: Friction,
     **more: Any,
 ) -> Any:
     gamma_bar, v, half_period = unknown
     if not half_period > 0:
         raise NoSuchCycleError("Newton's iteration in the wider arithmetic goes back in time")
-    common: dict[str, Any] = {"friction": friction, "shifted": True, "precision": precision, "domain": "none"}
+    common: dict[str, Any] = {"shifted": True, "precision": precision, "domain": "none"}
     run = default_engine()(Request(parameters, omega, (0, gamma_bar, v), half_period, **common, **more))
     if run.status is not Status.REACHED:
         raise NoSuchCycleError(f"half a period in the wider arithmetic: {run.status.value}")
@@ -113,23 +110,23 @@ def _determinant(rows: Any) -> Any:
 
 
 @lru_cache(maxsize=64)
-def rough_omega_h(parameters: Parameters, friction: Friction = "linear") -> Fraction:
+def rough_omega_h(parameters: Parameters) -> Fraction:
     """Omega_h as double sees it. Raises NoConnectionError or Shortfall."""
-    return bisect_omega_h(parameters, default_engine(), friction=friction, confirm=False).omega_h.value
+    return bisect_omega_h(parameters, default_engine(), confirm=False).omega_h.value
 
 
 @lru_cache(maxsize=64)
-def true_omega_h(parameters: Parameters, friction: Friction, digits: int = 30) -> Any:
+def true_omega_h(parameters: Parameters, digits: int = 30) -> Any:
     """The zero of the splitting to so many digits, with the unstable branch seen to change sides next to it.
 
     Raises ArithmeticError if it does not.
     """
-    found = splitting_zero(parameters, rough_omega_h(parameters, friction), default_engine(), digits, friction)
+    found = splitting_zero(parameters, rough_omega_h(parameters), default_engine(), digits)
     # The closer to Omega_h, the longer the branch stays next to the saddle: with small eigenvalues longer than it is
     # followed.
     for power in (24, 19, 15, 6):
         aside = found.omega_h.value / 10**power
-        below, above = (_side(parameters, found.omega_h.value + step, friction) for step in (-aside, aside))
+        below, above = (_side(parameters, found.omega_h.value + step) for step in (-aside, aside))
         if (below, above) == ("passes", "turns back"):
             return found
         if "nowhere" not in (below, above):
@@ -137,11 +134,9 @@ def true_omega_h(parameters: Parameters, friction: Friction, digits: int = 30) -
     raise ArithmeticError(f"the unstable branch does not change sides at {Measured(found.omega_h.value, aside)}")
 
 
-def _side(parameters: Parameters, omega: Fraction, friction: Friction) -> str:
+def _side(parameters: Parameters, omega: Fraction) -> str:
     """Where the unstable branch goes; a start 2^-40 from the saddle misses the manifold by the cube of that."""
-    run = unstable_branch(
-        parameters, omega, default_engine(), friction=friction, precision=bits(160), offset=Fraction(1, 2**40)
-    )
+    run = unstable_branch(parameters, omega, default_engine(), precision=bits(160), offset=Fraction(1, 2**40))
     if run.status is Status.FLAT:
         return "passes"
     return run.events[-1].name if run.status is Status.EVENT else "nowhere"

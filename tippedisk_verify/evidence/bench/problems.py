@@ -13,9 +13,8 @@ from typing import Any
 
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -37,8 +36,12 @@ class Problem:
     omega: float  #: [rad/s]
     start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
     duration: float  #: [s]
-    friction: Friction = "linear"
     periodic: bool = False  #: solve for the limit cycle from this guess; start is shifted, duration half a period
+
+    @property
+    def friction(self) -> Friction:
+        """The friction law."""
+        return self.parameters.friction
 
     @property
     def times(self) -> tuple[float, ...]:
@@ -46,9 +49,7 @@ class Problem:
         return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
 
     def request(self, **options: Any) -> Request:
-        return Request(
-            self.parameters, self.omega, self.start, self.duration, friction=self.friction, domain="none", **options
-        )
+        return Request(self.parameters, self.omega, self.start, self.duration, domain="none", **options)
 
 
 @dataclass(frozen=True)
@@ -72,8 +73,8 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem("transient", "0.3 s from far off the slow manifold onto it", PRINTED, _BELOW, (1.3, 2.2, 6.0), 0.3),
     Problem("passage", "the passage by both saddles, 1e-8 above Omega_h", PRINTED, 30.0488682707225,
             (_HALF_PI, _HALF_PI + 3.1415462925806426, -8.312208533583e-05), 6.661564053801862),
-    Problem("smooth", "10 s near the limit cycle, smooth friction", PRINTED, 30.4, (_HALF_PI, 3.27, -1.71), 10.0,
-            "smooth"),
+    Problem("smooth", "10 s near the limit cycle, smooth friction", PRINTED.with_friction("smooth"), 30.4,
+            (_HALF_PI, 3.27, -1.71), 10.0),
     Problem("epsilon-1e-3", "2 s with epsilon = 1e-3: rates of 1.3e4 per second", _with_epsilon("0.001"), _BELOW,
             (_HALF_PI, 2.0, 0.0), 2.0),
     Problem("epsilon-1e-4", "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second", _with_epsilon("0.0001"), _BELOW,

@@ -12,7 +12,7 @@ from tippedisk_verify.evidence.reference.local_roads import by_differences
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import TURN, Event, Request, Result, Status
-from tippedisk_verify.model.equations import Friction, field
+from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -49,8 +49,8 @@ def cycle_unit(quantity: str) -> str:
 
 
 @lru_cache(maxsize=16)
-def _omega_h(parameters: Parameters, friction: Friction, digits: int) -> Measured:
-    return heteroclinic(parameters, default_engine(), digits=digits, friction=friction).omega_h
+def _omega_h(parameters: Parameters, digits: int) -> Measured:
+    return heteroclinic(parameters, default_engine(), digits=digits).omega_h
 
 
 def _named(cycle: LimitCycle) -> Values:
@@ -59,15 +59,13 @@ def _named(cycle: LimitCycle) -> Values:
 
 # ------------------------------------------------------------------------------------------ limit cycles
 def _shooting(case: Case, known: Values) -> Values:
-    options: dict[str, Any] = {"digits": _DIGITS, "friction": case.friction}
-    return _named(followed_cycle(case.parameters, case.inputs["Omega"], default_engine(), **options))
+    return _named(followed_cycle(case.parameters, case.inputs["Omega"], default_engine(), digits=_DIGITS))
 
 
 def _near(case: Case, known: Values) -> Values:
     omega = case.inputs["Omega"]
-    omega_h = _omega_h(case.parameters, case.friction, _distance_digits(omega))
-    options: dict[str, Any] = {"digits": _DIGITS, "friction": case.friction}
-    return _named(cycle_near(case.parameters, omega, omega_h.value, default_engine(), **options))
+    omega_h = _omega_h(case.parameters, _distance_digits(omega))
+    return _named(cycle_near(case.parameters, omega, omega_h.value, default_engine(), digits=_DIGITS))
 
 
 def _distance_digits(omega: Fraction) -> int:
@@ -80,7 +78,7 @@ def _zeros(case: Case) -> int:
     if case.item.kind != "near-heteroclinic":
         return 0
     omega = case.inputs["Omega"]
-    above = omega - _omega_h(case.parameters, case.friction, _distance_digits(omega)).value
+    above = omega - _omega_h(case.parameters, _distance_digits(omega)).value
     return len(str(above.denominator // above.numerator))
 
 
@@ -144,7 +142,6 @@ def _period_from(case: Case, start: list[Any], period: Fraction, precision: Prec
             case.inputs["Omega"],
             start,
             period,
-            friction=case.friction,
             precision=precision,
             variations=("beta", "gamma", "v", "Omega"),
             divergence=True,
@@ -161,7 +158,7 @@ def _balance(case: Case, known: Values) -> Values:
     if case.friction != "linear":
         return {}
     omega = case.inputs["Omega"]
-    if omega - _omega_h(case.parameters, "linear", 14).value < _BALANCE_ABOVE:
+    if omega - _omega_h(case.parameters, 14).value < _BALANCE_ABOVE:
         return {}
     found = balanced_cycle(case.parameters, omega, digits=40)
     return {name: getattr(found, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
@@ -176,7 +173,7 @@ def _scipy(case: Case, known: Values) -> Values:
 
 def _shot(case: Case, known: Values, engine: Any) -> dict[str, float]:
     guess = (float(known["gamma_bar_0"]), float(known["v_0"]))
-    shot = shoot(case.parameters, case.inputs["Omega"], guess, engine, case.friction)
+    shot = shoot(case.parameters, case.inputs["Omega"], guess, engine)
     here = shot.map
     by_omega = newton_step(here.matrix, here.by_omega)
     slope = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
@@ -207,8 +204,8 @@ def cycle_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
 
     def plain(moved: Case) -> dict[str, Any]:
         guess = (float(values["gamma_bar_0"]), float(values["v_0"]))
-        shot = shoot(moved.parameters, moved.inputs["Omega"], guess, default_engine(), moved.friction)
-        found = cycle_numbers(moved.parameters, moved.inputs["Omega"], shot, default_engine(), DOUBLE, moved.friction)
+        shot = shoot(moved.parameters, moved.inputs["Omega"], guess, default_engine())
+        found = cycle_numbers(moved.parameters, moved.inputs["Omega"], shot, default_engine(), DOUBLE)
         return {name: float(value) for name, value in found.items() if name in _NAMES}
 
     return by_differences(plain, Fraction(1, 10**8))(case, values)
@@ -221,58 +218,57 @@ def near_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     beta_max, which tends to the connection's own, needs its slopes at a fixed distance from Omega_h too.
     """
     omega = case.inputs["Omega"]
-    omega_h = _omega_h(case.parameters, case.friction, _distance_digits(omega))
+    omega_h = _omega_h(case.parameters, _distance_digits(omega))
     step = (omega - omega_h.value) / 100
-    options: dict[str, Any] = {"digits": 10, "friction": case.friction}
-    ahead = cycle_near(case.parameters, omega + step, omega_h.value, default_engine(), **options)
-    by = _slopes(case.parameters, case.friction)
+    ahead = cycle_near(case.parameters, omega + step, omega_h.value, default_engine(), digits=10)
+    by = _slopes(case.parameters)
     found: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         slope = (getattr(ahead, name).value - value.value) / step
         # Fractions: near Omega_h these exceed a double's range of sense long before its range.
         found[name] = {"Omega": slope * omega} | {symbol: -slope * part for symbol, part in by.items()}
-    at_a_distance = _beta_max_slopes(case.parameters, case.friction, max(omega - omega_h.value, _STEADY))
+    at_a_distance = _beta_max_slopes(case.parameters, max(omega - omega_h.value, _STEADY))
     for symbol, part in at_a_distance.items():
         found["beta_max"][symbol] += part
     return found
 
 
 @lru_cache(maxsize=32)
-def _beta_max_slopes(parameters: Parameters, friction: Friction, above: Fraction) -> dict[str, Fraction]:
+def _beta_max_slopes(parameters: Parameters, above: Fraction) -> dict[str, Fraction]:
     """d(beta_max) / (dp / p) at Omega_h(p) + ``above`` [rad], by shooting in double."""
-    omega_h = _omega_h(parameters, friction, 14).value
-    by = _slopes(parameters, friction)
-    here = cycle_near(parameters, omega_h + above, omega_h, default_engine(), digits=10, friction=friction)
+    omega_h = _omega_h(parameters, 14).value
+    by = _slopes(parameters)
+    here = cycle_near(parameters, omega_h + above, omega_h, default_engine(), digits=10)
     guess = (float(here.gamma_bar_0), float(here.v_0))
 
     def plain(moved: Case) -> dict[str, Any]:
         change = {name: getattr(moved.parameters, name) / getattr(parameters, name) - 1 for name in by}
         omega = omega_h + above + sum(slope * change[name] for name, slope in by.items())
-        shot = shoot(moved.parameters, omega, guess, default_engine(), friction)
-        numbers = cycle_numbers(moved.parameters, omega, shot, default_engine(), DOUBLE, friction)
+        shot = shoot(moved.parameters, omega, guess, default_engine())
+        numbers = cycle_numbers(moved.parameters, omega, shot, default_engine(), DOUBLE)
         return {"beta_max": numbers["beta_max"]}
 
-    case = Case(Item("", "", parameters.name, friction, {}), parameters, {})
+    case = Case(Item("", "", parameters.name, parameters.friction, {}), parameters, {})
     found = by_differences(plain, Fraction(1, 10**7))(case, {})
     return {name: Fraction(slope) for name, slope in found["beta_max"].items()}
 
 
 @lru_cache(maxsize=8)
-def _slopes(parameters: Parameters, friction: Friction) -> dict[str, Fraction]:
+def _slopes(parameters: Parameters) -> dict[str, Fraction]:
     """d(Omega_h) / (dp / p) for each parameter [rad/s]."""
-    if friction == "linear":
-        slopes = omega_h_slopes(parameters, _omega_h(parameters, "linear", 24), default_engine())
+    if parameters.friction == "linear":
+        slopes = omega_h_slopes(parameters, _omega_h(parameters, 24), default_engine())
         return {name: slope.value * getattr(parameters, name) for name, slope in slopes.items()}
-    case = Case(Item("", "", parameters.name, friction, {}), parameters, {})
-    found = by_differences(
-        lambda moved: {"omega_h": _omega_h(moved.parameters, "smooth", 12).value}, Fraction(1, 10**5)
-    )(case, {})
+    case = Case(Item("", "", parameters.name, parameters.friction, {}), parameters, {})
+    found = by_differences(lambda moved: {"omega_h": _omega_h(moved.parameters, 12).value}, Fraction(1, 10**5))(
+        case, {}
+    )
     return {name: Fraction(slope) for name, slope in found["omega_h"].items()}
 
 
 # ------------------------------------------------------------------------------------------ the connection
 def _connection(case: Case, digits: int, method: str) -> Values:
-    found = heteroclinic(case.parameters, default_engine(), digits=digits, method=method, friction=case.friction)
+    found = heteroclinic(case.parameters, default_engine(), digits=digits, method=method)
     names = ("lambda_u", "lambda_s", "lambda_ss")
     return {"omega_h": found.omega_h} | dict(zip(names, found.saddle_eigenvalues, strict=True))
 
@@ -288,7 +284,7 @@ HETEROCLINIC = (
 
 def heteroclinic_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     """Omega_h's slopes, and the eigenvalues along with it."""
-    slopes = _slopes(case.parameters, case.friction)
+    slopes = _slopes(case.parameters)
     omega_h = values["omega_h"].value
 
     def plain(moved: Case) -> dict[str, Any]:

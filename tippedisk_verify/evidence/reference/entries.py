@@ -7,15 +7,14 @@ An item's inputs are decimals. A user may take them as they stand or as the IEEE
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Friction, Parameters
 
 __all__ = [
     "READINGS",
@@ -63,7 +62,8 @@ class Case:
 
     @property
     def friction(self) -> Friction:
-        return "smooth" if self.item.friction == "smooth" else "linear"
+        """The friction law."""
+        return self.parameters.friction
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Kind:
 def as_doubles(parameters: Parameters) -> Parameters:
     """The parameters as the IEEE doubles nearest to them, each rounded once."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(parameters, name))) for name in _PARAMETERS}
-    return Parameters(**rounded, name=parameters.name)
+    return Parameters(**rounded, name=parameters.name, friction=parameters.friction)
 
 
 def as_measured(told: Mapping[str, Any]) -> Measured:
@@ -104,7 +104,7 @@ def as_measured(told: Mapping[str, Any]) -> Measured:
 
 def case_of(item: Item, reading: Reading) -> Case:
     """The item's parameters and inputs as that reading takes them."""
-    parameters = Parameters.named(item.set)
+    parameters = Parameters.named(item.set).with_friction("smooth" if item.friction == "smooth" else "linear")
     if reading == "doubles":
         parameters = as_doubles(parameters)
     inputs: dict[str, Any] = {}
@@ -215,5 +215,5 @@ def _short(value: Any) -> str:
 
 def changed(parameters: Parameters, name: str, factor: Fraction) -> Parameters:
     """The parameters with one of them multiplied."""
-    values = {item.name: getattr(parameters, item.name) for item in fields(parameters) if item.name in _PARAMETERS}
-    return Parameters(**{**values, name: values[name] * factor}, name=parameters.name)
+    values: dict[str, Any] = {name: getattr(parameters, name) * factor}
+    return replace(parameters, **values)

@@ -48,7 +48,6 @@ def _run(
         case.inputs["Omega"],
         start,
         _DURATION,
-        friction=case.friction,
         shifted=shift,
         precision=precision,
         tolerance=tolerance,

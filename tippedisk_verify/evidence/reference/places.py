@@ -11,10 +11,9 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.evidence.reference.entries import READINGS, Item, Reading
-from tippedisk_verify.model.equations import Friction
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = [
@@ -147,7 +146,7 @@ def _omega_h(set_name: str, law: Friction, digits: int = 14) -> Measured:
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
-    return heteroclinic(Parameters.named(set_name), default_engine(), digits=digits, friction=law).omega_h
+    return heteroclinic(Parameters.named(set_name).with_friction(law), default_engine(), digits=digits).omega_h
 
 
 def _crit(set_name: str) -> Fraction:

@@ -57,7 +57,7 @@ def _friction_cases() -> list[Case]:
                            ("1", "1"), ("10", "1")):  # fmt: skip
         sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
         for friction in ("linear", "smooth"):
-            run = _later(duration, _parameters(epsilon=text), friction=friction, domain="none", **sharp)
+            run = _later(duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp)
             cases.append(
                 Case(f"epsilon {text}, {friction}", f"{duration} s with epsilon = {text} m/s", run, 9, quick=not sharp)
             )
