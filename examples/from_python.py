@@ -1,11 +1,13 @@
-"""The example in the README: a trajectory with its half-widths, a reference value, an answer graded."""
+"""The example in the README: a motion, a limit cycle, Omega_h, a reference value, an answer graded."""
 
 import tippedisk_verify as tv
 
-taylor = tv.Taylor()
-result = taylor(tv.Request(tv.PRINTED, "30.4", ("pi/2", "pi/2 + 0.4", 0), 10, error_estimate=True))
-print(result.status, result.state)
-if result.error:  # as asked for
-    print(result.error.state)
+disk = tv.Disk("printed")
+sol = disk.integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), 10)
+print(sol.message, sol.t[-1], sol.y[:, -1], sol.uncertainty[:, -1])
+cycle = disk.limit_cycle("30.4", digits=20)
+print(cycle.period, f"{cycle.multiplier_slow:.6f}", cycle.stable)
+t, y = cycle.orbit(400)
+print(disk.omega_crit - disk.heteroclinic().omega_h)
 print(tv.reference("printed/linear/heteroclinic/point/omega_h").measured())
 print(tv.compare("printed/linear/hopf/point/omega_crit", 30.886592688643568).digits)

@@ -8,5 +8,5 @@ from tippedisk_verify.orbits.scenes import compute
 
 target = sys.argv[1] if len(sys.argv) > 1 else "scenes.png"
 panels = [compute(tv.scene_named(name), tv.PRINTED, tv.Taylor()) for name in "df"]
-draw_scenes_3d(panels, tv.PRINTED).savefig(target, dpi=120)
+draw_scenes_3d(panels).savefig(target, dpi=120)
 print(", ".join(f"scene {panel.scene.name}: {panel.orbits[0].ending.kind}" for panel in panels))

@@ -16,6 +16,7 @@ SAYS = {
     "close_to_the_connection": "from Omega_h + 1e-10 to Omega_h + 1e-12",
     "from_python": "30.04886826072250",
     "grade_from_python": "digits: agrees",
+    "limit_cycles": "",
     "one_limit_cycle": "SciPy comes back to within",
     "scenes_picture": "scene d: limit cycle, scene f: inverted spinning",
 }

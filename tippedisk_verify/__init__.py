@@ -1,7 +1,8 @@
 """True numbers of the tippedisk, with honest uncertainties.
 
-The rooms, each importing only from those before it:
+The rooms; behind the door, each imports only from those before it:
 
+- `tippedisk_verify.disk`: the front door, a `Disk` and what can be asked of it; behind it
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
@@ -11,13 +12,16 @@ The rooms, each importing only from those before it:
 - `tippedisk_verify.figures` and `tippedisk_verify.report`: what a person sees of it.
 
 >>> import tippedisk_verify as tv
->>> print(tv.omega_crit(tv.PRINTED, digits=20))
-30.8865926886435672782860903 ± 1.3e-23
->>> tv.equilibrium(tv.PRINTED, "30.4", "inverted").stable
+>>> disk = tv.Disk("printed")
+>>> print(f"{disk.omega_crit:.16g}")
+30.88659268864357
+>>> disk.equilibrium("inverted", "30.4").stable
 False
->>> result = tv.Taylor()(tv.Request(tv.PRINTED, "30.4", ("pi/2", "pi/2 + 0.4", 0), 10, error_estimate=True))
->>> result.status.name, bool(result.error.largest < 1e-12)
-('REACHED', True)
+>>> sol = disk.integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), 10)
+>>> sol.message, sol.y.shape, bool(sol.uncertainty.max() < 1e-12)
+('the final time was reached', (3, 201), True)
+>>> print(f"{disk.limit_cycle('30.4').period:.9g}")
+1.08255527
 >>> print(tv.reference("printed/linear/limit-cycle/crit-0.5/v_0").values["doubles"][0][:20])
 -1.71000216164390253
 >>> tv.compare("printed/linear/hopf/point/omega_crit", 30.9).verdict
@@ -36,6 +40,7 @@ TYPE_CHECKING = False  # to type checkers it is true; typing itself would delay 
 if TYPE_CHECKING:
     from typing import Any
 
+    from tippedisk_verify.disk import Disk, Solution
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.evidence.claims import Audit, Verdict
     from tippedisk_verify.evidence.conformance.grading import compare
@@ -63,6 +68,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
+    "disk": ("Disk", "Solution"),
     "errors": ("InputError", "Shortfall"),
     "evidence.claims": ("Audit", "Verdict"),
     "evidence.conformance.grading": ("compare",),
@@ -102,6 +108,7 @@ __all__ = [
     "Audit",
     "Baseline",
     "DenseBranch",
+    "Disk",
     "Event",
     "Exact",
     "InputError",
@@ -112,6 +119,7 @@ __all__ = [
     "Request",
     "Result",
     "Shortfall",
+    "Solution",
     "Status",
     "Taylor",
     "Verdict",

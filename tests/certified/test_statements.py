@@ -16,7 +16,7 @@ from tippedisk_verify.evidence.reference.store import data_folder
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
-from tippedisk_verify.orbits.heteroclinic import heteroclinic, samples
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 #: mu is no decimal, and g another one than usual.
@@ -109,9 +109,8 @@ def test_the_connection_of_the_ordinary_road_stays_where_the_statement_says(
     """In double it is followed to 1e-4 or so of the saddle, a hundredth of the box."""
     _, found = connection_statement
     beta_room, gamma_room, v_room = (float(found["room"][name]) for name in ("beta", "gamma", "v"))
-    orbit = samples(CALIBRATED, heteroclinic(CALIBRATED, taylor).omega_h, taylor, 20_001)
     quarter = 1.5707963267948966
-    _, beta, gamma, v = orbit.T
+    _, (beta, gamma, v) = heteroclinic(CALIBRATED, taylor).orbit(20_001)
     inside = (abs(beta - quarter) <= beta_room) & (abs(gamma - 3 * quarter) <= gamma_room) & (abs(v) <= v_room)
     arrived = gamma >= 3 * quarter - gamma_room
     assert 10 < arrived.sum() < 20_000

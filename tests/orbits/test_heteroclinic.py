@@ -17,7 +17,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.bisection import bisect_omega_h, unstable_branch
-from tippedisk_verify.orbits.heteroclinic import heteroclinic, samples
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
 from tippedisk_verify.theory.equilibria import equilibrium
 
@@ -110,8 +110,10 @@ def test_the_unstable_branch_on_both_sides(taylor) -> None:
 
 
 def test_samples_run_from_saddle_to_saddle(taylor, tmp_path: Path) -> None:
-    omega_h = heteroclinic(PRINTED, taylor).omega_h
-    rows = samples(PRINTED, omega_h, taylor)
+    connection = heteroclinic(PRINTED, taylor)
+    omega_h = connection.omega_h
+    times, states = connection.orbit()
+    rows = numpy.column_stack((times, states.T))
     begin, end = rows[0, 1:], rows[-1, 1:]
     assert numpy.abs(begin - [math.pi / 2, -math.pi / 2, 0]).max() < 2e-6
     assert numpy.abs(end - [math.pi / 2, 3 * math.pi / 2, 0]).max() < 1e-4

@@ -92,8 +92,7 @@ def test_laws_near_omega_h(taylor) -> None:
 def test_passages_take_all_the_growth(taylor) -> None:
     """The flight outside the saddles' neighbourhoods hardly changes; the passage grows by (1 / lambda_u) log(1 / D)."""
     times = [
-        passage_times(PRINTED, cycle_above(PRINTED, distance, taylor), taylor, Fraction("0.1"))
-        for distance in ("1e-6", "1e-9")
+        passage_times(cycle_above(PRINTED, distance, taylor), taylor, Fraction("0.1")) for distance in ("1e-6", "1e-9")
     ]
     assert abs(times[0][1] - times[1][1]) < 1e-3
     assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01

@@ -104,10 +104,10 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
         cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
     else:
-        from tippedisk_verify.orbits.continuation import followed_cycle
+        from tippedisk_verify.orbits.near_connection import cycle_at
 
         omega_value = speed(common, omega, below_crit, ("--above-het",))
-        cycle = followed_cycle(common.parameters, omega_value, default_engine(), digits=common.digits)
+        cycle = cycle_at(common.parameters, omega_value, default_engine(), digits=common.digits)
     found = cycle.json()
     del found["residuals"]  # of interest to who studies the iteration, from Python
     print_result(common, found)
@@ -133,10 +133,11 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
         raise InputError("give either --paper-sets or --omegas")
     target = None if out is None else output_file(out)
     engine = default_engine()
-    total = 801 if paper_sets else len(omegas.split(",")) if omegas else branches.DEFAULT_COUNT
+    speeds = None if omegas is None else omegas.split(",")
+    total = 801 if paper_sets else len(speeds) if speeds else branches.DEFAULT_COUNT
     cycles = []
     with progress(common, total) as advance:
-        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=omegas):
+        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds):
             cycles.append(cycle)
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:
@@ -168,13 +169,13 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
     from tippedisk_verify.files import output_file, write_csv
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.heteroclinic import heteroclinic as connection
-    from tippedisk_verify.orbits.heteroclinic import samples
 
     target = None if out is None else output_file(out)
     engine = default_engine()
     found = connection(common.parameters, engine, digits=common.digits, method=method)
     if target is not None:
-        rows = samples(common.parameters, found.omega_h, engine).tolist()
+        times, states = found.orbit(engine=engine)
+        rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
         write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
     print_result(common, found.json())
     return 0

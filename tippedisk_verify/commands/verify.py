@@ -133,7 +133,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
 
             advance("Omega_h", 0)
             given = heteroclinic(common.parameters, engine).omega_h
-            found_with = getattr(engine, "builds", ())
+            found_with = engine.builds
         panels = []
         for panel in chosen:
             advance(f"scene {panel.name}", 0)
@@ -144,10 +144,10 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             from tippedisk_verify.figures.style import save
             from tippedisk_verify.files import write_csv
 
-            save(draw_scenes_3d(panels, common.parameters), folder, "scenes_3d")
+            save(draw_scenes_3d(panels), folder, "scenes_3d")
             save(draw_scenes_2d(panels), folder, "scenes_2d")
             for drawn in panels:
-                for name, (header, rows) in scene_tables(drawn, common.parameters).items():
+                for name, (header, rows) in scene_tables(drawn).items():
                     write_csv(folder / name, header, rows)
     if common.json:
         result = {

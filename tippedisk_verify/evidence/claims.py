@@ -143,7 +143,7 @@ class Audit:
         """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
         if name not in self._connections:
             self._connections[name] = heteroclinic(self._set(name), self.engine)
-            self.omega_h_builds |= dict.fromkeys(getattr(self.engine, "builds", ()))
+            self.omega_h_builds |= dict.fromkeys(self.engine.builds)
         return self._connections[name]
 
     def omega_h(self, name: str) -> Measured:

@@ -6,8 +6,8 @@ from fractions import Fraction
 
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, number, per_set
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.limit_of_cycles import Descent
@@ -77,7 +77,7 @@ def _identified(audit: Audit, name: str) -> tuple[str, bool]:
 def _two_roads(audit: Audit) -> Finding:
     """Omega_h as the zero of the splitting, and as the limit of the limit cycles."""
     name, parameters = audit.parameters.name, audit.parameters
-    taylor = audit.engine if isinstance(audit.engine, Taylor) else Taylor()  # the linear law, whatever is audited
+    taylor = audit.engine if audit.engine.measures_error else default_engine()
     try:
         one, two = (
             heteroclinic(parameters, taylor, digits=digits, method=method).omega_h

@@ -6,8 +6,8 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.evidence.claims import Audit, Claim, per_set
-from tippedisk_verify.flow import default_engine, default_lanes
-from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow import default_lanes
+from tippedisk_verify.flow.contract import Engine, Request
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -28,18 +28,17 @@ def _below(parameters: Parameters) -> Fraction:
 
 
 @lru_cache(maxsize=16)
-def _cycle(parameters: Parameters) -> LimitCycle:
-    return followed_cycle(parameters, _below(parameters), default_engine(), digits=12)
+def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
+    return followed_cycle(parameters, _below(parameters), engine, digits=12)
 
 
 def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
     """Same kind of Hopf point, stable cycles, and a connection, by both laws."""
     parameters = audit.sets[name]
     speeds = [
-        float(heteroclinic(parameters.with_friction(law), default_engine()).omega_h.value)
-        for law in ("linear", "smooth")
+        float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h.value) for law in ("linear", "smooth")
     ]
-    cycles = [_cycle(parameters.with_friction(law)) for law in ("linear", "smooth")]
+    cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in ("linear", "smooth")]
     crit = float(omega_crit(parameters))
     same = all(speed < crit for speed in speeds) and all(cycle.stable for cycle in cycles)
     return f"Omega_h {speeds[0]:.6f} linear, {speeds[1]:.6f} smooth", same
@@ -50,7 +49,7 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
     import numpy
 
     parameters = audit.sets[name]
-    linear, smooth = (_cycle(parameters.with_friction(law)) for law in ("linear", "smooth"))
+    linear, smooth = (_cycle(parameters.with_friction(law), audit.engine) for law in ("linear", "smooth"))
     times = numpy.linspace(0, float(linear.period), 200)
     start = (0, linear.gamma_bar_0.value, linear.v_0.value)
     request = Request(
@@ -62,7 +61,7 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
         times=times,
         domain="none",
     )
-    states = default_engine()(request).samples
+    states = audit.engine(request).samples
     constants = parameters.at(DOUBLE)
     half_pi = numpy.pi / 2
     sliding = terms(

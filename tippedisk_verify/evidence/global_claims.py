@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.evidence.claims import Audit, Claim, Finding, per_set
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.orbits.continuation import PAPER_GUESS
 from tippedisk_verify.orbits.periodic import limit_cycle
@@ -76,9 +77,8 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
 def _engines(audit: Audit) -> Finding:
     """The Taylor engine in double against itself in extended precision and against SciPy."""
     from tippedisk_verify.flow.baseline import Baseline
-    from tippedisk_verify.flow.taylor import Taylor
 
-    taylor = audit.engine if isinstance(audit.engine, Taylor) else Taylor()
+    taylor = audit.engine if audit.engine.measures_error else default_engine()
     scipy = Baseline("DOP853")
     parameters = audit.parameters
     crit = omega_crit(parameters, 20).value

@@ -10,7 +10,6 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
-from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.scenes import SCENES, Panel
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
@@ -131,12 +130,12 @@ def _legend(figure: Any, columns: int, surface: bool = False) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=3 if columns > 1 else 1, frameon=False)
 
 
-def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters, columns: int = 2) -> Any:
+def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
     """The panels in (beta, gamma, v) with the slow manifold of orders 0 and 1 (the paper's Figure 3D)."""
     import numpy
 
     figure, axes = grid(len(panels), columns, (4.6, 3.4), below=0.7, projection="3d", computed_zorder=False)
-    constants = parameters.at(DOUBLE)
+    constants = panels[0].parameters.at(DOUBLE)
     for panel, axis in zip(panels, axes, strict=True):
         omega = float(panel.omega)
         orbits = [_clipped(states) for states in _drawn(panel)]
@@ -180,7 +179,7 @@ def draw_scenes_3d(panels: Sequence[Panel], parameters: Parameters, columns: int
     return figure
 
 
-def scene_tables(panel: Panel, parameters: Parameters) -> dict[str, tuple[Sequence[str], list[Any]]]:
+def scene_tables(panel: Panel) -> dict[str, tuple[Sequence[str], list[Any]]]:
     """Header and rows of ``scene_X_orbit_N.csv`` for each orbit and ``scene_X_slow_manifold.csv`` for the surface."""
     import numpy
 
@@ -190,7 +189,7 @@ def scene_tables(panel: Panel, parameters: Parameters) -> dict[str, tuple[Sequen
         rows = numpy.column_stack((orbit.times[kept], orbit.states[kept])).tolist()
         header = ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]")
         tables[f"scene_{panel.scene.name}_orbit_{index}.csv"] = (header, rows)
-    constants, omega = parameters.at(DOUBLE), float(panel.omega)
+    constants, omega = panel.parameters.at(DOUBLE), float(panel.omega)
     beta, gamma = numpy.meshgrid(
         numpy.linspace(math.pi / 2 - 1, math.pi / 2 + 1, 33), numpy.linspace(-math.pi / 2, 3 * math.pi / 2, 65)
     )
@@ -228,11 +227,11 @@ def _scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     panels = _panels(audit, examined)
     rate = -float(stiff_eigenvalue_estimate(audit.parameters))
     return Drawing(
-        figure=lambda columns: draw_scenes_3d(panels, audit.parameters, columns),
+        figure=lambda columns: draw_scenes_3d(panels, columns),
         columns=2,
         reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of {rate:.3g} 1/s, and "
         f"stay on it; {_endings(panels)}.",
-        data={name: table for panel in panels for name, table in scene_tables(panel, audit.parameters).items()},
+        data={name: table for panel in panels for name, table in scene_tables(panel).items()},
         facts={"scenes": {panel.scene.name: panel.json() for panel in panels}},
         embedded="webp",
     )
@@ -240,12 +239,7 @@ def _scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
 
 def _scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
     panels = _panels(audit, examined)
-    orbits = {
-        name: table
-        for panel in panels
-        for name, table in scene_tables(panel, audit.parameters).items()
-        if "orbit" in name
-    }
+    orbits = {name: table for panel in panels for name, table in scene_tables(panel).items() if "orbit" in name}
     return Drawing(
         figure=lambda columns: draw_scenes_2d(panels, columns),
         columns=2,

@@ -19,6 +19,7 @@ from tippedisk_verify.flow.contract import (
     FLAT,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
+    Build,
     Event,
     EventRecord,
     Request,
@@ -62,6 +63,14 @@ class Baseline:
     @property
     def name(self) -> str:
         return f"scipy-{self.method}"
+
+    @property
+    def measures_error(self) -> bool:
+        return False
+
+    @property
+    def builds(self) -> tuple[Build, ...]:
+        return ()
 
     def __call__(self, request: Request) -> Result:
         """Integrate. Raises InputError for more than double precision or for an error estimate."""

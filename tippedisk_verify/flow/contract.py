@@ -235,6 +235,17 @@ class Engine(Protocol):
     def name(self) -> str:
         """For reports, e.g. ``taylor`` or ``scipy-DOP853``."""
 
+    @property
+    def measures_error(self) -> bool:
+        """Whether it answers requests for an error estimate, and in every precision."""
+
+    @property
+    def builds(self) -> tuple[Build, ...]:
+        """What it has compiled and keeps."""
+
+    def __hash__(self) -> int:
+        """Engines are told apart by identity."""
+
     def __call__(self, request: Request) -> Result:
         """Compute what was asked for. Raises InputError for what this engine cannot do."""
 

@@ -62,6 +62,10 @@ class Taylor:
         return "taylor"
 
     @property
+    def measures_error(self) -> bool:
+        return True
+
+    @property
     def builds(self) -> tuple[Build, ...]:
         """Everything that this engine has built and still keeps, in order."""
         return tuple(integrator.runner.build for integrator in list(self._integrators.values()))

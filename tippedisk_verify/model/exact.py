@@ -17,7 +17,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Exact", "exact", "fraction", "mantissa_exponent", "shown"]
+__all__ = ["PI", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
@@ -113,6 +113,11 @@ def fraction(value: object) -> Fraction:
         raise InputError(f"a finite number is needed, not {shown(value)}")
     mantissa, exponent = man_exp
     return Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
+
+
+def quotient(ctx: Any, value: Fraction) -> Any:
+    """A rational in an mpmath context, one division of integers."""
+    return ctx.mpf(value.numerator) / value.denominator
 
 
 def shown(value: object) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
+from typing import Any
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.exact import fraction, quotient
 
 __all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -17,12 +19,17 @@ __all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_
 DISTANCES = 2
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Measured:
     """A value and the absolute half-width that is claimed to hold the true value.
 
     Both are exact rationals; `json` and ``str`` print decimals. What they print still holds the truth: the rounding
     of the printed value is added to the printed half-width, which itself is rounded up.
+
+    It behaves as a number: float(), format(), mpmath.mpf() and arrays of floats take its value. Sums, differences,
+    products and quotients hold whatever the true values in the half-widths give; numbers without one are exact. Each
+    half-width counts as independent, so x - x is zero with twice the half-width. A comparison that the half-widths
+    leave open raises Shortfall. Equality is that of value and half-width.
     """
 
     value: Fraction
@@ -30,11 +37,11 @@ class Measured:
 
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
-        """From any numbers that `exact` takes (without pi). Raises InputError if the half-width is negative."""
-        width = fraction(uncertainty)
+        """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
+        number, width = (Fraction(part) if isinstance(part, str) else fraction(part) for part in (value, uncertainty))
         if width < 0:
             raise InputError("an uncertainty cannot be negative")
-        return cls(fraction(value), width)
+        return cls(number, width)
 
     @classmethod
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
@@ -55,7 +62,82 @@ class Measured:
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
     def __float__(self) -> float:
+        """The double nearest to the value."""
         return float(self.value)
+
+    def __format__(self, spec: str) -> str:
+        """The value as ``spec`` says, such as '.10g', with no more digits than its decimals have; else as ``str``."""
+        return format(Decimal(self.decimals()[0]), spec) if spec else str(self)
+
+    def _mpmath_(self, working_bits: int, rounding: str) -> Any:
+        """The value for mpmath, so that ``mpmath.mpf(x)`` has the digits of mpmath's precision."""
+        from tippedisk_verify.model.precision import bits
+
+        return quotient(bits(working_bits).context, self.value)
+
+    def __lt__(self, other: object) -> bool:
+        return self._below(other, lambda difference: difference < 0)
+
+    def __le__(self, other: object) -> bool:
+        return self._below(other, lambda difference: difference <= 0)
+
+    def __gt__(self, other: object) -> bool:
+        return self._below(other, lambda difference: difference > 0)
+
+    def __ge__(self, other: object) -> bool:
+        return self._below(other, lambda difference: difference >= 0)
+
+    def _below(self, other: object, answer: Callable[[Fraction], bool]) -> bool:
+        """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
+        if (theirs := _operand(other)) is None:
+            return NotImplemented  # type: ignore[no-any-return]
+        difference = self - theirs
+        low, high = (difference.value + sign * difference.uncertainty for sign in (-1, 1))
+        if answer(low) != answer(high):
+            raise Shortfall(
+                f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float()"
+            )
+        return answer(low)
+
+    def __neg__(self) -> Measured:
+        return Measured(-self.value, self.uncertainty)
+
+    def __abs__(self) -> Measured:
+        return Measured(abs(self.value), self.uncertainty)
+
+    def __add__(self, other: object) -> Measured:
+        if (theirs := _operand(other)) is None:
+            return NotImplemented
+        return Measured(self.value + theirs.value, self.uncertainty + theirs.uncertainty)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: object) -> Measured:
+        return NotImplemented if (theirs := _operand(other)) is None else self + -theirs
+
+    def __rsub__(self, other: object) -> Measured:
+        return NotImplemented if (theirs := _operand(other)) is None else theirs + -self
+
+    def __mul__(self, other: object) -> Measured:
+        if (theirs := _operand(other)) is None:
+            return NotImplemented
+        mine, its = self.uncertainty, theirs.uncertainty
+        width = abs(self.value) * its + abs(theirs.value) * mine + mine * its
+        return Measured(self.value * theirs.value, width)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: object) -> Measured:
+        return NotImplemented if (theirs := _operand(other)) is None else self * theirs._inverse()
+
+    def __rtruediv__(self, other: object) -> Measured:
+        return NotImplemented if (theirs := _operand(other)) is None else theirs * self._inverse()
+
+    def _inverse(self) -> Measured:
+        least = abs(self.value) - self.uncertainty
+        if least <= 0:
+            raise ZeroDivisionError(f"{self} may be zero")
+        return Measured(1 / self.value, self.uncertainty / (abs(self.value) * least))
 
     def decimals(self) -> tuple[str, str]:
         """``(value, uncertainty)`` as decimal strings."""
@@ -75,6 +157,18 @@ class Measured:
     def __str__(self) -> str:
         value, uncertainty = self.decimals()
         return f"{value} ± {uncertainty}"
+
+    def __repr__(self) -> str:
+        return f"Measured({self})"
+
+
+def _operand(other: object) -> Measured | None:
+    """The other side of an operation: a number with a half-width, or a plain one, which is exact."""
+    if isinstance(other, Measured):
+        return other
+    if isinstance(other, Decimal):
+        return Measured(Fraction(other), Fraction(0))
+    return Measured(fraction(other), Fraction(0)) if isinstance(other, int | float | Fraction) else None
 
 
 def exact_text(value: Fraction) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
 
@@ -62,7 +62,7 @@ def _quantity(unit: str, source: str) -> Any:
     return field(metadata={"unit": unit, "source": source})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Parameters:
     """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
     floats.
@@ -89,7 +89,16 @@ class Parameters:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For other processes: the values, without what was computed from them."""
-        return Parameters, tuple(getattr(self, item.name) for item in fields(self) if item.init)
+        return _rebuilt, (type(self), {item.name: getattr(self, item.name) for item in fields(self) if item.init})
+
+    def _identity(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, item.name) for item in fields(self) if item.init)
+
+    def __eq__(self, other: object) -> bool:
+        return self._identity() == other._identity() if isinstance(other, Parameters) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._identity())
 
     def __post_init__(self) -> None:
         faults = []
@@ -142,6 +151,10 @@ class Parameters:
     def rational(self) -> Constants:
         """These parameters as exact rationals."""
         return Constants(*self._exact())
+
+    def within(self, ctx: Any) -> Constants:
+        """These parameters in an mpmath context."""
+        return Constants(*(quotient(ctx, value) for value in self._exact()))
 
     def _exact(self) -> tuple[Fraction, ...]:
         traction = self.mu * self.g
@@ -215,6 +228,10 @@ class Parameters:
             return cls(**entries, name=_file_name(path))
         except InputError as fault:
             raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
+
+
+def _rebuilt(kind: type[Parameters], values: dict[str, Any]) -> Parameters:
+    return kind(**values)
 
 
 #: The names of the numbers: the eight that the equations need, and C.

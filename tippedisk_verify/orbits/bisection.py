@@ -95,7 +95,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     if not confirm:
         return Connection(Measured(centre, half_width), "bisection in double", follow.runs)
-    if engine.name != "taylor":
+    if not engine.measures_error:
         return Connection(
             Measured(centre, half_width + _spread_of_tolerances(follow, centre)), "bisection, tolerances", follow.runs
         )

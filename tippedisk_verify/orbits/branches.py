@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from fractions import Fraction
+from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_lanes
@@ -17,11 +19,38 @@ from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "family"]
+__all__ = ["DEFAULT_COUNT", "Branch", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 _MOST = 1_000_000
 _MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers."""
+
+    cycles: tuple[LimitCycle, ...]
+    omega: Any  #: [rad/s]
+    period: Any  #: T [s]
+    gamma_bar_0: Any  #: [rad]
+    v_0: Any  #: [rad/s]
+    beta_max: Any  #: [rad]
+    multiplier_slow: Any
+    log_multiplier_slow: Any
+    log_multiplier_fast: Any
+    uncertainty: Mapping[str, Any]  #: the half-widths (n,), under the same names
+
+    @classmethod
+    def of(cls, cycles: Iterable[LimitCycle]) -> Branch:
+        """The arrays of these cycles."""
+        import numpy
+
+        kept = tuple(cycles)
+        names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
+        columns = {name: [getattr(cycle, name) for cycle in kept] for name in names}
+        widths = {name: numpy.array([float(one.uncertainty) for one in column]) for name, column in columns.items()}
+        return cls(kept, uncertainty=widths, **{name: numpy.array(column, float) for name, column in columns.items()})
 
 
 def family(
@@ -29,16 +58,16 @@ def family(
     engine: Engine,
     *,
     paper_sets: bool = False,
-    omegas: str | None = None,
+    omegas: Sequence[object] | None = None,
 ) -> Iterator[LimitCycle]:
-    """The paper's 801 cycles, those at a comma-separated list of speeds, or an even overview.
+    """The paper's 801 cycles, those at the speeds [rad/s] given, or an even overview.
 
     Raises InputError for speeds that are no positive decimals, NoSuchCycleError where the family ends.
     """
     if omegas is not None:
-        speeds = [checked_speed(text) for text in omegas.split(",")]
-        if len(speeds) > _MOST:
-            raise InputError(f"a family has at most {_MOST} speeds, not {len(speeds)}")
+        speeds = [checked_speed(omega) for omega in omegas]
+        if not 0 < len(speeds) <= _MOST:
+            raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
         if len(speeds) >= _MANY and parameters.friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:

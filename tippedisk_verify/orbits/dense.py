@@ -355,6 +355,9 @@ class DenseBranch:
                     trivial_multiplier_defect=Measured.of(defect, 2 * defect + 2 * _UNIT),
                     stable=bool(slow.value < 1) if certain else None,
                     residuals=(float(found.residual[index]),),
+                    parameters=self.parameters,
+                    engine="lanes",
+                    precision=DOUBLE.name,
                 )
             )
         return cycles

@@ -60,8 +60,8 @@ class HalfFlights:
     """
 
     def __init__(self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision) -> None:
-        self._parameters, self._engine = parameters, engine
-        self._precision = precision
+        self.parameters, self.engine, self.precision = parameters, engine, precision
+        self.omega = omega
         self._omega = precision.number(omega)  # once, not at every start
         self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction)
         # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
@@ -91,7 +91,7 @@ class HalfFlights:
             request = self._mapped = self._request(state, variations=VARIATIONS, events=(RETURNS,))
         result = self._flown(request.starting_at((self._edge, *state), rounding))
         rows, end = result.derivatives, result.state
-        if self._precision == DOUBLE:
+        if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
         beta_row, gamma_row, v_row = rows
         _, gamma_bar, v = end
@@ -121,12 +121,12 @@ class HalfFlights:
 
     def _request(self, state: Sequence[Any], **needs: Any) -> Request:
         return Request(
-            self._parameters,
+            self.parameters,
             self._omega,
             (self._edge, *state),
             _LONGEST_FLIGHT,
             shifted=True,
-            precision=self._precision,
+            precision=self.precision,
             domain="none",
             **needs,
         )
@@ -136,7 +136,7 @@ class HalfFlights:
             raise NoSuchCycleError(
                 "shooting starts at beta = pi/2 with v < 0: the guess has left that side of the section"
             )
-        result = self._engine(request)
+        result = self.engine(request)
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(f"the orbit does not return to beta = pi/2: {result.status.value}")
         return result

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.exact import Exact, fraction, shown
@@ -24,7 +25,7 @@ from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic", "samples"]
+__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic"]
 
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -39,8 +40,38 @@ class Heteroclinic:
     saddle_eigenvalues: tuple[Measured, Measured, Measured]  #: unstable, slow stable, fast stable [1/s]
     saddle_value: Measured  #: lambda_u + lambda_s [1/s]; negative: the cycle attracts from inside
     method: Method
+    parameters: Parameters  #: whose connection it is, with the friction law
+    engine: str  #: what computed it
     splitting_derivative: Measured | None = None  #: d(u)/d(Omega) carried back to s = 1 [s/rad] (manifolds only)
     budget: dict[str, float] = field(default_factory=dict)  #: parts of the half-width [rad/s] (manifolds only)
+
+    def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
+        """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
+
+        From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
+        second. Raises Shortfall if the branch cannot be followed.
+        """
+        import numpy
+
+        saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
+        start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
+        times = numpy.linspace(0, 12, 6001)
+        state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
+        request = Request(
+            self.parameters, self.omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True
+        )
+        result = (engine or default_engine())(request)
+        if result.status is not Status.REACHED or result.dense is None:
+            raise Shortfall(f"the unstable branch: {result.status.value}")
+        away = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
+        last = times[int(numpy.argmin(away))]
+        crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
+        before, after = result.samples[crossing - 1 : crossing + 1, 1]
+        middle = times[crossing - 1] - before / (after - before) * (times[1] - times[0])
+        chosen = numpy.linspace(0, last, count)
+        states = result.dense(chosen).T
+        states[:2] += math.pi / 2
+        return chosen - middle, states
 
     def json(self) -> dict[str, object]:
         entries: dict[str, object] = {
@@ -90,6 +121,8 @@ def heteroclinic(
         saddle_eigenvalues=eigenvalues,
         saddle_value=Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty),
         method=method,
+        parameters=parameters,
+        engine=engine.name,
         splitting_derivative=derivative,
         budget=budget,
     )
@@ -106,38 +139,3 @@ def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tupl
         for a, b in zip(here, moved, strict=True)
     )
     return first, second, third
-
-
-def samples(parameters: Parameters, omega_h: Measured, engine: Engine, count: int = 401) -> Any:
-    """(count, 4): t [s], beta, gamma [rad], v [rad/s] along the connection in double; t = 0 where gamma = pi/2.
-
-    From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
-    second. Raises Shortfall if the branch cannot be followed.
-    """
-    import numpy
-
-    saddle = Saddle(parameters, omega_h.value, 80, 5)
-    start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
-    times = numpy.linspace(0, 12, 6001)
-    state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
-    request = Request(
-        parameters,
-        omega_h.value,
-        state,
-        12.0,
-        shifted=True,
-        times=times,
-        domain="none",
-        dense=True,
-    )
-    result = engine(request)
-    if result.status is not Status.REACHED or result.dense is None:
-        raise Shortfall(f"the unstable branch: {result.status.value}")
-    away = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
-    last = times[int(numpy.argmin(away))]
-    crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
-    before, after = result.samples[crossing - 1 : crossing + 1, 1]
-    middle = times[crossing - 1] - before / (after - before) * (times[1] - times[0])
-    chosen = numpy.linspace(0, last, count)
-    states = result.dense(chosen)
-    return numpy.column_stack((chosen - middle, states[:, :2] + math.pi / 2, states[:, 2]))

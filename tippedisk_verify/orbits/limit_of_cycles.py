@@ -13,7 +13,7 @@ from typing import Any
 
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits
@@ -133,7 +133,7 @@ class Law:
 
         def mpf(value: Any) -> Any:
             exact = fraction(value)
-            return ctx.mpf(exact.numerator) / exact.denominator
+            return quotient(ctx, exact)
 
         eigenvalues = equilibrium(
             parameters, fraction(here.omega), "noninverted", max(15, precision.digits)
@@ -152,7 +152,7 @@ class Law:
     def at(self, above: Fraction, here: PeriodPoint, precision: Precision) -> tuple[Any, list[Any]]:
         """Half the period of the cycle that far above Omega_h, and a guess of its state and speed."""
         ctx = self._ctx
-        target = ctx.mpf(above.numerator) / above.denominator
+        target = quotient(ctx, above)
         ahead = ctx.log(self._c / target) / self._unstable
         for _ in range(60):
             e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
@@ -163,11 +163,10 @@ class Law:
         rest = self._c * ctx.exp(-self._unstable * ahead) + self._b * ctx.exp(self._stable * ahead)
         number = precision.number
         gamma, v, slope_gamma, slope_v = (
-            ctx.mpf(x.numerator) / x.denominator
-            for x in map(fraction, (here.gamma_bar_0, here.v_0, here.slopes[0], here.slopes[1]))
+            quotient(ctx, x) for x in map(fraction, (here.gamma_bar_0, here.v_0, here.slopes[0], here.slopes[1]))
         )
         left = (ctx.pi - gamma) * ctx.exp(-slope_gamma / (ctx.pi - gamma) * ahead)
-        omega = ctx.mpf(self.omega_h.numerator) / self.omega_h.denominator + rest
+        omega = quotient(ctx, self.omega_h) + rest
         return number(fraction(self._half_period + ahead)), [
             number(fraction(ctx.pi - left)),
             number(fraction(v * ctx.exp(slope_v / v * ahead))),

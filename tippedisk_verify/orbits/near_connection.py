@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Event, Request, Status
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, bits, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.half_map import half_map, newton_step
 from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
@@ -27,9 +30,10 @@ from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["cycle_above", "cycle_near", "passage_times", "with_speed"]
+__all__ = ["cycle_above", "cycle_at", "cycle_near", "passage_times", "with_speed"]
 
 _DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
+_NEXT_TO_OMEGA_H = Fraction(1, 100)  # rad/s above it; further away, shooting and continuation fail for other reasons
 _MOST_STEPS = 12
 _SMALLEST = 800  # zeros after the point that D may have
 
@@ -66,6 +70,36 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
+
+
+def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
+    """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
+
+    Raises InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits
+    are not reached.
+    """
+    speed = checked_speed(omega)
+    try:
+        return followed_cycle(parameters, speed, engine, digits=digits)
+    except NoSuchCycleError:
+        with suppress(NoConnectionError, Shortfall):
+            omega_h = _told_apart(parameters, speed, engine)
+            if 0 < speed - omega_h < _NEXT_TO_OMEGA_H:
+                return cycle_near(parameters, speed, omega_h, engine, digits=digits)
+        raise
+
+
+def _told_apart(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
+    """Omega_h [rad/s] to six digits of its distance from the speed, if they are so close. Raises as its methods do."""
+    near = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+    if abs(speed - near) > _NEXT_TO_OMEGA_H:
+        return near
+    digits = 20
+    while True:
+        omega_h = splitting_zero(parameters, near, engine, digits).omega_h
+        if abs(speed - omega_h.value) > omega_h.uncertainty * 10**6:
+            return omega_h.value
+        digits *= 2
 
 
 def cycle_near(
@@ -160,7 +194,7 @@ def with_speed(
     return replace(cycle, **changes)  # type: ignore[arg-type]
 
 
-def passage_times(parameters: Parameters, cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:
+def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:
     """(time of one passage, time of one flight) [s]: within ``distance`` of a saddle, and outside, twice a period each.
 
     The distance is sqrt(cos(beta)^2 + 2 (1 + sin(gamma))), for small values that of the angles to the nearest saddle
@@ -170,7 +204,7 @@ def passage_times(parameters: Parameters, cycle: LimitCycle, engine: Engine, dis
     precision = bits(max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator))))
     result = engine(
         Request(
-            parameters,
+            cycle.parameters,
             cycle.omega.value,
             (0, cycle.gamma_bar_0.value, cycle.v_0.value),
             cycle.period.value / 2,

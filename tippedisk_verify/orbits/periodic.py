@@ -18,8 +18,10 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Engine, Request, Status, raise_unless_usable
 from tippedisk_verify.model.equations import checked_speed, field, shifted
+from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
@@ -54,6 +56,7 @@ __all__ = [
 _MOST_STEPS = 25
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 _NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
+_NEXT_TO_A_SADDLE = 20  # bits of |v_0| below 1 rad/s: there a double start lies visibly beside the orbit
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
@@ -76,11 +79,69 @@ class LimitCycle:
     dv_0_domega: Measured  #: [1]
     stable: bool | None  #: None if the multiplier's half-width holds 1
     residuals: tuple[float, ...]  #: of the Newton iteration in double
+    parameters: Parameters  #: whose cycle it is, with the friction law
+    engine: str  #: what computed it
+    precision: str  #: the arithmetic of its numbers
+
+    @property
+    def multipliers(self) -> tuple[Measured, Measured, Measured]:
+        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
+        fast, ctx = self.log_multiplier_fast, bits(256).context
+        low, high = (fraction(ctx.exp(quotient(ctx, fast.value + sign * fast.uncertainty))) for sign in (-1, 1))
+        rounding = high / 2**230  # of a logarithm of some thousands at most
+        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, Measured(high, high - low + rounding)
+
+    def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
+        """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
+
+        The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. The second half is the image of
+        the first under the point symmetry. Next to Omega_h the flight is in as many bits as its start needs. Raises
+        InputError for a count below 2, ArithmeticError where the engine gives up.
+        """
+        import numpy
+
+        if count < 2:
+            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
+        times = numpy.linspace(0.0, float(self.period), count)
+        half = float(self.period) / 2
+        start = (0, self.gamma_bar_0.value, self.v_0.value)
+        needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
+        request = Request(
+            self.parameters,
+            self.omega.value,
+            start,
+            self.period.value / 2,
+            shifted=True,
+            precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
+            dense=True,
+            domain="none",
+        )
+        result = raise_unless_usable((engine or default_engine())(request))
+        if result.dense is None:
+            raise InputError("an orbit needs an engine with continuous output")
+        states = result.dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
+        states[:, times >= half] *= -1
+        states[:, -1] = states[:, 0]
+        if not shifted:
+            states[:2] += math.pi / 2
+        return times, states
+
+    def plot(self, axes: Any = None) -> Any:
+        """The orbit in the (gamma_bar, beta_bar) plane, on these matplotlib axes or on new ones; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots()
+        _, (beta_bar, gamma_bar, _) = self.orbit(shifted=True)
+        axes.plot(gamma_bar, beta_bar, label=f"Ω = {self.omega:.6g} rad/s")
+        axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
+        return axes
 
     def json(self) -> dict[str, object]:
         return {
             name: value.json() if isinstance(value, Measured) else list(value) if isinstance(value, tuple) else value
             for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
+            if name not in ("parameters", "engine", "precision")
         }
 
 
@@ -279,7 +340,7 @@ def cycle_in_double(parameters: Parameters, value: Fraction, shot: Shot, engine:
     """The cycle that Newton's iteration in double found, with half-widths from twins in double."""
     flights = HalfFlights(parameters, value, engine, DOUBLE)
     numbers = numbers_at(flights, shot.state, shot.map, DOUBLE)
-    return _as_cycle(value, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
+    return _as_cycle(flights, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
 
 
 def _cycle_in_companion(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> LimitCycle | None:
@@ -291,7 +352,7 @@ def _cycle_in_companion(parameters: Parameters, value: Fraction, shot: Shot, eng
     measured = half_widths_by_twins(numbers, others, wider)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
         return None
-    return _as_cycle(value, measured, shot)
+    return _as_cycle(flights, measured, shot, wider)
 
 
 def measured_cycle(
@@ -307,14 +368,17 @@ def measured_cycle(
     """
     if precision == DOUBLE:
         return cycle_in_double(parameters, value, shot, engine)
-    (rough, _), (sharp, doubt) = (
-        sharpened(shot, HalfFlights(parameters, value, engine, kind), kind)
-        for kind in (precision, companion(precision))
-    )
-    return _as_cycle(value, half_widths_by_wider_run(rough, sharp, doubt, precision), shot)
+    flights = HalfFlights(parameters, value, engine, precision)
+    rough, _ = sharpened(shot, flights, precision)
+    wider = companion(precision)
+    sharp, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider), wider)
+    return _as_cycle(flights, half_widths_by_wider_run(rough, sharp, doubt, precision), shot)
 
 
-def _as_cycle(value: Fraction, measured: dict[str, Measured], shot: Shot) -> LimitCycle:
+def _as_cycle(
+    flights: HalfFlights, measured: dict[str, Measured], shot: Shot, precision: Precision | None = None
+) -> LimitCycle:
+    """The result; ``precision`` is the arithmetic of the numbers, by default that of the flights."""
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
@@ -322,8 +386,11 @@ def _as_cycle(value: Fraction, measured: dict[str, Measured], shot: Shot) -> Lim
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
     return LimitCycle(
-        omega=Measured(value, Fraction(0)),
+        omega=Measured(flights.omega, Fraction(0)),
         **measured,
         stable=bool(abs(slow.value) < 1) if certain else None,
         residuals=shot.residuals,
+        parameters=flights.parameters,
+        engine=flights.engine.name,
+        precision=(precision or flights.precision).name,
     )

@@ -126,6 +126,7 @@ class Panel:
     """A computed scene."""
 
     scene: Scene
+    parameters: Parameters  #: of the disk, with the friction law
     omega: Measured  #: [rad/s]
     inverted_stable: bool
     noninverted_stable: bool
@@ -168,7 +169,7 @@ def compute(
             float(times[-1]),
             times=times,
             dense=True,
-            tolerance=None if engine.name == "taylor" else _LOOSER,
+            tolerance=None if engine.measures_error else _LOOSER,
             domain="event" if scene.flat_event else "samples",
         )
         result = engine(request)
@@ -180,6 +181,7 @@ def compute(
         orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
     return Panel(
         scene=scene,
+        parameters=parameters,
         omega=omega,
         inverted_stable=stable,
         noninverted_stable=is_stable(linearization(parameters, omega.value, "noninverted")),
@@ -202,7 +204,7 @@ def classified(
     if result.status is Status.FLAT:
         return _flat(result, request, engine, omega)
     amplitudes = [float(value) for value in section_amplitudes(request.times, result)]
-    error = _TAYLOR_CROSSING_ERROR if engine.name == "taylor" else _SCIPY_CROSSING_ERROR
+    error = _TAYLOR_CROSSING_ERROR if engine.measures_error else _SCIPY_CROSSING_ERROR
     if len(amplitudes) < 12:
         return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
     final = amplitudes[-1]
@@ -255,7 +257,7 @@ def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> 
 def _flat_time(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
     plain = replace(request, times=None, dense=False)
-    if engine.name == "taylor":
+    if engine.measures_error:
         timed = engine(replace(plain, error_estimate=True))
         error = timed.error.time if timed.error is not None else math.inf
         if not math.isfinite(error):

@@ -16,7 +16,7 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.exact import Exact, fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -106,15 +106,13 @@ class Road:
         )
         if result.status is not Status.REACHED:
             raise Shortfall(f"the unstable branch: {result.status.value}")
-        beta, gamma, v = (ctx.mpf(value.numerator) / value.denominator for value in map(fraction, result.state))
+        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, result.state))
         return Splitting(*saddle.stable_coordinates((beta, gamma - ctx.pi, v)))
 
     def start_of(self, saddle: Saddle) -> list[Fraction]:
         """(beta_bar, gamma_bar, v) on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
         ctx = saddle.context
-        beta, gamma, v = (
-            curve.at(ctx.mpf(self.start.numerator) / self.start.denominator) for curve in saddle.unstable_curve
-        )
+        beta, gamma, v = (curve.at(quotient(ctx, self.start)) for curve in saddle.unstable_curve)
         return [fraction(beta), fraction(gamma - ctx.pi), fraction(v)]
 
     def _flight_time(self, near: Fraction, saddle: Saddle) -> Fraction:

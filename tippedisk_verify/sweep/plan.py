@@ -35,9 +35,9 @@ _MOST_BITS = 1_000_000_000  # of a range's numbers
 # ------------------------------------------------------------------------------------------ what can be swept
 def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.continuation import followed_cycle
+    from tippedisk_verify.orbits.near_connection import cycle_at
 
-    cycle = followed_cycle(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
+    cycle = cycle_at(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
     speed = {} if "omega" in point else {"omega": cycle.omega}
     names = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
     found: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}

@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact, shown
+from tippedisk_verify.model.exact import PI, Exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -172,7 +172,7 @@ def eigenvalue_discs(matrix: Linearization, digits: int) -> list[tuple[Any, Any]
 
 def _rounded(matrix: Linearization, ctx: Any) -> Linearization:
     exact = (Fraction(part) for part in matrix)
-    return Linearization(*(ctx.mpf(part.numerator) / part.denominator for part in exact))
+    return Linearization(*(quotient(ctx, part) for part in exact))
 
 
 def _defect(matrix: Linearization, value: Any) -> tuple[Any, Any, Any]:

@@ -15,9 +15,9 @@ from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import quotient, shown
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.hopf import omega_crit_squared
 
@@ -138,7 +138,7 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     ctx = bits(bits_for_digits(digits + 5)).context
 
     def root(value: Any, factor: Any = 1) -> Any:
-        return factor * ctx.sqrt(ctx.mpf(value.numerator) / value.denominator)
+        return factor * ctx.sqrt(quotient(ctx, value))
 
     amplitude, frequency = root(square), root(frequency_squared)
     period = 2 * ctx.pi / frequency
@@ -163,9 +163,9 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
 
 def _slopes(parameters: Parameters, form: Form, working_bits: int) -> tuple[Any, Any]:
     ctx = bits(working_bits).context
-    c = Constants(*(ctx.mpf(v.numerator) / v.denominator for v in parameters.rational()))
+    c = parameters.within(ctx)
     square = omega_crit_squared(parameters)
-    crit = ctx.sqrt(ctx.mpf(square.numerator) / square.denominator)
+    crit = ctx.sqrt(quotient(ctx, square))
     r, e, reach = c.r, c.e, c.r + c.e
     denominator = chi(c, form) * crit**2 + c.m * c.g * e * reach
     if abs(denominator) < 1000 * ctx.eps * c.m * c.g * e * reach:

@@ -12,8 +12,9 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 
@@ -109,7 +110,7 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
 def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any]) -> Measured:
     ctx = bits(bits_for_digits(digits + 5)).context
-    value = function(ctx, ctx.sqrt(ctx.mpf(square.numerator) / square.denominator))
+    value = function(ctx, ctx.sqrt(quotient(ctx, square)))
     # Five operations, each correctly rounded: 8 ulps hold them.
     return Measured.of(value, abs(value) * 8 * ctx.eps)
 
@@ -144,11 +145,9 @@ def normal_form(parameters: Parameters, working_bits: int) -> dict[str, Any]:
     |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
     """
     ctx = bits(working_bits).context
-    constants = Constants(
-        *(ctx.mpf(value.numerator) / value.denominator for value in map(Fraction, parameters.rational()))
-    )
+    constants = parameters.within(ctx)
     square = omega_crit_squared(parameters)
-    speed = ctx.sqrt(ctx.mpf(square.numerator) / square.denominator)
+    speed = ctx.sqrt(quotient(ctx, square))
     reach, ratio = constants.r + constants.e, constants.k / constants.b
     frequency = speed * ctx.sqrt(constants.e / reach)
     a32, a33 = -ratio * constants.e * reach * speed, -ratio * reach**2

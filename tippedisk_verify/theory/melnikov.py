@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact, fraction, shown
+from tippedisk_verify.model.exact import exact, fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -73,13 +73,13 @@ def _checked(digits: int) -> None:
 
 def _prepared(parameters: Parameters, gamma_bar_0: object, working: int) -> tuple[Any, Constants, Any]:
     ctx = bits(working).context
-    constants = Constants(*(ctx.mpf(value.numerator) / value.denominator for value in parameters.rational()))
+    constants = parameters.within(ctx)
     if gamma_bar_0 is None:
         return ctx, constants, ctx.pi
     value = exact(gamma_bar_0)
     if value.pi_multiple or not 0 < value.rational < Fraction("3.14159265358979"):
         raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {shown(gamma_bar_0)}")
-    return ctx, constants, ctx.mpf(value.rational.numerator) / value.rational.denominator
+    return ctx, constants, quotient(ctx, value.rational)
 
 
 def _on_level(ctx: Any, constants: Constants, largest: Any, x: Any) -> tuple[Any, Any, Any]:

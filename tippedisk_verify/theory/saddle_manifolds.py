@@ -25,6 +25,7 @@ from typing import Any
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
@@ -136,11 +137,11 @@ class Saddle:
     @cached_property
     def constants(self) -> Constants:
         ctx = self.context
-        return Constants(*(ctx.mpf(value.numerator) / value.denominator for value in self.parameters.rational()))
+        return self.parameters.within(ctx)
 
     @cached_property
     def speed(self) -> Any:
-        return self.context.mpf(self.omega.numerator) / self.omega.denominator
+        return quotient(self.context, self.omega)
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
@@ -164,9 +165,7 @@ class Saddle:
         vectors = []
         for value in self.eigenvalues:
             vector = right_eigenvector(linearization(self.parameters, self.omega, "noninverted"), value)
-            parts = [
-                ctx.mpf(part.numerator) / part.denominator if isinstance(part, Fraction) else part for part in vector
-            ]
+            parts = [quotient(ctx, part) if isinstance(part, Fraction) else part for part in vector]
             largest = max(parts, key=abs)
             vectors.append([part / largest for part in parts])
         return ctx.matrix(vectors).T

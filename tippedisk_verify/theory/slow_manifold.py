@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed, terms
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits, heyoka_module
@@ -256,7 +256,7 @@ def reduced_equilibrium(
     precision = bits(working_bits)
     ctx = precision.context
     constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
-    speed = ctx.mpf(omega.numerator) / omega.denominator if isinstance(omega, Fraction) else ctx.mpf(omega)
+    speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
     beta, gamma, _ = (precision.mpf(precision.number(part)) for part in location(name))
     surface = _summed(_expanded(_jets(ctx, constants, speed, beta, gamma, order + 1), order), constants.epsilon)
     return ReducedEquilibrium(surface.c[1][0], -speed * surface.c[0][1])
@@ -408,14 +408,14 @@ def _numbers(parameters: Parameters, omega: Fraction, working_bits: int) -> tupl
     precision = bits(working_bits)
     ctx = precision.context
     constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
-    return ctx, constants, ctx.mpf(omega.numerator) / omega.denominator
+    return ctx, constants, quotient(ctx, omega)
 
 
 def _at(
     parameters: Parameters, omega: Fraction, working_bits: int, beta: Fraction, gamma: Fraction, highest: int
 ) -> list[Any]:
     ctx, constants, speed = _numbers(parameters, omega, working_bits)
-    place = [ctx.mpf(part.numerator) / part.denominator for part in (beta, gamma)]
+    place = [quotient(ctx, part) for part in (beta, gamma)]
     return orders(ctx, constants, speed, place[0], place[1], highest)
 
 
@@ -423,7 +423,7 @@ def _largest_residuals(parameters: Parameters, omega: Fraction, order: int) -> t
     """For each order up to the given one, with sixty digits more than the residual lies below its terms."""
     below = (order + 1) * max(0, math.ceil(-math.log10(parameters.epsilon)))
     ctx, constants, speed = _numbers(parameters, omega, bits_for_digits(60 + below))
-    places = [[ctx.mpf(part.numerator) / part.denominator for part in point] for point in POINTS]
+    places = [[quotient(ctx, part) for part in point] for point in POINTS]
     rows = [
         [abs(value) for value in invariance_residuals(ctx, constants, speed, place[0], place[1], order)]
         for place in places
@@ -436,7 +436,7 @@ def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> t
     ctx, constants, speed = _numbers(parameters, omega, 120)
     largest = [0.0] * (highest + 1)
     for point in POINTS:
-        place = [ctx.mpf(part.numerator) / part.denominator for part in point]
+        place = [quotient(ctx, part) for part in point]
         for n, value in enumerate(orders(ctx, constants, speed, place[0], place[1], highest)):
             largest[n] = max(largest[n], float(abs(value) * constants.epsilon**n))
     best = min(range(1, highest + 1), key=largest.__getitem__)

@@ -19,7 +19,7 @@ import numpy
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed, field, jacobian
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
@@ -328,9 +328,9 @@ def _sharpened(parameters: Parameters, omega: Fraction, guess: Samples, digits: 
 def _tools(parameters: Parameters, omega: Fraction, digits: int) -> tuple[Any, Constants, Any, Any, Any]:
     """An arithmetic of that many digits: its context, the constants and the speed in it, and its sines."""
     ctx = bits(bits_for_digits(digits)).context
-    constants = Constants(*(ctx.mpf(value.numerator) / value.denominator for value in parameters.rational()))
+    constants = parameters.within(ctx)
     sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
-    return ctx, constants, ctx.mpf(omega.numerator) / omega.denominator, _Shifted(sin, cos), sin
+    return ctx, constants, quotient(ctx, omega), _Shifted(sin, cos), sin
 
 
 def _factored(parameters: Parameters, omega: float, guess: Samples) -> Any:

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.evidence.bench.problems import problem_named
-from tippedisk_verify.flow.contract import Engine, Request, Result
+from tippedisk_verify.flow.contract import Build, Engine, Request, Result
 from tippedisk_verify.flow.system import direction_of, system_of
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import products
@@ -75,7 +75,8 @@ def _nothing(stepper: Any, when: float, sign: int) -> None:
 class _Listening:
     """An engine that keeps what it is asked."""
 
-    name = "taylor"
+    name, measures_error = "taylor", True
+    builds: tuple[Build, ...] = ()
 
     def __init__(self, engine: Engine, asked: list[Request]) -> None:
         self._engine, self._asked = engine, asked

@@ -9,7 +9,7 @@ from typing import Any
 
 from tippedisk_verify.evidence.reference.entries import Case, Road, Values, changed
 from tippedisk_verify.model.equations import field, friction_force, jacobian, shifted, terms
-from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, heyoka_module
@@ -58,15 +58,11 @@ def _compared(rough: dict[str, Any], sharp: dict[str, Any], working: int) -> Val
 
 
 def _state(case: Case, ctx: Any) -> tuple[Any, ...]:
-    return tuple(_mpf(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma", "v"))
-
-
-def _mpf(ctx: Any, value: Fraction) -> Any:
-    return ctx.mpf(value.numerator) / value.denominator
+    return tuple(quotient(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma", "v"))
 
 
 def _constants(parameters: Parameters, ctx: Any) -> Constants:
-    return Constants(*(_mpf(ctx, value) for value in parameters.rational()))
+    return Constants(*(quotient(ctx, value) for value in parameters.rational()))
 
 
 # ------------------------------------------------------------------------------------------ right-hand side
@@ -176,7 +172,7 @@ def _equilibrium_numeric(case: Case, known: Values) -> Values:
 def _eigenvalues(case: Case, working: int) -> dict[str, Any]:
     ctx = bits(working).context
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
-    rows = jacobian(ctx, _constants(case.parameters, ctx), _mpf(ctx, case.inputs["Omega"]), "linear")(
+    rows = jacobian(ctx, _constants(case.parameters, ctx), quotient(ctx, case.inputs["Omega"]), "linear")(
         ctx.pi / 2, gamma, ctx.mpf(0)
     )
     values = ctx.eig(ctx.matrix([list(row) for row in rows]), left=False, right=False)
@@ -218,15 +214,17 @@ def _hopf_balance(case: Case, known: Values) -> Values:
 def _hopf_by_balance(parameters: Parameters, working: int) -> dict[str, Any]:
     ctx = bits(working).context
     square = hopf.omega_crit_squared(parameters)
-    speed = ctx.sqrt(_mpf(ctx, square))
+    speed = ctx.sqrt(quotient(ctx, square))
     matrix = linearization(parameters, fraction(speed))
     # lambda^3 - A33 lambda^2 - A31 lambda - Omega A32 with A31 = const - Omega^2 and A32 proportional to Omega.
-    a33, a31, a32 = (_mpf(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32))
+    a33, a31, a32 = (quotient(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32))
     root = ctx.mpc(0, ctx.sqrt(-a31))
     by_root = 3 * root**2 - 2 * a33 * root - a31
     by_speed = 2 * speed * root - 2 * a32
     drift = -by_speed / by_root
-    amplitude, period = (_mpf(ctx, slope.value) for slope in harmonic_balance.slopes(parameters, digits=_DIGITS + 12))
+    amplitude, period = (
+        quotient(ctx, slope.value) for slope in harmonic_balance.slopes(parameters, digits=_DIGITS + 12)
+    )
     # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega, lambda^2) / |...|.
     frequency = abs(root)
     share = frequency**2 / (frequency**2 + speed**2 + frequency**4)
@@ -260,7 +258,7 @@ def _balance_floating(case: Case, known: Values) -> Values:
 
 def _law(case: Case, working: int) -> dict[str, Any]:
     ctx = bits(working).context
-    c, omega, form = _constants(case.parameters, ctx), _mpf(ctx, case.inputs["Omega"]), case.inputs["form"]
+    c, omega, form = _constants(case.parameters, ctx), quotient(ctx, case.inputs["Omega"]), case.inputs["form"]
     square = harmonic_balance.amplitude_squared(c, omega**2, form)
     frequency = ctx.sqrt(omega**2 * c.e / (c.r + c.e) + harmonic_balance.delta(c, omega, form) * square)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
@@ -285,7 +283,7 @@ def _manifold_first(case: Case, known: Values) -> Values:
 def _orders(case: Case, working: int, highest: int = _HIGHEST) -> dict[str, Any]:
     ctx = bits(working).context
     c = _constants(case.parameters, ctx)
-    omega, beta, gamma = (_mpf(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
+    omega, beta, gamma = (quotient(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
     series = slow_manifold.orders(ctx, c, omega, beta, gamma, highest)
     residuals = slow_manifold.invariance_residuals(ctx, c, omega, beta, gamma, highest)
     return {f"h_{n}": h for n, h in enumerate(series)} | {f"residual_{n}": h for n, h in enumerate(residuals)}
@@ -299,7 +297,7 @@ def _manifold_differences(case: Case, known: Values) -> Values:
     """
     ctx = bits(400).context
     c = _constants(case.parameters, ctx)
-    omega, beta, gamma = (_mpf(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
+    omega, beta, gamma = (quotient(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
     step = ctx.mpf(10) ** -32
 
     def at(b: Any, g: Any) -> list[Any]:

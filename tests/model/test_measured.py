@@ -1,0 +1,69 @@
+"""Numbers with half-widths behave as numbers, and their results hold what they may stand for."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from decimal import Decimal
+from fractions import Fraction
+
+import mpmath
+import numpy
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.model.measured import Measured
+
+NUMBERS = st.fractions(-1000, 1000, max_denominator=1000)
+WIDTHS = st.fractions(0, 10, max_denominator=1000)
+WHERE = st.sampled_from([Fraction(-1), Fraction(-1, 3), Fraction(0), Fraction(1, 2), Fraction(1)])
+
+
+@given(NUMBERS, WIDTHS, WHERE, NUMBERS, WIDTHS, WHERE)
+@pytest.mark.parametrize("operation", [operator.add, operator.sub, operator.mul, operator.truediv])
+def test_operations_hold_the_true_result(
+    operation: Callable[..., Measured], a: Fraction, u: Fraction, s: Fraction, b: Fraction, w: Fraction, t: Fraction
+) -> None:
+    """Wherever in their half-widths the true values lie; and with an exact number on either side."""
+    mine, theirs, truth, other = Measured(a, u), Measured(b, w), a + s * u, b + t * w
+    pairs = [(mine, theirs, truth, other), (mine, b, truth, b), (a, theirs, a, other)]
+    for left, right, x, y in pairs:
+        divisor = right if isinstance(right, Measured) else Measured(right, Fraction(0))
+        if operation is operator.truediv and abs(divisor.value) <= divisor.uncertainty:
+            with pytest.raises(ZeroDivisionError):
+                operation(left, right)
+        else:
+            assert operation(left, right).holds(operation(x, y))
+
+
+def test_a_product_is_no_wider_than_it_must_be() -> None:
+    product = Measured.of(3, "0.1") * Measured.of(-2, "0.2")
+    assert product.uncertainty == Fraction("3.1") * Fraction("2.2") - 6
+    assert abs(-product) == Measured.of(6, product.uncertainty)
+
+
+def test_comparisons_say_when_they_cannot_tell() -> None:
+    period = Measured.of("1.0825", "0.0001")
+    assert period < 1.1
+    assert period > Fraction(1)
+    assert Decimal("1.0824") <= period
+    assert not period >= 2
+    assert sorted([period, Measured.of(1, 0)])[0].value == 1
+    for open_question in (lambda: period < Measured.of("1.0826", "0.0001"), lambda: period <= Decimal("1.0825")):
+        with pytest.raises(Shortfall, match="cannot be told apart"):
+            open_question()
+    with pytest.raises(TypeError):
+        _ = period < "1"
+
+
+def test_it_is_formatted_and_taken_as_a_number() -> None:
+    number = Measured.of("30.88659268864356727833", "1e-20")
+    assert f"{number:.10g}" == "30.88659269"
+    assert f"{number:12.4f}" == "     30.8866"
+    assert f"{number}" == str(number)
+    assert repr(number) == f"Measured({number})"
+    assert numpy.array([number, number], float).tolist() == [30.886592688643567] * 2
+    with mpmath.workdps(30):
+        assert abs(mpmath.mpf(number) - mpmath.mpf("30.88659268864356727833")) < mpmath.mpf(10) ** -28

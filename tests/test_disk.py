@@ -1,0 +1,203 @@
+"""The front door: what a disk gives, seen from outside."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from fractions import Fraction
+
+import numpy
+import pytest
+from scipy.integrate import solve_ivp
+
+import tippedisk_verify as tv
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.model.equations import right_hand_side
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.near_connection import passage_times
+
+START = ("pi/2", "pi/2 + 0.4", 0)
+LAWS = ("linear", "smooth")
+
+
+# ---------------------------------------------------------------------------------------------- the disk itself
+def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
+    disk, smooth = tv.Disk("printed"), tv.Disk("printed", friction="smooth")
+    assert disk == tv.PRINTED
+    assert hash(disk) == hash(tv.PRINTED)
+    assert smooth != disk
+    assert smooth.with_friction("linear") == disk
+    assert smooth.changed(mu="0.4").friction == "smooth"
+    assert pickle.loads(pickle.dumps(smooth)) == smooth
+    mine = tv.Disk(r="0.045", e="0.0025", m="0.435", A="0.249e-3", B="0.227e-3", g="9.81", mu="0.3", epsilon="0.1")
+    assert mine.omega_crit == disk.omega_crit
+
+
+def test_a_disk_from_a_file(tmp_path) -> None:
+    lines = [f'{name} = "{value}"' for name, value in tv.CALIBRATED.decimals().items()]
+    (tmp_path / "mine.toml").write_text("\n".join(lines))
+    read = tv.Disk.read(tmp_path / "mine.toml", friction="smooth")
+    assert read.friction == "smooth"
+    assert read.omega_crit == tv.Disk("calibrated").omega_crit
+
+
+@pytest.mark.parametrize(
+    ("make", "word"),
+    [
+        (lambda: tv.Disk("unknown"), "not known"),
+        (lambda: tv.Disk("printed", r="1"), "not both"),
+        (lambda: tv.Disk(r="0.045"), "needs e"),
+        (lambda: tv.Disk("printed", friction="sticky"), "linear or smooth"),
+        (lambda: tv.Disk("printed", friction="smooth").hopf(), "linear friction law only"),
+        (lambda: tv.Disk("printed").limit_cycle(), "one of omega, below_crit and above_het"),
+        (lambda: tv.Disk("printed").limit_cycle("30.4", below_crit="0.5"), "one of omega, below_crit and above_het"),
+        (lambda: tv.Disk("printed").limit_cycle(below_crit="pi"), "must be a decimal"),
+        (lambda: tv.Disk("printed").branch([]), "1 to"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line(make, word) -> None:
+    with pytest.raises(tv.InputError, match=word) as fault:
+        make()
+    assert "\n" not in str(fault.value)
+
+
+# ---------------------------------------------------------------------------------------------- motion
+@pytest.mark.parametrize("friction", LAWS)
+def test_a_solution_is_what_scipy_gives(friction) -> None:
+    """The same times, shape and numbers as `solve_ivp`'s on the same equations."""
+    disk = tv.Disk("printed", friction=friction)
+    constants = disk.at(DOUBLE)
+    times = numpy.linspace(0, 2, 21)
+    mine = disk.integrate("30.4", START, 2, times=times)
+    theirs = solve_ivp(
+        lambda t, y: right_hand_side(math, constants, 30.4, y, friction),
+        (0, 2),
+        (math.pi / 2, math.pi / 2 + 0.4, 0.0),
+        "DOP853",
+        times,
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    assert mine.success
+    assert mine.t.tolist() == theirs.t.tolist()
+    assert mine.y.shape == mine.uncertainty.shape == theirs.y.shape
+    assert abs(mine.y - theirs.y).max() < 1e-8  # DOP853's error at this tolerance, where the smooth law's field bends
+    assert (mine.uncertainty < 1e-11).all()
+    assert abs(mine(times[3]) - mine.y[:, 3]).max() < 1e-12
+    assert mine(times[:4]).shape == (3, 4)
+    assert mine.disk.friction == friction
+
+
+def test_half_widths_hold_the_motion_of_more_digits() -> None:
+    disk = tv.Disk("printed")
+    mine, sharp = disk.integrate("30.4", START, 3), disk.integrate("30.4", START, 3, digits=30)
+    assert sharp.precision != mine.precision == "double"
+    assert mine.t.shape == sharp.t.shape == (201,)
+    away = abs(mine.y - sharp.y.astype(float))
+    assert (away <= mine.uncertainty + numpy.spacing(abs(mine.y))).all()
+    assert sharp.uncertainty.max() < 1e-30
+
+
+def test_a_run_that_ends_early_ends_with_its_end() -> None:
+    disk = tv.Disk("printed")
+    lying = disk.integrate("29.9", START, 20)
+    assert lying.status is tv.Status.FLAT
+    assert lying.success
+    assert "lies flat" in lying.message
+    assert lying.t.shape == (lying.y.shape[1],)
+    assert 17.3 < lying.t[-1] < 17.4
+    assert abs(math.sin(lying.y[0, -1])) < 1e-9
+    assert 0 < lying.time_uncertainty < 1e-10
+    assert numpy.isfinite(lying.uncertainty).all()
+    assert (numpy.diff(lying.t) > 0).all()
+    with pytest.raises(tv.InputError, match="known from 0 s to 17"):
+        lying(18.0)
+
+
+def test_another_engine_says_that_it_measures_no_error() -> None:
+    run = tv.Disk("printed").integrate("30.4", START, 1, engine=Baseline("DOP853"))
+    assert run.engine == "scipy-DOP853"
+    assert numpy.isinf(run.uncertainty).all()
+
+
+# ---------------------------------------------------------------------------------------------- limit cycles
+@pytest.mark.parametrize("friction", LAWS)
+def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
+    """By SciPy, from a quarter of the way: the second half is drawn by the symmetry and must be where the flow goes."""
+    disk = tv.Disk("printed", friction=friction)
+    cycle = disk.limit_cycle("30.4")
+    t, y = cycle.orbit(9)
+    assert t[-1] == float(cycle.period)
+    assert abs(y[:, 0] - y[:, -1]).max() < 1e-12
+    constants = disk.at(DOUBLE)
+    theirs = solve_ivp(
+        lambda t, y: right_hand_side(math, constants, 30.4, y, friction),
+        (t[2], t[-1]),
+        y[:, 2],
+        "DOP853",
+        t[2:],
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    assert abs(theirs.y - y[:, 2:]).max() < 1e-8
+    _, shifted = cycle.orbit(9, shifted=True)
+    assert abs(shifted[:2] + math.pi / 2 - y[:2]).max() < 1e-15
+    assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
+
+
+def test_multipliers_are_those_of_their_logarithms() -> None:
+    cycle = tv.Disk("printed").limit_cycle("30.4", digits=20)
+    along, slow, fast = cycle.multipliers
+    assert along == tv.Measured.of(1, 0)
+    assert slow == cycle.multiplier_slow
+    assert math.isclose(float(fast), math.exp(float(cycle.log_multiplier_fast)), rel_tol=1e-12)
+    relative = fast.uncertainty / fast.value
+    assert cycle.log_multiplier_fast.uncertainty <= relative <= 3 * cycle.log_multiplier_fast.uncertainty
+
+
+def test_a_cycle_remembers_its_disk() -> None:
+    """The smooth law's cycle is flown with the smooth law, whoever is handed it."""
+    smooth = tv.Disk("printed", friction="smooth")
+    cycle = smooth.limit_cycle(above_het="1e-3")
+    assert cycle.parameters == smooth
+    assert (cycle.engine, cycle.precision) == ("taylor", "extended") or cycle.precision.startswith("real")
+    passage, flight = passage_times(cycle, tv.Taylor(), Fraction("0.1"))
+    assert abs(float(passage + flight) - float(cycle.period) / 2) < 1e-9
+    _, y = cycle.orbit(101)
+    assert abs(y[:, 0] - y[:, -1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
+def test_one_door_however_close_to_omega_h(friction) -> None:
+    """A speed that lies next to Omega_h by accident, and the same as a distance from it."""
+    disk = tv.Disk("printed", friction=friction)
+    omega_h = disk.heteroclinic(digits=30).omega_h
+    speed = Fraction(round(omega_h.value * 10**13) + 3, 10**13)
+    door = disk.limit_cycle(speed)
+    assert door.omega.value == speed
+    named = disk.limit_cycle(above_het=speed - omega_h.value)
+    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
+        one, other = getattr(door, name), getattr(named, name)
+        assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty
+        assert one.uncertainty < abs(one.value) / 10**12
+    below = speed - Fraction(6, 10**13)
+    with pytest.raises(tv.InputError, match=r"no limit cycle|not converged|did not converge"):
+        disk.limit_cycle(below)
+
+
+def test_the_branch_as_arrays() -> None:
+    branch = tv.Disk("printed").branch(["30.3", "30.4", "30.5"])
+    assert branch.omega.tolist() == [30.3, 30.4, 30.5]
+    for cycle, period, width in zip(branch.cycles, branch.period, branch.uncertainty["period"], strict=True):
+        assert float(cycle.period) == period
+        assert 0 < width < 1e-12
+    assert (numpy.diff(branch.period) < 0).all()
+
+
+def test_a_cycle_is_drawn_on_the_axes_given() -> None:
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    assert tv.Disk("printed").limit_cycle("30.4").plot(axes) is axes
+    (line,) = axes.get_lines()
+    assert abs(line.get_xdata()).max() == pytest.approx(1.6795, abs=1e-3)

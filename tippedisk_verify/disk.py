@@ -1,0 +1,279 @@
+"""The front door: a `Disk`, and what can be asked of it.
+
+A disk is its parameters with the friction law. Each method hands it on to the room where the mathematics is, with the
+engine that is used unless another one is named; what comes back remembers the disk it is about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Friction, Parameters
+
+if TYPE_CHECKING:
+    from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Result, Status
+    from tippedisk_verify.orbits.basins import Basins
+    from tippedisk_verify.orbits.branches import Branch
+    from tippedisk_verify.orbits.heteroclinic import Heteroclinic
+    from tippedisk_verify.orbits.periodic import LimitCycle
+    from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
+    from tippedisk_verify.theory.hopf import HopfPoint
+
+__all__ = ["Disk", "Solution"]
+
+_SAMPLES = 201  # of a solution, if no times are named
+_DOUBLE_DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
+
+    ``t`` (n,) [s], ``y`` (3, n) with rows beta, gamma [rad] and v [rad/s], ``uncertainty`` (3, n) the half-widths of
+    ``y``, infinite where rounding decides how the run ends. The last column is where the run ended, which is before the
+    final time if the disk lies flat or a terminal event ends it: ``status`` and ``message`` say so.
+    """
+
+    disk: Disk
+    omega: object  #: [rad/s]
+    t: Any
+    y: Any
+    uncertainty: Any
+    status: Status
+    time_uncertainty: float  #: half-width of the last time [s]; 0 unless an event ended the run
+    events: tuple[EventRecord, ...]
+    engine: str
+    precision: str
+    _again: Any
+
+    @property
+    def success(self) -> bool:
+        """Whether the run ended as it was asked to, or at the model's own end."""
+        return self.status.usable
+
+    @property
+    def message(self) -> str:
+        """How the run ended, in words."""
+        return self.status.value
+
+    @cached_property
+    def _dense(self) -> Any:
+        result: Result = self._again()
+        if result.dense is None:
+            raise InputError(f"{self.engine} gives no continuous output")
+        return result.dense
+
+    def __call__(self, t: Any) -> Any:
+        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy.
+
+        The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
+        """
+        import numpy
+
+        times = numpy.asarray(t, dtype=float)
+        first, last = sorted((0.0, float(self.t[-1])))
+        if times.size and not (first <= times.min() and times.max() <= last):
+            raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
+        states = self._dense(numpy.atleast_1d(times)).T
+        return states[:, 0] if times.ndim == 0 else states
+
+
+class Disk(Parameters):
+    """A tippedisk under a friction law, and what can be asked of it.
+
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)`` one of
+    your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. ``friction``
+    is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
+
+    Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
+    ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, named: str | None = None, *, friction: Friction | None = None, **values: Any) -> None:
+        if named is not None:
+            if values:
+                raise InputError(
+                    f"a disk has a name or its own numbers, not both '{shown(named)}' and {sorted(values)}"
+                )
+            known = Parameters.named(named)
+            values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+            friction = friction or known.friction
+        values["friction"] = friction or "linear"
+        names = [item.name for item in fields(Parameters) if item.init]
+        missing = [name for name in names if name not in (*values, "C", "name")]
+        unknown = [name for name in values if name not in names]
+        if missing or unknown:
+            told = [f"a disk has no '{name[:40]}'" for name in unknown] + [f"a disk needs {name}" for name in missing]
+            raise InputError(told)
+        super().__init__(**values)
+
+    @classmethod
+    def read(cls, path: str | Path, friction: Friction = "linear") -> Disk:
+        """The disk in a TOML file of quoted decimals. Raises InputError as `Parameters.from_toml` does."""
+        known = Parameters.from_toml(Path(path))
+        values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+        return cls(**values | {"friction": friction})
+
+    # ---------------------------------------------------------------------------------------- closed forms
+    @property
+    def omega_crit(self) -> Measured:
+        """The critical speed Omega_crit [rad/s], where inverted spinning loses stability (Eq. approx_omega_crit)."""
+        from tippedisk_verify.theory.hopf import omega_crit
+
+        return omega_crit(self)
+
+    def equilibrium(self, name: EquilibriumName, omega: object, *, digits: int = 15) -> Equilibrium:
+        """``inverted`` or ``noninverted`` spinning: state, eigenvalues [1/s], stability."""
+        from tippedisk_verify.theory.equilibria import equilibrium
+
+        return equilibrium(self, omega, name, digits)
+
+    def hopf(self, *, digits: int = 12) -> HopfPoint:
+        """The Hopf point of inverted spinning with its normal form. Raises InputError under the smooth law."""
+        from tippedisk_verify.theory.hopf import hopf_point
+
+        self.refuse_smooth("the Hopf point's normal form is")
+        return hopf_point(self, digits)
+
+    # ---------------------------------------------------------------------------------------- motion
+    def integrate(
+        self,
+        omega: object,
+        state: Sequence[object],
+        duration: object,
+        *,
+        times: Any = None,
+        digits: int = 12,
+        events: tuple[Event, ...] = (),
+        shifted: bool = False,
+        engine: Engine | None = None,
+    ) -> Solution:
+        """The motion from ``state`` (beta, gamma, v) for ``duration`` [s], backward if that is negative.
+
+        ``times`` are where the solution is wanted, strictly monotonic from 0 on; 201 even ones if left out. Texts such
+        as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``. Raises InputError for
+        what makes no sense; a run that ends early does not raise.
+        """
+        import numpy
+
+        from tippedisk_verify.flow.contract import Request
+        from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+
+        flown = self._engine(engine)
+        precision = DOUBLE if checked_digits(digits) <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + 8))
+        if times is None:
+            end = exact(duration)
+            times = [end * Fraction(n, _SAMPLES - 1) for n in range(_SAMPLES)] if float(end) else None
+        request = Request(
+            self,
+            omega,
+            state,
+            duration,
+            shifted=shifted,
+            precision=precision,
+            times=times,
+            events=events,
+            error_estimate=flown.measures_error,
+        )
+        result = flown(request)
+        taken = precision.array([]) if times is None else precision.array(list(times))[: len(result.samples)]
+        samples = numpy.empty((0, 3)) if result.samples is None else result.samples
+        widths = numpy.full(samples.shape, numpy.inf)
+        last_width, time_width = numpy.full(3, numpy.inf), 0.0
+        if result.error is not None:
+            last_width, time_width = result.error.state, result.error.time
+            if result.error.samples is not None:
+                widths = result.error.samples
+        if len(taken) and taken[-1] == result.time:
+            taken, samples, widths = taken[:-1], samples[:-1], widths[:-1]
+        return Solution(
+            disk=self,
+            omega=omega,
+            t=numpy.append(taken, result.time),
+            y=numpy.vstack((samples, result.state)).T,
+            uncertainty=numpy.vstack((widths, last_width)).T.astype(float),
+            status=result.status,
+            time_uncertainty=time_width,
+            events=result.events,
+            engine=flown.name,
+            precision=precision.name,
+            _again=lambda: flown(_dense(request)),
+        )
+
+    def basins(self, omega: object, **options: Any) -> Basins:
+        """What each of many initial states ends on; options as those of `orbits.basins.basins`."""
+        from tippedisk_verify.orbits.basins import basins
+
+        return basins(self, omega, **options)
+
+    # ---------------------------------------------------------------------------------------- limit cycles
+    def limit_cycle(
+        self,
+        omega: object = None,
+        *,
+        below_crit: object = None,
+        above_het: object = None,
+        digits: int = 12,
+        engine: Engine | None = None,
+    ) -> LimitCycle:
+        """The limit cycle at ``omega``, at Omega_crit - ``below_crit`` or at Omega_h + ``above_het``.
+
+        Raises InputError unless one of the three is given, NoSuchCycleError where there is no cycle, Shortfall if the
+        digits are not reached.
+        """
+        from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
+        from tippedisk_verify.theory.hopf import omega_crit_decimal
+
+        if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
+            raise InputError("give the speed with one of omega, below_crit and above_het")
+        if above_het is not None:
+            return cycle_above(self, above_het, self._engine(engine), digits=digits)
+        if below_crit is not None:
+            below = exact(below_crit)
+            if below.pi_multiple:
+                raise InputError("the distance below Omega_crit must be a decimal")
+            omega = omega_crit_decimal(self, digits) - below.rational
+        return cycle_at(self, omega, self._engine(engine), digits=digits)
+
+    def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
+        """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
+
+        Raises NoSuchCycleError where the family ends.
+        """
+        from tippedisk_verify.orbits.branches import Branch, family
+
+        return Branch.of(family(self, self._engine(engine), omegas=omegas))
+
+    def heteroclinic(
+        self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
+    ) -> Heteroclinic:
+        """Omega_h, where the saddles are connected. Raises NoConnectionError where there is no connection."""
+        from tippedisk_verify.orbits.heteroclinic import heteroclinic
+
+        return heteroclinic(self, self._engine(engine), digits=digits, method=method)
+
+    @staticmethod
+    def _engine(engine: Engine | None) -> Engine:
+        """The engine given, or the default one: the only place where that is chosen for who comes in here."""
+        if engine is not None:
+            return engine
+        from tippedisk_verify.flow import default_engine
+
+        return default_engine()
+
+
+def _dense(request: Any) -> Any:
+    """The same run with continuous output, and without what takes time beside it."""
+    from dataclasses import replace
+
+    return replace(request, dense=True, times=None, error_estimate=False)
