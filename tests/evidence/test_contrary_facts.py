@@ -22,9 +22,17 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.theory import expansion, harmonic_balance
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_equilibrium, reduced_omega_crit
+
+# Long computations that plants stand on, each done once.
+true_connection = cache(heteroclinic)
+true_descent = cache(connection_claims.Descent)
+true_relaxation = cache(friction_claims.relaxation)
+true_basins = cache(friction_claims.basins)
+true_cycle = friction_claims._cycle
 
 
 class OneDisk(Audit):
@@ -84,6 +92,7 @@ def ends(scene: str, kind: Any) -> Plant:
 
 
 def another_disk(**values: object) -> Plant:
+    """Another disk than the paper's."""
     return lambda patch, audit, claim: (OneDisk(PRINTED.changed(**values), audit.engine), claim)
 
 
@@ -121,14 +130,11 @@ def _turned_half(ops: Any, constants: Any, omega: Any, friction: Any) -> Callabl
     return rates
 
 
-def _roads(parameters: Parameters, engine: Any, *, digits: int, method: str) -> Any:
-    found = connection_claims_heteroclinic(parameters, engine, digits=digits, method=method)
+def _roads_apart(parameters: Parameters, engine: Any, *, digits: int, method: str) -> Any:
+    """The second road ends a billionth of a rad/s away."""
+    found = true_connection(parameters, engine, digits=digits, method=method)
     moved = Measured(found.omega_h.value + Fraction(1, 10**9), found.omega_h.uncertainty)
     return replace(found, omega_h=moved) if method == "limit-cycles" else found
-
-
-connection_claims_heteroclinic = cache(connection_claims.heteroclinic)
-friction_claims_heteroclinic = cache(friction_claims.heteroclinic)
 
 
 class _Drifting(baseline.Baseline):
@@ -148,9 +154,6 @@ def _all_inverted(*inputs: Any, **options: Any) -> Any:
     found = true_basins(*inputs, **options)
     return replace(found, outcome=0 * found.outcome + friction_claims.OUTCOMES.index("inverted spinning"))
 
-
-true_relaxation, true_basins = cache(friction_claims.relaxation), cache(friction_claims.basins)
-true_cycle = friction_claims._cycle
 
 PLANTS: dict[str, Plant] = {
     "table_1": prints("30.89, 0.887, -128.79, 1.18e-7"),
@@ -200,7 +203,7 @@ PLANTS: dict[str, Plant] = {
     ),
     "homoclinic_identified": follows(connection_claims, "field", _turned_half),
     "attracting_cycle": connects(lambda true: {"saddle_value": Measured(Fraction(1), Fraction(0))}),
-    "omega_h_two_roads": follows(connection_claims, "heteroclinic", _roads),
+    "omega_h_two_roads": follows(connection_claims, "heteroclinic", _roads_apart),
     "stable_branch": _a_longer_cycle,
     "table_2": prints("guess 0.1, -0.1, 1.10"),
     "scene_a": ends("a", "limit cycle"),
@@ -224,10 +227,11 @@ PLANTS: dict[str, Plant] = {
 
 @pytest.fixture(scope="module")
 def audit(taylor: Taylor) -> Iterator[Audit]:
-    """One audit for all, with long computations done once."""
+    """One audit for all."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(friction_claims, "heteroclinic", friction_claims_heteroclinic)
-        patch.setattr(connection_claims, "heteroclinic", connection_claims_heteroclinic)
+        patch.setattr(friction_claims, "heteroclinic", true_connection)
+        patch.setattr(connection_claims, "heteroclinic", true_connection)
+        patch.setattr(connection_claims, "Descent", true_descent)
         patch.setattr(friction_claims, "relaxation", true_relaxation)
         patch.setattr(friction_claims, "basins", true_basins)
         yield OneDisk(PRINTED, taylor)

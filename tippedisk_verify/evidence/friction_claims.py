@@ -43,12 +43,10 @@ def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
     crit = float(omega_crit(parameters))
     constants = parameters.at(DOUBLE)
     rows = [jacobian(math, constants, crit, law)(math.pi / 2, math.pi / 2, 0.0)[2] for law in ("linear", "smooth")]
-    # The same linearisation, up to what pi/2 in double leaves of the sliding velocity.
-    same_point = all(math.isclose(a, b, rel_tol=1e-12) for a, b in zip(*rows, strict=True))
     kinds = [criticality(parameters), _smooth_kind(parameters)]
     same = (
-        same_point
-        and kinds[0] == kinds[1]
+        kinds[0] == kinds[1]
+        and all(map(math.isclose, *rows))  # but for the sliding velocity that pi/2 in double leaves
         and all(speed < crit for speed in speeds)
         and all(cycle.stable for cycle in cycles)
     )
@@ -114,12 +112,11 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     found = basins(parameters, omega, friction=audit.friction, count=_STATES)
     shares = found.fractions()
     flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
-    missing = 1 - inverted[0]
     text = (
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
         f" {100 * flat[0]:.0f} % lie flat"
     )
-    return text, missing < inverted[1]
+    return text, 1 - inverted[0] < inverted[1]
 
 
 #: In the order of the paper.

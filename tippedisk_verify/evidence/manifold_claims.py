@@ -50,7 +50,7 @@ def _order_0(which: EquilibriumName) -> Callable[[Audit, str], tuple[str, bool]]
 
     def one(audit: Audit, name: str) -> tuple[str, bool]:
         reduced = reduced_equilibrium(audit.sets[name], Fraction("30.4"), which, 0)
-        # A trace that vanishes comes out as rounding of 120 bits; at order 1 it is some 0.01 of this size.
+        # A trace that vanishes comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
         centre = reduced.determinant > 0 and abs(reduced.trace) < 2.0**-80 * reduced.determinant**0.5
         return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
 
