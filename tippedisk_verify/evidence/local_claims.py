@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
-from typing import Any
 
 from tippedisk_verify.evidence.claims import Audit, Claim, Examination, ProofOffer, compared, number, per_set, rounds_to
 from tippedisk_verify.model.equations import jacobian, terms
@@ -141,23 +140,42 @@ def _expansion_part(part: str, note: str) -> Examination:
     return per_set(one, note, _EXACT)
 
 
-def _kappa_1(audit: Audit, name: str) -> tuple[str, bool]:
-    constants, speed = audit.sets[name].rational(), Fraction("30.4")
-    frequency = constants.e / (constants.r + constants.e) * speed**2
-    claimed, follows = (
-        harmonic_balance.kappa_1(constants, speed, frequency, form) for form in ("printed", "consistent")
-    )
-    return f"{float(follows):.6g} N m, printed {float(claimed):.6g} N m, at 30.4 rad/s", claimed == follows
+def _balanced(constants: Constants, speed: Fraction, square: Fraction) -> tuple[Fraction, Fraction, Fraction]:
+    """kappa_1, kappa_2 and delta as the expansion gives them, for omega^2 = ``square`` [rad^2/s^2].
+
+    beta_bar = C sin(theta) and v = C omega cos(theta). Of gamma_bar' = Omega sin(beta_bar) the first harmonic is
+    Omega (C - C^3/8) sin(theta), so gamma_bar = -(Omega/omega) (C - C^3/8) cos(theta).
+    """
+    parts = derived(constants, speed)
+    inertia = {(i + 1, j, k): square * value for (i, j, k), value in parts.mass.items()}  # -M v'
+    sine, cosine = Fraction(0), parts.friction[0, 1, 0] * speed / 8  # of C^3 sin(theta) and C^3 cos(theta) / omega
+    for forces in (inertia, parts.gyroscopic, parts.gravity, parts.friction):
+        for (i, j, k), value in forces.items():
+            if i + j + k == 3:
+                # The first harmonic of a cube is 3/4 of its amplitude, of a mixed product 1/4.
+                harmonic = value * (-speed) ** j * square ** ((k - j + 1) // 2) * (3 if i in (0, 3) else 1) / 4
+                sine, cosine = (sine + harmonic, cosine) if i % 2 else (sine, cosine + harmonic)
+    kappa_2 = 4 * cosine / (constants.m * constants.k)
+    return -sine, kappa_2, kappa_2 / (4 * (constants.r + constants.e) ** 2)
 
 
-def _form_difference(function: Callable[..., Any]) -> Callable[[Audit, str], tuple[str, bool]]:
-    """The printed form of a one-harmonic constant against the consistent one."""
+def _balance_constant(which: int) -> Callable[[Audit, str], tuple[str, bool]]:
+    """Printed kappa_1, kappa_2 or delta against what the expansion gives."""
 
     def one(audit: Audit, name: str) -> tuple[str, bool]:
         constants, speed = audit.sets[name].rational(), Fraction("30.4")
-        frequency = constants.e / (constants.r + constants.e) * speed**2
-        claimed, follows = (function(constants, speed, frequency, form) for form in ("printed", "consistent"))
-        return f"{float(claimed / follows):.4f} of what follows", claimed == follows
+        square = constants.e / (constants.r + constants.e) * speed**2
+        follows = _balanced(constants, speed, square)[which]
+        claimed = (
+            harmonic_balance.kappa_1(constants, speed, square, "printed"),
+            harmonic_balance.kappa_2(constants, speed, square, "printed"),
+            harmonic_balance.delta(constants, speed, "printed"),
+        )[which]
+        if which == 0:
+            said = f"{float(follows):.6g} N m, printed {float(claimed):.6g} N m, at 30.4 rad/s"
+        else:
+            said = f"{float(claimed / follows):.4f} of what follows"
+        return said, claimed == follows
 
     return one
 
@@ -399,7 +417,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "below Eq. cos_balance",
         "kappa_1 is the cubic part of the sine balance",
         "-2 m e (r + e)",
-        per_set(_kappa_1, "2 m e (r + e) enters with the other sign; the printed chi has it right", _EXACT),
+        per_set(_balance_constant(0), "2 m e (r + e) enters with the other sign; the printed chi has it right", _EXACT),
         formula=(
             r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} m(r+e)^2\omega^2"
             r" + \tfrac{1}{8} m g e\frac{\Omega^2}{\omega^2} - \tfrac{1}{4}(\bar{B}-A)\frac{\Omega^4}{\omega^2}"
@@ -412,7 +430,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
         per_set(
-            _form_difference(lambda *inputs: harmonic_balance.kappa_2(*inputs)),
+            _balance_constant(1),
             "follows from the ansatz D = -C Omega/omega, which drops a cubic term of gamma_bar' = Omega sin(beta_bar)",
             _EXACT,
         ),
@@ -426,11 +444,7 @@ LOCAL_CLAIMS: tuple[Claim, ...] = (
         "Eq. delta",
         "delta = -(1/8) (r - e)/(r + e) Omega^2",
         "-(1/8) (r - e)/(r + e) Omega^2",
-        per_set(
-            _form_difference(lambda constants, omega, frequency, form: harmonic_balance.delta(constants, omega, form)),
-            "-(1/8) r/(r + e) Omega^2 with the cubic kinematic term",
-            _EXACT,
-        ),
+        per_set(_balance_constant(2), "-(1/8) r/(r + e) Omega^2 with the cubic kinematic term", _EXACT),
         formula=r"\delta = -\frac{1}{8}\,\frac{r-e}{r+e}\,\Omega^2",
     ),
     Claim(
