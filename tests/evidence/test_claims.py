@@ -8,7 +8,7 @@ import pytest
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.catalogue import CLAIMS, selected
-from tippedisk_verify.evidence.claims import Audit, Finding, Verdict, audited, rounds_to
+from tippedisk_verify.evidence.claims import Audit, Finding, Verdict, examined, rounds_to
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
@@ -45,7 +45,7 @@ def test_verdicts(answers, verdict) -> None:
 
 def test_all_claims_on_the_named_sets(taylor) -> None:
     audit = Audit(PRINTED, taylor)
-    found = {claim.name: finding for claim, finding in audited(audit, CLAIMS)}
+    found = {claim.name: examined(audit, claim) for claim in CLAIMS}
     # What the model's notes say independently of this code: printed misses three numbers, calibrated has all.
     for name in ("omega_crit", "period_crit", "lambda_3"):
         assert found[name].sets == ("calibrated", "geometry")
@@ -66,13 +66,14 @@ def test_all_claims_on_the_named_sets(taylor) -> None:
 
 def test_closed_forms_compile_nothing() -> None:
     engine = Taylor()
-    list(audited(Audit(PRINTED, engine), selected(["omega_crit", "noninverted_unstable", "period_crit"])))
+    for claim in selected(["omega_crit", "noninverted_unstable", "period_crit"]):
+        examined(Audit(PRINTED, engine), claim)
     assert engine.builds == ()
 
 
 def test_a_set_without_connection_stays_undecided(taylor) -> None:
     odd = PRINTED.changed(A="2e-3", C=None, name="odd")
-    ((_, finding),) = audited(Audit(odd, taylor), selected(["omega_h"]))
+    finding = examined(Audit(odd, taylor), *selected(["omega_h"]))
     assert finding.holds["odd"] is None
     assert "connection" in finding.note
 

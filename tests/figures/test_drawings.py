@@ -7,6 +7,7 @@ import math
 import numpy
 import pytest
 
+from tippedisk_verify.evidence.catalogue import claims_drawn_in
 from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
@@ -71,7 +72,7 @@ def test_axes_carry_units(taylor) -> None:
     audit = Audit(PRINTED, taylor)
     for exhibit in EXHIBITS:
         if exhibit.name in ("eigenvalues", "branch", "sketch", "inversion", "scenes_2d"):
-            figure = exhibit.draw(audit, exhibit.claims).figure(2)
+            figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
             for axis in figure.axes:
                 if axis.axison and axis.name != "3d":
                     assert axis.get_xlabel().endswith("]"), exhibit.name
@@ -83,7 +84,7 @@ def test_records_are_plain_data(taylor) -> None:
     import json
 
     (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "model"]
-    record = drawn(exhibit, Audit(PRINTED, taylor), exhibit.claims)
+    record = drawn(exhibit, Audit(PRINTED, taylor), claims_drawn_in(exhibit.name))
     assert json.loads(json.dumps(record)) == record
     assert set(record["embedded"]) == {"wide", "narrow"}
 

@@ -145,7 +145,7 @@ def test_basins(friction) -> None:
 def test_known_starts_end_where_they_must() -> None:
     speed = omega_crit(PRINTED, 20).value + Fraction(1, 2)
     states = numpy.array([[math.pi / 2, math.pi / 2 + 0.4, 0], [0.1, 1, -3], [-0.2, 1, 0]])
-    found = classified_lanes(states, PRINTED, speed, "linear", 20.0, None)
+    found = classified_lanes(states, PRINTED, speed, 20.0, None)
     assert [OUTCOMES[k] for k in found] == ["inverted spinning", "lies flat", "lies flat"]
 
 

@@ -15,7 +15,7 @@ from tippedisk_verify.evidence import (
 )
 from tippedisk_verify.evidence.claims import Claim
 
-__all__ = ["CLAIMS", "GROUPS", "group_of", "home_of", "selected"]
+__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "home_of", "selected"]
 
 _HOMES = {
     "Model, linear analysis and harmonic balance": (local_claims.__name__, local_claims.LOCAL_CLAIMS),
@@ -38,6 +38,11 @@ def group_of(name: str) -> str:
 def home_of(name: str) -> str:
     """The module that examines the claim."""
     return _PLACE[name][1]
+
+
+def claims_drawn_in(figure: str) -> tuple[str, ...]:
+    """The claims that the exhibit of that name goes with."""
+    return tuple(claim.name for claim in CLAIMS if figure in claim.figures)
 
 
 def selected(names: Sequence[str]) -> tuple[Claim, ...]:

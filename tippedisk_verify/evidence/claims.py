@@ -6,19 +6,19 @@ result; only the suite's own cross-checks (``own_check``) can fail.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
@@ -27,15 +27,16 @@ from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 __all__ = [
     "Audit",
     "Claim",
+    "Examination",
     "Finding",
+    "ProofOffer",
     "Verdict",
-    "audited",
+    "compared",
     "examined",
     "number",
     "per_set",
     "rounds_to",
     "sets_with",
-    "wording",
 ]
 
 
@@ -104,17 +105,34 @@ class Finding:
         )
 
 
+class ProofOffer(NamedTuple):
+    """What a theorem of docs/certified.md has to say to a claim."""
+
+    theorem: str
+    command: str
+    proves: str
+    rest: str = ""  #: what of the claim it leaves unproved
+    law: Friction | None = None  #: the only one that it covers; None: both
+    every_disk: bool = False
+    against: str = ""  #: a further command, for the sets of which the claim does not hold
+
+
 @dataclass(frozen=True)
 class Claim:
-    """One sentence, formula or number of the paper (or one cross-check of our own)."""
+    """One sentence, formula or number of the paper (or one cross-check of our own), with all that belongs to it."""
 
     name: str
     source: str  #: section, equation label or figure of the paper
     statement: str
     printed: str  #: what the paper prints
-    examine: Callable[[Audit], Finding]
-    own_check: bool = False
+    examine: Examination  #: on the audit's sets, against what is printed
+    formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
     unit: str = ""  #: of what is printed and computed, where that is a number
+    reading: bool = False  #: the fault is one of wording, which no disk and no computation changes
+    own_check: bool = False
+    figures: tuple[str, ...] = ()  #: the exhibits that are drawn with it
+    proof: ProofOffer | None = None
+    cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
 
 
 @dataclass
@@ -183,57 +201,48 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
     return False if distance - measured.uncertainty > half_unit else None
 
 
-def audited(audit: Audit, claims: Sequence[Claim]) -> Iterator[tuple[Claim, Finding]]:
-    """Examine one claim after the other."""
-    for claim in claims:
-        yield claim, examined(audit, claim)
-
-
 def examined(audit: Audit, claim: Claim) -> Finding:
     """What becomes of one claim. A computation that falls short leaves it undecided, with the reason."""
     try:
-        return claim.examine(audit)
+        return claim.examine(audit, claim.printed)
     except (Shortfall, ArithmeticError, InputError) as reason:
         answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
         return Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
 
 
-def number(
-    printed: str, compute_one: Callable[[Audit, str], Measured], note: str, methods: tuple[str, ...]
-) -> Callable[[Audit], Finding]:
+#: What is computed for one set, and whether the claim holds for it.
+Answer = tuple[Measured | str, bool | None]
+Examination = Callable[[Audit, str], Finding]
+
+
+def number(compute_one: Callable[[Audit, str], Measured], note: str, methods: tuple[str, ...]) -> Examination:
     """The examination of a printed number: for which sets the computed one rounds to it."""
 
-    def one(audit: Audit, name: str) -> tuple[Measured, bool | None]:
+    def one(audit: Audit, name: str, printed: str) -> Answer:
         value = compute_one(audit, name)
         return value, rounds_to(value, printed)
 
-    return per_set(one, note, methods)
+    return compared(one, note, methods)
 
 
-def per_set(
-    one: Callable[[Audit, str], tuple[Measured | str, bool | None]], note: str, methods: tuple[str, ...]
-) -> Callable[[Audit], Finding]:
-    """Examine each set by itself: what cannot be had for one of them leaves the others' answers alone."""
+def per_set(one: Callable[[Audit, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
+    """Examine each set by itself, where the examination itself knows what the paper says."""
+    return compared(lambda audit, name, printed: one(audit, name), note, methods)
 
-    def examine(audit: Audit) -> Finding:
+
+def compared(one: Callable[[Audit, str, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
+    """Compare each set by itself with what is printed: what one set lacks leaves the others' answers alone."""
+
+    def examine(audit: Audit, printed: str) -> Finding:
         computed: dict[str, Measured | str] = {}
         holds: dict[str, bool | None] = {}
         notes = [note] if note else []
         for name in audit.sets:
             try:
-                computed[name], holds[name] = one(audit, name)
+                computed[name], holds[name] = one(audit, name, printed)
             except (Shortfall, ArithmeticError, InputError) as reason:
                 computed[name], holds[name] = "-", None
                 notes.append(f"{name}: {reason}")
         return Finding(computed, holds, "; ".join(notes), methods)
-
-    return examine
-
-
-def wording(is_: str, note: str) -> Callable[[Audit], Finding]:
-    """The examination of a word that is wrong whatever is computed."""
-
-    def examine(audit: Audit) -> Finding:
-        return Finding(dict.fromkeys(audit.sets, is_), dict.fromkeys(audit.sets, False), note, ("reading",))
 
     return examine

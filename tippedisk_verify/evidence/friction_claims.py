@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.evidence.claims import Audit, Claim, per_set
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine, Request
-from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.basins import OUTCOMES, basins
@@ -16,7 +17,7 @@ from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.relaxation import relaxation
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["FRICTION_CLAIMS"]
 
@@ -40,8 +41,27 @@ def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
     ]
     cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in ("linear", "smooth")]
     crit = float(omega_crit(parameters))
-    same = all(speed < crit for speed in speeds) and all(cycle.stable for cycle in cycles)
-    return f"Omega_h {speeds[0]:.6f} linear, {speeds[1]:.6f} smooth", same
+    constants = parameters.at(DOUBLE)
+    rows = [jacobian(math, constants, crit, law)(math.pi / 2, math.pi / 2, 0.0)[2] for law in ("linear", "smooth")]
+    kinds = [criticality(parameters), _smooth_kind(parameters.with_friction("smooth"), audit.engine)]
+    same = (
+        kinds[0] == kinds[1]
+        and all(map(math.isclose, *rows))  # but for the sliding velocity that pi/2 in double leaves
+        and all(speed < crit for speed in speeds)
+        and all(cycle.stable for cycle in cycles)
+    )
+    return f"Omega_h {speeds[0]:.6f} linear, {speeds[1]:.6f} smooth; {kinds[0]}, {kinds[1]}", same
+
+
+def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
+    """The kind of the smooth law's Hopf point by its cycles: its field is too rough for a Lyapunov coefficient.
+
+    Supercritical if stable cycles below Omega_crit shrink towards it.
+    """
+    far, speed = _cycle(parameters, engine), omega_crit(parameters, 20).value - Fraction(1, 32)
+    near = followed_cycle(parameters, speed, engine, digits=12)
+    shrinks = near.beta_max.value < far.beta_max.value / 2
+    return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
 
 
 def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
@@ -102,7 +122,7 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
         f" {100 * flat[0]:.0f} % lie flat"
     )
-    return text, flat[0] < flat[1]
+    return text, 1 - inverted[0] < inverted[1]
 
 
 #: In the order of the paper.
@@ -117,6 +137,7 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
             "rates at which neighbours in v fall together; closer to lying flat they part",
             ("trajectories",),
         ),
+        formula=r"\mathcal{M}_s \;\text{attracts}\; \{0 < \beta < \pi\}",
     ),
     Claim(
         "smooth_same_behaviour",
@@ -124,6 +145,12 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         "smooth Coulomb friction does not change the qualitative behaviour",
         "same qualitatively",
         per_set(_qualitative, "stable cycles between a connection and the same Hopf point", ("shooting", "manifolds")),
+        formula=(
+            r"\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\gamma_y"
+            r" \;\sim\; -\mu m g\,\frac{\gamma_y}{|\gamma_y|+\varepsilon}"
+        ),
+        figures=("switching_order",),
+        cost=17,
     ),
     Claim(
         "smooth_same_asymptotics",
@@ -135,6 +162,7 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
             "the limit cycles at Omega_crit - 0.5; they agree only where they shrink to the Hopf point",
             ("shooting",),
         ),
+        formula=r"|\gamma_y| \ll \varepsilon",
     ),
     Claim(
         "almost_all_trajectories",
@@ -144,5 +172,6 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         per_set(
             _almost_all, f"{_STATES} starts over the whole strip between noninverted states, 20 s", ("trajectories",)
         ),
+        formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
     ),
 )

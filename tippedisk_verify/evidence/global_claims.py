@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.evidence.claims import Audit, Claim, Finding, per_set
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.evidence.claims import Audit, Claim, Examination, Finding, compared, per_set
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.orbits.continuation import PAPER_GUESS
+from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.orbits.scenes import INITIAL_STATES
 from tippedisk_verify.theory.hopf import omega_crit
@@ -19,14 +19,15 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["GLOBAL_CLAIMS"]
 
 
-def _scene(name: str, expected: tuple[str, ...], note: str) -> Callable[[Audit], Finding]:
-    def one(audit: Audit, set_name: str) -> tuple[str, bool | None]:
+def _scene(name: str, note: str) -> Examination:
+    def one(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
+        expected = "flat" if printed == "repelled" else printed
         endings = [orbit.ending for orbit in audit.panel(name, set_name).orbits]
         undecided = any(ending.kind == "undecided" for ending in endings)
-        outcome = None if undecided else all(ending.kind in expected for ending in endings)
+        outcome = None if undecided else all(ending.kind == expected for ending in endings)
         return "; ".join(_said(ending) for ending in endings), outcome
 
-    return per_set(one, note, ("trajectories",))
+    return compared(one, note, ("trajectories",))
 
 
 def _said(ending: Any) -> str:
@@ -47,11 +48,18 @@ def _branch(audit: Audit, name: str) -> tuple[str, bool]:
     return f"largest multiplier {largest:.4f}, {'' if falling else 'not '}monotone", stable and falling
 
 
-def _table_2(audit: Audit, name: str) -> tuple[str, bool]:
+def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """Whether shooting from the printed guess (gamma_bar, v) ends on the family's cycle; T_0 is no unknown here."""
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=PAPER_GUESS)
-    found = f"{float(cycle.gamma_bar_0):.4f}, {float(cycle.v_0):.4f}, {float(cycle.period):.4f}"
-    return f"converges to {found}", True
+    truth = followed_cycle(audit.sets[name], speed, audit.engine)
+    gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
+    try:
+        cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
+    except NoSuchCycleError as reason:
+        return f"does not converge: {reason}", False
+    pairs = ((cycle.gamma_bar_0, truth.gamma_bar_0), (cycle.v_0, truth.v_0), (cycle.period, truth.period))
+    same = all(abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty for mine, other in pairs)
+    return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
 
 
 def _contact(audit: Audit, name: str) -> tuple[str, bool]:
@@ -74,7 +82,7 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
     return text, min(smallest) > 0
 
 
-def _engines(audit: Audit) -> Finding:
+def _engines(audit: Audit, printed: str) -> Finding:
     """The Taylor engine in double against itself in extended precision and against SciPy."""
     from tippedisk_verify.flow.baseline import Baseline
 
@@ -116,20 +124,26 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
         "stable, monotone",
         per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
+        formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
+        figures=("branch", "sketch"),
     ),
     Claim(
         "table_2",
         "Table tab:initail",
         "the guess at Omega_crit - 0.5 converges",
         "guess 1.69, -1.72, 1.10",
-        per_set(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
+        compared(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
+        formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = (0,\;1.69,\;-1.72,\;1.10)",
     ),
     Claim(
         "scene_a",
         "Figure sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        _scene("a", ("flat",), "and go on past noninverted states until the disk lies flat, where the model ends"),
+        _scene("a", "and go on past noninverted states until the disk lies flat, where the model ends"),
+        formula=r"\Omega = \Omega_\text{h} - 0.1",
+        figures=("scenes_3d", "scenes_2d"),
+        cost=4,
     ),
     *(
         Claim(
@@ -137,16 +151,25 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
             f"Figure {label}",
             "the periodic solution attracts both orbits",
             "limit cycle",
-            _scene(name, ("limit cycle",), "amplitude of gamma at beta = pi/2"),
+            _scene(name, "amplitude of gamma at beta = pi/2"),
+            formula=formula,
+            figures=("scenes_3d", "scenes_2d"),
         )
-        for name, label in (("b", "hom"), ("c", "sup_hom"), ("d", "sup_hom_sub_crit"), ("e", "sub_crit"))
+        for name, label, formula in (
+            ("b", "hom", r"\Omega = \Omega_\text{h} + 0.01"),
+            ("c", "sup_hom", r"\Omega = \Omega_\text{h} + 0.1"),
+            ("d", "sup_hom_sub_crit", r"\Omega = \Omega_\text{crit} - 0.5"),
+            ("e", "sub_crit", r"\Omega = \Omega_\text{crit} - 0.2"),
+        )
     ),
     Claim(
         "scene_f",
         "Figure sup_crit",
         "above Omega_crit inverted spinning attracts both orbits",
         "inverted spinning",
-        _scene("f", ("inverted spinning",), ""),
+        _scene("f", ""),
+        formula=r"\Omega = \Omega_\text{crit} + 0.5",
+        figures=("inversion", "scenes_3d", "scenes_2d"),
     ),
     Claim(
         "permanent_contact",
@@ -154,6 +177,8 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "the disk stays in contact with the support",
         "permanent contact",
         per_set(_contact, "smallest normal force over weight along the orbits of scenes a; b to f", ("trajectories",)),
+        formula=r"\frac{\lambda_N}{m g} > 0",
+        cost=3,
     ),
     Claim(
         "engines_agree",
@@ -162,5 +187,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "",
         _engines,
         own_check=True,
+        figures=("race",),
+        cost=2,
     ),
 )

@@ -139,9 +139,9 @@ EXHIBITS = (
         alternative="Three panels against the distance from Omega_h on a logarithmic axis: the period follows a "
         "straight line, what the line leaves falls like a power, and the error of double grows until it finds no "
         "cycle.",
-        claims=("infinite_period",),
         draw=_near_omega_h,
         laws=("linear",),
+        cost=12,
     ),
     Exhibit(
         name="switching_order",
@@ -149,7 +149,7 @@ EXHIBITS = (
         source="",
         alternative="Two panels, error against tolerance for the linear and the smooth law: the Taylor engine has the "
         "same order for both, DOP853 loses its order for the smooth law at tight tolerances.",
-        claims=("smooth_same_behaviour",),
         draw=_switching_order,
+        cost=5,
     ),
 )

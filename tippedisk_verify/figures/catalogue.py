@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tippedisk_verify.evidence.catalogue import claims_drawn_in
 from tippedisk_verify.figures import accuracy, disk, family, local, race, state_space
 from tippedisk_verify.figures.exhibit import Exhibit
 
@@ -24,7 +25,9 @@ EXHIBITS: tuple[Exhibit, ...] = tuple(
 def exhibits_for(claims: Sequence[str], friction: str) -> tuple[Exhibit, ...]:
     """The exhibits that go with these claims under this friction law."""
     return tuple(
-        exhibit for exhibit in EXHIBITS if friction in exhibit.laws and not set(exhibit.claims).isdisjoint(claims)
+        exhibit
+        for exhibit in EXHIBITS
+        if friction in exhibit.laws and not set(claims_drawn_in(exhibit.name)).isdisjoint(claims)
     )
 
 

@@ -204,7 +204,6 @@ EXHIBITS = (
         source="Figures intro_inversion_COG and intro_inversion",
         alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, and below "
         "them the height of its centre of gravity against time, which rises and settles.",
-        claims=("scene_f",),
         draw=_inversion,
     ),
     Exhibit(
@@ -213,7 +212,6 @@ EXHIBITS = (
         source="Figure fig1",
         alternative="A leaning disk on a floor with its contact point C, centre G and centre of gravity S, and the "
         "angles alpha about the vertical, beta between disk and floor, gamma in the disk's plane.",
-        claims=("sliding_velocity",),
         draw=_model,
     ),
 )

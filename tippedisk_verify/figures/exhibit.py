@@ -62,10 +62,10 @@ class Exhibit:
     title: str
     source: str  #: which figure of the paper it redraws; empty for a study of our own
     alternative: str  #: what the picture shows, for those who cannot see it
-    claims: tuple[str, ...]  #: drawn when one of these is examined
     draw: Callable[[Audit, Sequence[str]], Drawing]  #: from the audit and the names of the claims examined
     laws: tuple[str, ...] = ("linear", "smooth")  #: friction laws that it is for
     alone: bool = False  #: measures run times, so nothing else should run beside it
+    cost: float = 0.0  #: what drawing it takes alone on one core [s], where that is three or more
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:

@@ -142,7 +142,6 @@ EXHIBITS = (
         source="Figure Shooting",
         alternative="Three panels against Omega: amplitude and period of the cycles by shooting with the printed law "
         "dashed beside them, and the slow multiplier, which rises to one at the Hopf point.",
-        claims=("stable_branch",),
         draw=_branch,
     ),
     Exhibit(
@@ -151,7 +150,6 @@ EXHIBITS = (
         source="Figure sketch",
         alternative="Bifurcation diagram: the amplitude of the cycles against Omega, with squares at the scenes' "
         "cycles, and on the axis below circles for inverted spinning, filled where it is stable.",
-        claims=("stable_branch",),
         draw=_sketch,
     ),
 )

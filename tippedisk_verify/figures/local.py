@@ -158,7 +158,6 @@ EXHIBITS = (
         source="Figure bif_dia_3",
         alternative="Two panels, real and imaginary part of two eigenvalues against Omega: two real ones meet, "
         "become a complex pair, and cross to negative real part at Omega_crit.",
-        claims=("lambda_3",),
         draw=_eigenvalues,
     ),
     Exhibit(
@@ -167,8 +166,8 @@ EXHIBITS = (
         source="Figure HBM",
         alternative="Two panels, amplitude and period against Omega below Omega_crit: both one-harmonic laws start at "
         "the Hopf point with the true cycles and fall below them as Omega decreases.",
-        claims=("amplitude_law", "period_law"),
         draw=_harmonic_balance,
         laws=("linear",),
+        cost=3,
     ),
 )

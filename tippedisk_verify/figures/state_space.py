@@ -250,8 +250,6 @@ def _scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
     )
 
 
-_CLAIMS = tuple(f"scene_{scene.name}" for scene in SCENES)
-
 EXHIBITS = (
     Exhibit(
         name="scenes_3d",
@@ -259,8 +257,8 @@ EXHIBITS = (
         source="Figure 3D",
         alternative="Six panels, one for each speed, with axes beta, gamma and beta's rate: a grey wavy surface, two "
         "orbits from marked starts that drop onto it, the limit cycle where there is one, and the equilibria.",
-        claims=_CLAIMS,
         draw=_scenes_3d,
+        cost=4,
     ),
     Exhibit(
         name="scenes_2d",
@@ -268,7 +266,6 @@ EXHIBITS = (
         source="Figure proj_3D",
         alternative="Six panels in the plane of beta and gamma: orbits spiral onto a closed curve around inverted "
         "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
-        claims=_CLAIMS,
         draw=_scenes_2d,
     ),
 )

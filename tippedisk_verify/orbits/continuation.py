@@ -15,10 +15,8 @@ from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
-__all__ = ["PAPER_GUESS", "PaperSets", "continued", "followed_cycle", "paper_sets"]
+__all__ = ["PaperSets", "continued", "followed_cycle", "paper_sets"]
 
-#: Table initail of the paper, the guess (gamma_bar, v) [rad, rad/s] at Omega_crit - 0.5.
-PAPER_GUESS = (1.69, -1.72)
 _STEPS = 400
 _FEWEST_HALVINGS = 12
 _EXPLAINED_AFTER = 3  # halvings; whether the speed is beyond the family's end costs about as much as they do

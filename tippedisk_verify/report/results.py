@@ -15,7 +15,6 @@ from tippedisk_verify.fingerprint import DRAWING, processor, versions
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.report.digits import agreed_digits
-from tippedisk_verify.report.formulas import FORMULAS
 from tippedisk_verify.report.work import Order
 
 __all__ = ["claim_json", "results_json", "shown", "summary", "totals"]
@@ -49,7 +48,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         "group": group_of(claim.name),
         "source": claim.source,
         "statement": claim.statement,
-        "formula": FORMULAS.get(claim.name, ""),
+        "formula": claim.formula,
         "unit": claim.unit,
         "printed": claim.printed,
         "computed": by_set.get(order.parameters.name),
@@ -62,6 +61,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
         "methods": list(finding.methods),
         "grade": "computed" if proof is None else proof.grade,
         "proof": None if proof is None else proof.json(),
+        "reading": claim.reading,
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
     }

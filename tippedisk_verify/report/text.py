@@ -83,6 +83,8 @@ def _claim(claim: dict[str, Any], sets: Sequence[str]) -> list[str]:
         f"{_plain(name)}: {text}{unit}" for name, text in zip(sets, _values(claim, sets), strict=True) if text
     ]  # fmt: skip
     said += ["", *(f"- {text}" for text in values), ""]
+    if claim["reading"]:
+        said.append("A slip of wording, found by reading: no computation changes it.")
     if claim["note"]:
         said.append(f"Note: {_plain(claim['note'])}.")
     if claim["proof"]:

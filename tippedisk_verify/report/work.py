@@ -10,18 +10,15 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from tippedisk_verify.cache import Cache
-from tippedisk_verify.evidence.catalogue import GROUPS, group_of, selected
+from tippedisk_verify.evidence.catalogue import GROUPS, claims_drawn_in, group_of, selected
 from tippedisk_verify.evidence.catalogue import home_of as home_of_claim
 from tippedisk_verify.evidence.claims import Audit, Finding, examined
 from tippedisk_verify.fingerprint import DRAWING, fingerprint
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.report.formulas import FORMULAS
 
 __all__ = ["Order", "Outcome", "Task", "carried_out", "done", "key", "tasks_for"]
 
 _FEW = 4  # tasks up to which starting processes costs more than it saves
-# The longest first: what is started last should be short.
-_LONGEST = ("near_omega_h", "smooth_same_behaviour", "omega_h", "scenes_3d", "harmonic_balance", "engines_agree")
 _TICK = 0.2  # s between two looks at what is at hand
 
 
@@ -80,11 +77,11 @@ def key(order: Order, task: Task) -> str:
 
 
 def _formulas(order: Order) -> list[str]:
-    return [FORMULAS[name] for name in order.claims if name in FORMULAS]
+    return [claim.formula for claim in selected(order.claims) if claim.formula]
 
 
 def _of_figure(order: Order, name: str) -> list[str]:
-    return [claim for claim in order.claims if claim in _exhibit(name).claims]
+    return [claim for claim in order.claims if claim in claims_drawn_in(name)]
 
 
 def _exhibit(name: str) -> Any:
@@ -157,7 +154,7 @@ def done(
     if len(heavy) <= _FEW:
         _here(order, [*light, *heavy, *alone], keep, advance)
     else:
-        heavy.sort(key=lambda task: _LONGEST.index(task.name) if task.name in _LONGEST else len(_LONGEST))
+        heavy.sort(key=_cost, reverse=True)  # what is started last should be short
         with pool(len(heavy)) as executor:
             if executor is None:
                 _here(order, [*light, *heavy, *alone], keep, advance)
@@ -173,6 +170,12 @@ def done(
 def _light(task: Task) -> bool:
     """Closed forms: done before a process has started."""
     return task.kind == "claim" and group_of(task.name) == GROUPS[0]
+
+
+def _cost(task: Task) -> float:
+    if task.kind == "formulas":
+        return 0.0
+    return float(selected([task.name])[0].cost if task.kind == "claim" else _exhibit(task.name).cost)
 
 
 def _here(

@@ -54,14 +54,29 @@ def printed(constants: Any, omega: Any) -> Expansion:
     """The expansion as the paper prints it (Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx).
 
     Two entries differ from `derived`: h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e), and f_G has
-    gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows.
+    gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows. All are copied from the paper, so that the two agree
+    elsewhere because both are right.
     """
-    follows = derived(constants, omega)
-    A, Bbar, m, e, reach = constants.A, constants.Bbar, constants.m, constants.e, constants.r + constants.e
-    gravity = dict(follows.gravity)
-    gravity[1, 3, 0] = gravity.pop((1, 2, 0))
-    return follows._replace(
-        gyroscopic=follows.gyroscopic | {(1, 1, 1): -2 * (A - Bbar + m * e * reach) * omega}, gravity=gravity
+    c, r, e, reach = constants, constants.r, constants.e, constants.r + constants.e
+    bracket = {
+        (0, 3, 0): -omega * e * (4 * e + r) / 6,
+        (0, 0, 1): reach**2,
+        (2, 1, 0): -3 * omega * e * reach / 2,
+        (2, 0, 1): -(reach**2),
+        (0, 1, 0): e * reach * omega,
+        (0, 2, 1): -e * reach,
+    }
+    return Expansion(
+        mass={(0, 2, 0): c.A - c.Bbar, (0, 0, 0): c.Bbar, (2, 0, 0): c.m * reach**2},
+        gyroscopic={
+            (1, 0, 0): -c.Bbar * omega**2,
+            (1, 2, 0): (c.Bbar - c.A) * omega**2,
+            (3, 0, 0): (2 * c.Bbar / 3 - c.m * e * reach) * omega**2,
+            (1, 1, 1): -2 * (c.A - c.Bbar + c.m * e * reach) * omega,
+            (1, 0, 2): -c.m * reach**2,
+        },
+        gravity={(1, 0, 0): c.m * c.g * reach, (1, 3, 0): -c.m * c.g * e / 2, (3, 0, 0): -c.m * c.g * reach / 6},
+        friction={powers: -c.mu * c.m * c.g / c.epsilon * value for powers, value in bracket.items()},
     )
 
 
