@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 import pickle
 from fractions import Fraction
+from typing import ClassVar
 
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from tippedisk_verify.evidence import friction_claims
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.continuation import continued
 from tippedisk_verify.orbits.near_connection import passage_times
 
 START = ("pi/2", "pi/2 + 0.4", 0)
@@ -165,6 +168,42 @@ def test_a_cycle_remembers_its_disk() -> None:
     assert abs(float(passage + flight) - float(cycle.period) / 2) < 1e-9
     _, y = cycle.orbit(101)
     assert abs(y[:, 0] - y[:, -1]).max() < 1e-9
+
+
+def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
+    """Where the orbit of one law is at its fastest, the other law's flow leaves it."""
+    smooth = tv.Disk("printed", friction="smooth")
+    connection = smooth.heteroclinic()
+    t, y = connection.orbit(201)
+    here = int(numpy.argmax(abs(y[2])))
+    step = float(t[here + 5] - t[here])
+    for disk, near in ((smooth, True), (smooth.with_friction("linear"), False)):
+        end = disk.integrate(connection.omega_h.value, y[:, here].tolist(), step).y[:, -1]
+        assert bool(abs(end - y[:, here + 5]).max() < 1e-9) is near
+    assert connection.parameters == smooth
+
+
+def test_a_cycle_of_another_law_does_not_start_a_family() -> None:
+    cycle = tv.Disk("printed").limit_cycle("30.4")
+    with pytest.raises(tv.InputError, match="another friction law"):
+        list(continued(tv.Disk("printed", friction="smooth"), [30.41], tv.Taylor(), first=cycle))
+    with pytest.raises(tv.InputError, match="linear friction law only"):
+        tv.DenseBranch(tv.Disk("printed", friction="smooth"), tv.Lanes(), 30.08)
+
+
+def test_an_audit_flies_with_its_own_engine() -> None:
+    """Both laws' cycles of a claim about friction come from the engine that the audit was given."""
+
+    class Counting(tv.Taylor):
+        laws: ClassVar[list[str]] = []
+
+        def __call__(self, request: tv.Request) -> tv.Result:
+            self.laws.append(request.friction)
+            return super().__call__(request)
+
+    friction_claims._asymptotic(tv.Audit(tv.PRINTED, Counting()), "printed")
+    assert set(Counting.laws) == {"linear", "smooth"}
+    assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])

@@ -55,7 +55,7 @@ def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
     here, there = (
         cycle_near(PRINTED, omega_h.value + distance + change, omega_h.value, taylor, digits=9) for change in (0, off)
     )
-    widened = with_speed(PRINTED, here, Measured(omega_h.value, off), distance, room)
+    widened = with_speed(here, Measured(omega_h.value, off), distance, room)
     over = []
     for name in widened.__dataclass_fields__:
         number = getattr(widened, name)

@@ -28,7 +28,7 @@ from flint import acb_series, arb, arb_series, ctx, fmpq
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 
 __all__ = [
     "arb",
@@ -122,7 +122,7 @@ def ball_constants(parameters: Parameters | Mapping[str, Any]) -> Constants:
     """
     if isinstance(parameters, Parameters):
         return Constants(*(_rational(value) for value in parameters.rational()))
-    r, e, m, A, B, g, mu, epsilon = (ball(parameters[name]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon"))
+    r, e, m, A, B, g, mu, epsilon = (ball(parameters[name]) for name in SYMBOLS)
     Bbar = B - m * (e * e)
     traction = mu * g
     # Bbar / m = B / m - e^2 names the mass once: no wider than it must be.

@@ -36,7 +36,7 @@ from tippedisk_verify.certified.balls import (
 from tippedisk_verify.certified.rounding import TABLE, Box, decided, meets, rounding_box, rounding_interval, rounds_to
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured, exact_text
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, SYMBOLS, Parameters
 
 __all__ = [
     "OMEGA_H",
@@ -415,8 +415,7 @@ def _halves(box: Mapping[str, tuple[Fraction, Fraction]], weights: Mapping[str, 
 
 
 def _judged(parameters: Parameters, box: Box) -> OfDisk:
-    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-    point = SimpleNamespace(**{name: ball(getattr(parameters, name)) for name in names})
+    point = SimpleNamespace(**{name: ball(getattr(parameters, name)) for name in SYMBOLS})
     ends = {**box, "mu": (PRINTED.mu, PRINTED.mu), "epsilon": (PRINTED.epsilon, PRINTED.epsilon)}
     return OfDisk(
         parameters,

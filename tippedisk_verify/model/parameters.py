@@ -23,6 +23,7 @@ __all__ = [
     "GEOMETRY",
     "NAMED_SETS",
     "PRINTED",
+    "SYMBOLS",
     "Constants",
     "Friction",
     "Parameters",
@@ -31,6 +32,8 @@ __all__ = [
 ]
 
 Friction = Literal["linear", "smooth"]
+#: The eight numbers that the equations need, in the order in which they are told.
+SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 
 _LARGEST_FILE = 64_000  # bytes; a file has some hundreds, and nine decimals of the longest kind 36,000
 _MOST_DOTS = 200  # in a line; the time and the memory that TOML takes for a dotted key go with their square

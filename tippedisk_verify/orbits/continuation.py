@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -57,8 +57,10 @@ def continued(
 
     ``first`` is a cycle to start from, near the first speed; without it harmonic balance starts the family. Where a
     prediction does not converge, the step is halved, up to twelve times. Raises NoSuchCycleError where that does not
-    help.
+    help, InputError for a first cycle of another disk or friction law.
     """
+    if first is not None and first.parameters != parameters:
+        raise InputError("the first cycle is of another disk, or of another friction law")
     previous = first
     for omega in omegas:
         target = Fraction(omega)

@@ -66,7 +66,7 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
         cycle = limit_cycle(parameters, omega, engine, digits=digits)
     else:
         cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits)
-    widened = with_speed(parameters, cycle, omega_h, value, room)
+    widened = with_speed(cycle, omega_h, value, room)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
@@ -157,9 +157,7 @@ def _shot(
     raise NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
 
 
-def with_speed(
-    parameters: Parameters, cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Fraction
-) -> LimitCycle:
+def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Fraction) -> LimitCycle:
     """The cycle ``above`` Omega_h, with what the uncertainty of the speed does to it added to every half-width.
 
     ``room`` is Omega_crit - Omega_h [rad/s]. With d the distance to the nearer end of the branch, close to which the
@@ -185,7 +183,9 @@ def with_speed(
     for name in ("log_multiplier_slow", "log_multiplier_fast"):
         widened(name, abs(getattr(cycle, name).value) * share)
     widened("multiplier_slow", abs(cycle.multiplier_slow.value * cycle.log_multiplier_slow.value) * share)
-    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h.value, "noninverted").eigenvalues)
+    unstable, slow, _ = (
+        float(value.re) for value in equilibrium(cycle.parameters, omega_h.value, "noninverted").eigenvalues
+    )
     distances = (
         math.log10(room.numerator / room.denominator) - math.log10(above.numerator) + math.log10(above.denominator)
     )

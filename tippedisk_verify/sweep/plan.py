@@ -22,12 +22,11 @@ from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 
 __all__ = ["ANALYSES", "Plan", "answered", "axis", "computed", "here"]
 
-_PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 _MOST_POINTS = 1_000_000
 _MOST_BITS = 1_000_000_000  # of a range's numbers
 
@@ -171,7 +170,7 @@ class Plan:
             raise InputError(f"analysis '{self.analysis[:40]}' is not known: use {', '.join(ANALYSES)}")
         analysis = ANALYSES[self.analysis]
         names = [name for name, _ in self.axes]
-        known = (*_PARAMETERS, *(("omega", "below-crit") if analysis.needs_speed else ()), *analysis.takes)
+        known = (*SYMBOLS, *(("omega", "below-crit") if analysis.needs_speed else ()), *analysis.takes)
         for name in names:
             if name not in known:
                 raise InputError(f"{self.analysis} cannot be swept over '{name[:40]}': use {', '.join(known)}")
@@ -198,7 +197,7 @@ class Plan:
     @property
     def key(self) -> str:
         """A hash of all that is asked for."""
-        fixed = [_text(getattr(self.parameters, name)) for name in _PARAMETERS]
+        fixed = [_text(getattr(self.parameters, name)) for name in SYMBOLS]
         text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -207,7 +206,7 @@ def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
     """A row: the point, the numbers with their half-widths, and ``status``: ok, or why there are no numbers."""
     row = dict(point)
     try:
-        changes = {name: value for name, value in point.items() if name in _PARAMETERS}
+        changes = {name: value for name, value in point.items() if name in SYMBOLS}
         parameters = plan.parameters.changed(**changes) if changes else plan.parameters
         found = ANALYSES[plan.analysis].compute(parameters, point, plan.digits)
     except (InputError, Shortfall, ArithmeticError) as fault:

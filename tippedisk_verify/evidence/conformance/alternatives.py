@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 
 __all__ = ["ALTERNATIVES", "CORRECT", "Alternative", "Spelling", "spelled"]
 
@@ -122,14 +122,12 @@ def _single(value: Any) -> float:
 
 
 def _all_single(p: Parameters) -> dict[str, Any]:
-    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-    return {name: _single(getattr(p, name)) for name in names}
+    return {name: _single(getattr(p, name)) for name in SYMBOLS}
 
 
 def _rounded(digits: int) -> Callable[[Parameters], dict[str, Any]]:
     def values(p: Parameters) -> dict[str, Any]:
-        names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-        return {name: Fraction(f"{float(getattr(p, name)):.{digits - 1}e}") for name in names}
+        return {name: Fraction(f"{float(getattr(p, name)):.{digits - 1}e}") for name in SYMBOLS}
 
     return values
 

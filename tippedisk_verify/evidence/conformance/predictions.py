@@ -12,7 +12,7 @@ from typing import Any
 from tippedisk_verify.evidence.conformance.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.evidence.conformance.sheet import placed
 from tippedisk_verify.evidence.reference.store import Quantity, Store
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 
 __all__ = ["predicted"]
 
@@ -31,8 +31,7 @@ class _Model:
         self.alternative = alternative
         self.friction = "smooth" if friction == "smooth" else "linear"
         exact = Parameters.named(set_name)
-        names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-        values: dict[str, Any] = {name: getattr(exact, name) for name in names}
+        values: dict[str, Any] = {name: getattr(exact, name) for name in SYMBOLS}
         if alternative.parameters is not None:
             values |= alternative.parameters(exact)
         if "Bbar" not in values:

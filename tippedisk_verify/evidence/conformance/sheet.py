@@ -18,14 +18,14 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.store import Quantity, Store
 from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
 
-_PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 _INPUTS = ("Omega", "beta", "gamma", "v")
 COLUMNS = (
     *("id", "level", "kind", "set", "friction", "quantity", "unit"),
-    *_PARAMETERS,
+    *SYMBOLS,
     *_INPUTS,
     *("t", "n", "order", "equilibrium", "form", "from", "answer"),
 )

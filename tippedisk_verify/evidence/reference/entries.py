@@ -14,7 +14,7 @@ from typing import Any, Literal
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Friction, Parameters
 
 __all__ = [
     "READINGS",
@@ -34,7 +34,6 @@ __all__ = [
 Reading = Literal["decimals", "doubles"]
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
 Values = dict[str, Measured]
-_PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 _MOST_DIGITS = 50  # kept of a number; Omega_h keeps more
 # What another road must confirm, relative to the number's size, to stand beside the first one.
 _CONFIRMED = Fraction(1, 10**30)
@@ -93,7 +92,7 @@ class Kind:
 
 def as_doubles(parameters: Parameters) -> Parameters:
     """The parameters as the IEEE doubles nearest to them, each rounded once."""
-    rounded: dict[str, Any] = {name: Fraction(float(getattr(parameters, name))) for name in _PARAMETERS}
+    rounded: dict[str, Any] = {name: Fraction(float(getattr(parameters, name))) for name in SYMBOLS}
     return Parameters(**rounded, name=parameters.name, friction=parameters.friction)
 
 

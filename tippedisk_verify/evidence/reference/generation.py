@@ -27,7 +27,7 @@ from tippedisk_verify.evidence.reference.store import data_folder
 from tippedisk_verify.files import alone, checksum, output_folder, read_text, remains_of, write_text
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 
 __all__ = ["Piece", "computed", "file_text", "generate", "pieces_of", "values_csv"]
 
@@ -182,7 +182,6 @@ def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
     """A reference file: one quantity to a line, so that a changed number is a changed line."""
     parameters = Parameters.named(set_name)
     doubles = as_doubles(parameters)
-    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
     head = {
         "format": FORMAT,
         "kind": kind.name,
@@ -194,7 +193,7 @@ def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
                 "decimal": Measured.of(getattr(parameters, name), 0).decimals()[0],
                 "double": float(getattr(doubles, name)).hex(),
             }
-            for name in names
+            for name in SYMBOLS
         },
         "methods": {road.name: {"says": road.says, "independent": road.independent} for road in kind.roads},
     }

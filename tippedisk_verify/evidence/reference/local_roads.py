@@ -11,7 +11,7 @@ from tippedisk_verify.evidence.reference.entries import Case, Road, Values, chan
 from tippedisk_verify.model.equations import field, friction_force, jacobian, shifted, terms
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.model.precision import bits, heyoka_module
 from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
 from tippedisk_verify.theory.equilibria import equilibrium, linearization
@@ -31,7 +31,7 @@ def by_differences(plain: Plain, step: Fraction = _STEP) -> Callable[[Case, Valu
 
     def condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
         slopes: dict[str, dict[str, Any]] = {}
-        names = [("parameters", name) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")]
+        names = [("parameters", name) for name in SYMBOLS]
         names += [("inputs", name) for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
         for where, name in names:
             ends = []
