@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import pickle
+from decimal import Decimal
 from fractions import Fraction
 from typing import ClassVar
 
+import mpmath
 import numpy
 import pytest
 from scipy.integrate import solve_ivp
@@ -240,3 +242,13 @@ def test_a_cycle_is_drawn_on_the_axes_given() -> None:
     assert tv.Disk("printed").limit_cycle("30.4").plot(axes) is axes
     (line,) = axes.get_lines()
     assert abs(line.get_xdata()).max() == pytest.approx(1.6795, abs=1e-3)
+
+
+def test_a_reference_value_is_a_float_an_mpmath_number_or_a_text() -> None:
+    quantity = tv.reference("printed/linear/heteroclinic/point/omega_h")
+    value, uncertainty = quantity.values["decimals"]
+    assert str(quantity) == f"{value} ± {uncertainty}"
+    assert f"{quantity:.12g}" == f"{Decimal(value):.12g}"
+    assert float(quantity) == pytest.approx(float(value), rel=1e-15)
+    with mpmath.workdps(60):
+        assert abs(mpmath.mpf(quantity) - mpmath.mpf(value)) < mpmath.mpf(10) ** -57

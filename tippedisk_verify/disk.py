@@ -78,7 +78,10 @@ class Solution:
         """
         import numpy
 
-        times = numpy.asarray(t, dtype=float)
+        try:
+            times = numpy.asarray(t, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            raise InputError("a solution is asked for at times, which are numbers") from None
         first, last = sorted((0.0, float(self.t[-1])))
         if times.size and not (first <= times.min() and times.max() <= last):
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
@@ -105,12 +108,14 @@ class Disk(Parameters):
                 raise InputError(
                     f"a disk has a name or its own numbers, not both '{shown(named)}' and {sorted(values)}"
                 )
+            if not isinstance(named, str):
+                raise InputError(f"a disk is named by a text, not by {shown(named)}")
             known = Parameters.named(named)
             values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
-            friction = friction or known.friction
-        values["friction"] = friction or "linear"
+        if friction is not None:
+            values["friction"] = friction
         names = [item.name for item in fields(Parameters) if item.init]
-        missing = [name for name in names if name not in (*values, "C", "name")]
+        missing = [name for name in names if name not in (*values, "C", "name", "friction")]
         unknown = [name for name in values if name not in names]
         if missing or unknown:
             told = [f"a disk has no '{name[:40]}'" for name in unknown] + [f"a disk needs {name}" for name in missing]

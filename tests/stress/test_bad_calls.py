@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -37,6 +38,7 @@ def _lanes(**changes: object) -> object:
     return _LANES(*{**told, **changes}.values())
 
 
+_DISK = tv.Disk("printed")
 _LANES = tv.Lanes(1)
 _TYPED = (tv.InputError, TypeError, AttributeError)  # what a value against the annotation may give
 _ENGINES: dict[str, Callable[[tv.Request], Any]] = {"Taylor": default_engine(), "Baseline": tv.Baseline()}
@@ -123,6 +125,20 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
         True,
     ),
     ("bisect_omega_h", lambda x: tv.bisect_omega_h(tv.PRINTED.with_friction(x), default_engine()), NO_NUMBERS, True),
+    ("Disk", tv.Disk, ("", "abc", "\0", *(x for x in NO_OBJECTS if x is not None)), True),
+    ("Disk", lambda x: tv.Disk("printed", friction=x), ("", "abc", "\0"), True),
+    ("Disk", lambda x: tv.Disk(**dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), x)), NO_NUMBERS, True),
+    ("Disk", lambda x: _DISK.limit_cycle(x), (*(x for x in NO_SPEEDS if x is not None), None), True),
+    ("Disk", lambda x: _DISK.limit_cycle(below_crit=x), (*(x for x in NO_NUMBERS if x is not None), None, 40), True),
+    ("Disk", lambda x: _DISK.limit_cycle(_OMEGA, digits=x), NO_COUNTS, True),
+    ("Disk", lambda x: _DISK.branch([_OMEGA, x]), NO_SPEEDS, True),
+    ("Disk", lambda x: _DISK.equilibrium(x, _OMEGA), ("", "abc", "\0"), True),
+    ("Disk", lambda x: _DISK.integrate(x, ("pi/2", 2, 0), 1), NO_NUMBERS, True),
+    ("Disk", lambda x: _DISK.integrate("30.4", ("pi/2", x, 0), 1), NO_NUMBERS, True),
+    ("Disk", lambda x: _DISK.integrate("30.4", ("pi/2", 2, 0), x), NO_NUMBERS, True),
+    ("Disk", lambda x: _DISK.integrate("30.4", ("pi/2", 2, 0), 1, times=x), ([2.0], [0.5, 0.25], ["a"], "ab"), True),
+    ("Disk", lambda x: _DISK.integrate("30.4", ("pi/2", 2, 0), 1, digits=x), NO_COUNTS, True),
+    ("Solution", lambda x: _DISK.integrate("30.4", ("pi/2", 2, 0), 1)(x), (1.5, -1e-3, [0.5, 2], "a", math.nan), True),
     ("basins", lambda x: tv.basins(tv.PRINTED, x, count=4, duration=5.0), NO_SPEEDS, True),
     ("basins", lambda x: tv.basins(tv.PRINTED, _OMEGA, count=x), (0, -1, 10**9, 10**400, 3.5), True),
     (

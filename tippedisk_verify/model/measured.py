@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import exact, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -38,7 +38,7 @@ class Measured:
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
         """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
-        number, width = (Fraction(part) if isinstance(part, str) else fraction(part) for part in (value, uncertainty))
+        number, width = (_rational(part) for part in (value, uncertainty))
         if width < 0:
             raise InputError("an uncertainty cannot be negative")
         return cls(number, width)
@@ -160,6 +160,15 @@ class Measured:
 
     def __repr__(self) -> str:
         return f"Measured({self})"
+
+
+def _rational(value: object) -> Fraction:
+    if not isinstance(value, str):
+        return fraction(value)
+    number = exact(value)
+    if number.pi_multiple:
+        raise InputError(f"a decimal is needed, not {shown(value)}")
+    return number.rational
 
 
 def _operand(other: object) -> Measured | None:

@@ -58,6 +58,17 @@ class Quantity:
         """The double nearest to the value from doubles, or from decimals where there is none."""
         return float(self.values.get("doubles", self.values["decimals"])[0])
 
+    def __str__(self) -> str:
+        """The value from decimals, with its half-width."""
+        return " ± ".join(self.values["decimals"])
+
+    def __format__(self, spec: str) -> str:
+        return format(self.measured(), spec) if spec else str(self)
+
+    def _mpmath_(self, working_bits: int, rounding: str) -> Any:
+        """The value from decimals, so that ``mpmath.mpf(quantity)`` has the digits of mpmath's precision."""
+        return self.measured()._mpmath_(working_bits, rounding)
+
     def json(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
