@@ -1,13 +1,13 @@
 """The front door: a `Disk`, and what can be asked of it.
 
-A disk is its parameters with the friction law. Each method hands it on to the room where the mathematics is, with the
-engine that is used unless another one is named; what comes back remembers the disk it is about.
+A disk is its parameters with the friction law. Each method hands it to the room where the mathematics is, with the
+default engine unless another one is given. Results remember the disk that they are about.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
 
 if TYPE_CHECKING:
-    from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Result, Status
+    from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Request, Result, Status
     from tippedisk_verify.orbits.basins import Basins
     from tippedisk_verify.orbits.branches import Branch
     from tippedisk_verify.orbits.heteroclinic import Heteroclinic
@@ -42,7 +42,7 @@ class Solution:
     final time if the disk lies flat or a terminal event ends it: ``status`` and ``message`` say so.
     """
 
-    disk: Disk
+    disk: Parameters
     omega: object  #: [rad/s]
     t: Any
     y: Any
@@ -52,7 +52,35 @@ class Solution:
     events: tuple[EventRecord, ...]
     engine: str
     precision: str
-    _again: Any
+    _again: Callable[[], Result]
+
+    @classmethod
+    def of(cls, request: Request, result: Result, engine: Engine) -> Solution:
+        """What an engine answered: the samples that were reached, and the end."""
+        import numpy
+
+        precision, samples, error = request.precision, result.samples, result.error
+        times = precision.array([] if samples is None else list(request.times)[: len(samples)])
+        if samples is None:
+            samples = numpy.empty((0, 3))
+        widths, last, time = numpy.full(samples.shape, numpy.inf), numpy.full(3, numpy.inf), 0.0
+        if error is not None:
+            widths, last, time = widths if error.samples is None else error.samples, error.state, error.time
+        if len(times) and times[-1] == result.time:  # the end itself is the last column
+            times, samples, widths = times[:-1], samples[:-1], widths[:-1]
+        return cls(
+            disk=request.parameters,
+            omega=request.omega,
+            t=numpy.append(times, result.time),
+            y=numpy.vstack((samples, result.state)).T,
+            uncertainty=numpy.vstack((widths, last)).T.astype(float),
+            status=result.status,
+            time_uncertainty=time,
+            events=result.events,
+            engine=engine.name,
+            precision=precision.name,
+            _again=lambda: engine(replace(request, dense=True, times=None, error_estimate=False)),
+        )
 
     @property
     def success(self) -> bool:
@@ -66,7 +94,7 @@ class Solution:
 
     @cached_property
     def _dense(self) -> Any:
-        result: Result = self._again()
+        result = self._again()
         if result.dense is None:
             raise InputError(f"{self.engine} gives no continuous output")
         return result.dense
@@ -169,8 +197,6 @@ class Disk(Parameters):
         as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``. Raises InputError for
         what makes no sense; a run that ends early does not raise.
         """
-        import numpy
-
         from tippedisk_verify.flow.contract import Request
         from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 
@@ -190,30 +216,7 @@ class Disk(Parameters):
             events=events,
             error_estimate=flown.measures_error,
         )
-        result = flown(request)
-        taken = precision.array([]) if times is None else precision.array(list(times))[: len(result.samples)]
-        samples = numpy.empty((0, 3)) if result.samples is None else result.samples
-        widths = numpy.full(samples.shape, numpy.inf)
-        last_width, time_width = numpy.full(3, numpy.inf), 0.0
-        if result.error is not None:
-            last_width, time_width = result.error.state, result.error.time
-            if result.error.samples is not None:
-                widths = result.error.samples
-        if len(taken) and taken[-1] == result.time:
-            taken, samples, widths = taken[:-1], samples[:-1], widths[:-1]
-        return Solution(
-            disk=self,
-            omega=omega,
-            t=numpy.append(taken, result.time),
-            y=numpy.vstack((samples, result.state)).T,
-            uncertainty=numpy.vstack((widths, last_width)).T.astype(float),
-            status=result.status,
-            time_uncertainty=time_width,
-            events=result.events,
-            engine=flown.name,
-            precision=precision.name,
-            _again=lambda: flown(_dense(request)),
-        )
+        return Solution.of(request, flown(request), flown)
 
     def basins(self, omega: object, **options: Any) -> Basins:
         """What each of many initial states ends on; options as those of `orbits.basins.basins`."""
@@ -269,16 +272,9 @@ class Disk(Parameters):
 
     @staticmethod
     def _engine(engine: Engine | None) -> Engine:
-        """The engine given, or the default one: the only place where that is chosen for who comes in here."""
+        """The engine given, or the default one: the one place where a disk's methods choose it."""
         if engine is not None:
             return engine
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
-
-
-def _dense(request: Any) -> Any:
-    """The same run with continuous output, and without what takes time beside it."""
-    from dataclasses import replace
-
-    return replace(request, dense=True, times=None, error_estimate=False)
