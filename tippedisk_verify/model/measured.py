@@ -1,4 +1,7 @@
-"""Results: a value with the half-width that holds the truth, and decimals that keep the promise."""
+"""Results: a value with the half-width that holds the truth, the factor from a distance to a half-width, arithmetic.
+
+What is printed, compared and combined still holds the truth.
+"""
 
 from __future__ import annotations
 
