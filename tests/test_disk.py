@@ -14,12 +14,19 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from tippedisk_verify.certified.closed_forms import proved_hopf
+from tippedisk_verify.certified.cycle import prove_cycle
+from tippedisk_verify.certified.heteroclinic import prove_connection
+from tippedisk_verify.certified.no_connection import prove_absence
+from tippedisk_verify.certified.trajectory import proved_state
 from tippedisk_verify.evidence import friction_claims
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.branches import Branch
 from tippedisk_verify.orbits.continuation import continued
 from tippedisk_verify.orbits.near_connection import passage_times
+from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 LAWS = ("linear", "smooth")
@@ -251,4 +258,61 @@ def test_a_reference_value_is_a_float_an_mpmath_number_or_a_text() -> None:
     assert f"{quantity:.12g}" == f"{Decimal(value):.12g}"
     assert float(quantity) == pytest.approx(float(value), rel=1e-15)
     with mpmath.workdps(60):
-        assert abs(mpmath.mpf(quantity) - mpmath.mpf(value)) < mpmath.mpf(10) ** -57
+        assert abs(quantity.mpf() - mpmath.mpf(value)) < mpmath.mpf(10) ** -57
+
+
+SMOOTH = tv.PRINTED.with_friction("smooth")
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda: tv.hopf_point(SMOOTH),
+        lambda: tv.one_harmonic(SMOOTH, "30.4"),
+        lambda: harmonic_balance.slopes(SMOOTH),
+        lambda: tv.balanced_cycle(SMOOTH, "30.4"),
+        lambda: tv.study(SMOOTH, "30.4", 1),
+        lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
+        lambda: tv.limit_speed(SMOOTH),
+        lambda: tv.limit_period(SMOOTH, 1),
+        lambda: proved_hopf(SMOOTH),
+        lambda: prove_cycle(SMOOTH, "30.4", ("1.68", "-1.71")),
+        lambda: prove_connection(SMOOTH, "30.0849"),
+        lambda: prove_absence(SMOOTH, "30.065", "30.075"),
+        lambda: proved_state(SMOOTH, "30.4", ("0", "0.4", "0"), "0.2"),
+    ],
+)
+def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:
+    with pytest.raises(tv.InputError, match="linear friction law only"):
+        ask()
+
+
+def test_a_wide_solution_is_wide_between_its_samples_too() -> None:
+    sharp = tv.Disk("printed").integrate("30.4", START, "0.1", digits=30)
+    assert abs(sharp(sharp.t[-1]) - sharp.y[:, -1]).max() < 1e-30
+    assert abs(sharp(sharp.t[7:9]) - sharp.y[:, 7:9]).max() < 1e-30
+
+
+def test_a_branch_takes_its_speeds_as_they_are_and_holds_its_rounding() -> None:
+    disk = tv.Disk("printed")
+    branch = disk.branch(["30.4"])
+    assert branch.cycles[0].omega.value == Fraction("30.4")
+    sharp = Branch.of([disk.limit_cycle("30.4", digits=20)])
+    for name, widths in sharp.uncertainty.items():
+        true = getattr(sharp.cycles[0], name)
+        assert abs(Fraction(getattr(sharp, name)[0]) - true.value) + true.uncertainty <= Fraction(widths[0])
+    assert (
+        0 < abs(branch.period[0] - sharp.period[0]) + sharp.uncertainty["period"][0] <= branch.uncertainty["period"][0]
+    )
+
+
+def test_a_branch_reaches_next_to_omega_h() -> None:
+    disk = tv.Disk("printed")
+    speed = disk.heteroclinic().omega_h.value + Fraction(1, 10**7)
+    branch = disk.branch(["30.4", speed])
+    assert branch.period[1] > 5 * branch.period[0]
+
+
+def test_an_engine_is_no_name() -> None:
+    with pytest.raises(tv.InputError, match=r"Taylor\(\) or Baseline\(\)"):
+        tv.Disk("printed").heteroclinic(engine="taylor")  # type: ignore[arg-type]

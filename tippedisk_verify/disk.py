@@ -6,7 +6,7 @@ default engine unless another one is given. Results remember the disk that they 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cached_property
@@ -33,7 +33,7 @@ _SAMPLES = 201  # of a solution, if no times are named
 _DOUBLE_DIGITS = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
@@ -52,7 +52,8 @@ class Solution:
     events: tuple[EventRecord, ...]
     engine: str
     precision: str
-    _again: Callable[[], Result]
+    _request: Request
+    _engine: Engine
 
     @classmethod
     def of(cls, request: Request, result: Result, engine: Engine) -> Solution:
@@ -66,7 +67,7 @@ class Solution:
         widths, last, time = numpy.full(samples.shape, numpy.inf), numpy.full(3, numpy.inf), 0.0
         if error is not None:
             widths, last, time = widths if error.samples is None else error.samples, error.state, error.time
-        if len(times) and times[-1] == result.time:  # the end itself is the last column
+        while len(times) and abs(times[-1]) >= abs(result.time):  # the end itself is the last column
             times, samples, widths = times[:-1], samples[:-1], widths[:-1]
         return cls(
             disk=request.parameters,
@@ -79,7 +80,8 @@ class Solution:
             events=result.events,
             engine=engine.name,
             precision=precision.name,
-            _again=lambda: engine(replace(request, dense=True, times=None, error_estimate=False)),
+            _request=request,
+            _engine=engine,
         )
 
     @property
@@ -94,7 +96,7 @@ class Solution:
 
     @cached_property
     def _dense(self) -> Any:
-        result = self._again()
+        result = self._engine(replace(self._request, dense=True, times=None, error_estimate=False))
         if result.dense is None:
             raise InputError(f"{self.engine} gives no continuous output")
         return result.dense
@@ -106,15 +108,18 @@ class Solution:
         """
         import numpy
 
+        given = numpy.asarray(t)
+        if given.ndim > 1:
+            raise InputError("a solution is asked for at a time, or at a list of times")
         try:
-            times = numpy.asarray(t, dtype=float)
-        except (TypeError, ValueError, OverflowError):
+            times = self._request.precision.array(given.ravel().tolist())
+        except (TypeError, OverflowError):
             raise InputError("a solution is asked for at times, which are numbers") from None
-        first, last = sorted((0.0, float(self.t[-1])))
-        if times.size and not (first <= times.min() and times.max() <= last):
-            raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
-        states = self._dense(numpy.atleast_1d(times)).T
-        return states[:, 0] if times.ndim == 0 else states
+        first, last = sorted((0 * self.t[-1], self.t[-1]))
+        if any(not first <= time <= last for time in times):
+            raise InputError(f"the solution is known from {float(first):.10g} s to {float(last):.10g} s")
+        states = self._dense(times).T
+        return states if given.ndim else states[:, 0]
 
 
 class Disk(Parameters):
@@ -175,7 +180,6 @@ class Disk(Parameters):
         """The Hopf point of inverted spinning with its normal form. Raises InputError under the smooth law."""
         from tippedisk_verify.theory.hopf import hopf_point
 
-        self.refuse_smooth("the Hopf point's normal form is")
         return hopf_point(self, digits)
 
     # ---------------------------------------------------------------------------------------- motion
@@ -256,7 +260,8 @@ class Disk(Parameters):
     def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
 
-        Raises NoSuchCycleError where the family ends.
+        A hundred speeds and more are rounded to doubles, and the linear law's cycles found together, in lanes of the
+        Taylor engine. Raises NoSuchCycleError where there is no cycle.
         """
         from tippedisk_verify.orbits.branches import Branch, family
 
@@ -274,6 +279,8 @@ class Disk(Parameters):
     def _engine(engine: Engine | None) -> Engine:
         """The engine given, or the default one: the one place where a disk's methods choose it."""
         if engine is not None:
+            if not hasattr(engine, "measures_error") or isinstance(engine, type):
+                raise InputError(f"an engine is Taylor() or Baseline(), not {shown(engine)}")
             return engine
         from tippedisk_verify.flow import default_engine
 

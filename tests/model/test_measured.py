@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.measured import Measured
 
 NUMBERS = st.fractions(-1000, 1000, max_denominator=1000)
@@ -56,6 +56,26 @@ def test_comparisons_say_when_they_cannot_tell() -> None:
             open_question()
     with pytest.raises(TypeError):
         _ = period < "1"
+    with pytest.raises(InputError, match="finite"):
+        _ = period < float("nan")
+
+
+def test_numbers_of_other_packages_lose_no_half_width() -> None:
+    """Whichever side they stand on."""
+    number = Measured.of("1.2345", "0.001")
+    for two in (mpmath.mpf(2), numpy.float64(2), numpy.longdouble(2), numpy.int64(2), Decimal(2), 2.0):
+        for product in (number * two, two * number):
+            assert product == Measured.of("2.469", "0.002"), type(two)
+        for sum_ in (number + two, two + number):
+            assert sum_ == Measured.of("3.2345", "0.001"), type(two)
+    with pytest.raises(Shortfall):
+        _ = number < mpmath.mpf("1.2346")
+
+
+def test_zero_and_widths_beyond_the_value_are_printed() -> None:
+    assert str(Measured.of(0, "1e6")) == "0 ± 1000000"
+    assert f"{Measured.of(0, 0):.3e}" == "0.000e+00"
+    assert str(Measured.of(1, "1e6")).startswith("0 ± ")
 
 
 def test_it_is_formatted_and_taken_as_a_number() -> None:
@@ -66,4 +86,4 @@ def test_it_is_formatted_and_taken_as_a_number() -> None:
     assert repr(number) == f"Measured({number})"
     assert numpy.array([number, number], float).tolist() == [30.886592688643567] * 2
     with mpmath.workdps(30):
-        assert abs(mpmath.mpf(number) - mpmath.mpf("30.88659268864356727833")) < mpmath.mpf(10) ** -28
+        assert abs(number.mpf() - mpmath.mpf("30.88659268864356727833")) < mpmath.mpf(10) ** -28

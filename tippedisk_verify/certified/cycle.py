@@ -222,6 +222,7 @@ def prove_cycle(
     digits or more, is sharpened here; ``most_bits`` bounds the working precision. Raises InputError for input that
     makes no sense; whatever else prevents a proof is a status.
     """
+    parameters.refuse_smooth("limit cycles are proved")
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")

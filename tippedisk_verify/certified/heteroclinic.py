@@ -200,6 +200,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     for digits not offered or a speed that makes no sense, NoConnectionError where the equilibrium is no saddle with
     real eigenvalues.
     """
+    parameters.refuse_smooth("the connection is proved")
     if not 1 <= digits <= MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
     given = exact(near)

@@ -92,6 +92,7 @@ def prove_absence(
     Linear friction. ``watch`` is told after each piece which share of the interval is done. Raises InputError for ends
     that make no sense.
     """
+    parameters.refuse_smooth("that there is no connection is proved")
     start, end = (_checked(number) for number in (low, high))
     if not start < end:
         raise InputError("the first speed must be less than the second")

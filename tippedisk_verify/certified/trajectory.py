@@ -49,6 +49,7 @@ def proved_state(
 
     The inputs are whatever `model.exact.exact` takes. Raises InputError for input that makes no sense.
     """
+    parameters.refuse_smooth("motions are proved")
     if len(state) != 3:
         raise InputError("a state has three components: beta_bar, gamma_bar, v")
     speed, start, span = exact(omega), [exact(part) for part in state], exact(duration)

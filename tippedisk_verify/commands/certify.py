@@ -57,10 +57,7 @@ def hopf(common: Common) -> int:
     """Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."""
     from tippedisk_verify.certified.closed_forms import proved_hopf
 
-    if common.friction == "smooth":
-        raise InputError(
-            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
-        )
+    common.parameters.refuse_smooth("the Hopf point's normal form is")
     print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).json()})
     return 0
 
@@ -77,8 +74,7 @@ def table(common: Common, omega_h: bool) -> int:
     from tippedisk_verify.certified.table import OMEGA_H, omega_h_statements, study_table, with_gravity
     from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 
-    if common.friction == "smooth":
-        raise InputError("the paper's printed numbers are of the linear friction law")
+    common.parameters.refuse_smooth("the paper's printed numbers are")
     study = study_table(common.parameters)
     result, statements = {"proved": True, **study.json()}, list(study.statements)
     if omega_h:
@@ -112,8 +108,7 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
 
-    if common.friction == "smooth":
-        raise InputError("the connection is proved for the linear friction law")
+    common.parameters.refuse_smooth("the connection is proved")
     if none_between is not None:
         if near is not None:
             raise InputError(

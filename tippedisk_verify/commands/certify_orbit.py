@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from tippedisk_verify.commands.common import Common, common_options, print_result, speed, speed_options
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import NoSuchCycleError
 
 __all__ = ["orbit"]
 
@@ -18,8 +18,7 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, guess: tupl
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
     from tippedisk_verify.certified.cycle import CycleProof, Status, prove_cycle
 
-    if common.friction == "smooth":
-        raise InputError("limit cycles are proved for the linear friction law")
+    common.parameters.refuse_smooth("limit cycles are proved")
     value = speed(common, omega, below_crit)
     if guess is None:
         from tippedisk_verify.flow import default_engine

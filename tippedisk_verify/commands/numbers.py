@@ -48,10 +48,7 @@ def hopf(common: Common) -> int:
     """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
     from tippedisk_verify.theory.hopf import hopf_point
 
-    if common.friction == "smooth":
-        raise InputError(
-            "the smooth field is only once differentiable: it has no first Lyapunov coefficient; use linear"
-        )
+    common.parameters.refuse_smooth("the Hopf point's normal form is")
     print_result(common, hopf_point(common.parameters, common.digits).json())
     return 0
 
@@ -76,8 +73,7 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
     """Orders of the slow manifold, their residuals, and the reduced flow."""
     from tippedisk_verify.theory.slow_manifold import study
 
-    if common.friction == "smooth":
-        raise InputError("the slow manifold's expansion is for the linear friction law")
+    common.parameters.refuse_smooth("the slow manifold's expansion is")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
     found = study(common.parameters, omega_value, order, common.digits, at=(beta, gamma))
     print_result(common, found.json())
@@ -190,8 +186,7 @@ def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, 
     """A limit cycle by harmonic balance of the full equations, without an integrator."""
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
-    if common.friction == "smooth":
-        raise InputError("harmonic balance is offered for the linear friction law")
+    common.parameters.refuse_smooth("harmonic balance is")
     omega_value = speed(common, omega, below_crit)
     found = balanced_cycle(common.parameters, omega_value, digits=common.digits, harmonics=harmonics)
     print_result(common, found.json())

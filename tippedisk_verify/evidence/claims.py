@@ -157,6 +157,10 @@ class Audit:
             raise InputError(f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}")
         return self.sets[name]
 
+    def linear(self, name: str) -> Parameters:
+        """A set under the linear law, for what is said of expansions where the disk rolls."""
+        return self._set(name).with_friction("linear")
+
     def connection(self, name: str) -> Heteroclinic:
         """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
         if name not in self._connections:

@@ -188,7 +188,7 @@ def _slope_claim(which: int) -> Callable[[Audit, str], tuple[str, bool]]:
     """The printed one-harmonic law's slope at the Hopf point against the first Lyapunov coefficient's."""
 
     def one(audit: Audit, name: str) -> tuple[str, bool]:
-        parameters = audit.sets[name]
+        parameters = audit.linear(name)
         law = harmonic_balance.slopes(parameters, "printed")[which]
         truth = hopf.hopf_point(parameters)
         true = (truth.amplitude_squared_slope, truth.period_slope)[which]
@@ -199,7 +199,7 @@ def _slope_claim(which: int) -> Callable[[Audit, str], tuple[str, bool]]:
 
 
 def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    parameters = audit.sets[name]
+    parameters = audit.linear(name)
     kind = hopf.criticality(parameters)
     return f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}", kind == printed
 

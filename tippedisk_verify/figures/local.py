@@ -91,6 +91,7 @@ def harmonic_balance_rows(
     ``distances`` are Omega_crit - Omega [rad/s], rising. Speeds at which a law or the balance has no cycle are left
     out of its curve.
     """
+    parameters = parameters.with_friction("linear")
     crit, birth = omega_crit(parameters, 40).value, float(period_crit(parameters))
     curves = {name: [(float(crit), 0.0, birth)] for name in ("printed", "consistent", "numerical")}
     # The laws are formulas: drawn at many speeds, so that their curves are smooth where the amplitude grows steeply.
@@ -136,7 +137,8 @@ def draw_harmonic_balance(curves: dict[str, list[tuple[float, float, float]]], c
 
 def _harmonic_balance(audit: Audit, examined: Sequence[str]) -> Drawing:
     curves = harmonic_balance_rows(audit.parameters)
-    law, truth = slopes(audit.parameters, "printed"), hopf_point(audit.parameters)
+    linear = audit.linear(audit.parameters.name)
+    law, truth = slopes(linear, "printed"), hopf_point(linear)
     amplitude, period = (
         100 * (float(mine) / float(right) - 1)
         for mine, right in zip(law, (truth.amplitude_squared_slope, truth.period_slope), strict=True)

@@ -56,7 +56,7 @@ def budgeted(
     import numpy
 
     alike = [twin for twin in twins if _alike(result, twin)]
-    if not _alike(result, check) or (twins and not alike):
+    if result.status is Status.NON_FINITE or not _alike(result, check) or (twins and not alike):
         return undecided()
     ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
     share = _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)

@@ -29,7 +29,7 @@ class Measured:
     Both are exact rationals; `json` and ``str`` print decimals. What they print still holds the truth: the rounding
     of the printed value is added to the printed half-width, which itself is rounded up.
 
-    It behaves as a number: float(), format(), mpmath.mpf() and arrays of floats take its value. Sums, differences,
+    It behaves as a number: float(), format(), `mpf` and arrays of floats take its value. Sums, differences,
     products and quotients hold whatever the true values in the half-widths give; numbers without one are exact. Each
     half-width counts as independent, so x - x is zero with twice the half-width. A comparison that the half-widths
     leave open raises Shortfall. Equality is that of value and half-width.
@@ -69,14 +69,16 @@ class Measured:
         return float(self.value)
 
     def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g', with no more digits than its decimals have; else as ``str``."""
-        return format(Decimal(self.decimals()[0]), spec) if spec else str(self)
+        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
+        if not spec:
+            return str(self)
+        return format(Decimal(self.decimals()[0]) if self.value else 0.0, spec)
 
-    def _mpmath_(self, working_bits: int, rounding: str) -> Any:
-        """The value for mpmath, so that ``mpmath.mpf(x)`` has the digits of mpmath's precision."""
-        from tippedisk_verify.model.precision import bits
+    def mpf(self) -> Any:
+        """The value as an mpmath number, to the precision that mpmath has at the time."""
+        import mpmath
 
-        return quotient(bits(working_bits).context, self.value)
+        return quotient(mpmath.mp, self.value)
 
     def __lt__(self, other: object) -> bool:
         return self._below(other, lambda difference: difference < 0)
@@ -166,7 +168,7 @@ class Measured:
 
 
 def _rational(value: object) -> Fraction:
-    if not isinstance(value, str):
+    if not isinstance(value, str | Decimal):
         return fraction(value)
     number = exact(value)
     if number.pi_multiple:
@@ -175,12 +177,17 @@ def _rational(value: object) -> Fraction:
 
 
 def _operand(other: object) -> Measured | None:
-    """The other side of an operation: a number with a half-width, or a plain one, which is exact."""
+    """The other side of an operation: a number with a half-width, or one of any other kind, which is exact."""
     if isinstance(other, Measured):
         return other
-    if isinstance(other, Decimal):
-        return Measured(Fraction(other), Fraction(0))
-    return Measured(fraction(other), Fraction(0)) if isinstance(other, int | float | Fraction) else None
+    if isinstance(other, str | None):
+        return None
+    try:
+        return Measured(_rational(other), Fraction(0))
+    except InputError:
+        if isinstance(other, float | Decimal):  # infinite, or not a number
+            raise
+        return None
 
 
 def exact_text(value: Fraction) -> str:
@@ -229,6 +236,8 @@ def _exact_decimals(value: Fraction) -> tuple[str, str]:
 
 def _decimal_text(steps: int, place: int) -> str:
     """``steps * 10**place`` as a decimal string, in scientific notation only where it is far from 1."""
+    if not steps:
+        place = min(place, 0)
     digits = str(Decimal(abs(steps)))  # unlike str(int), without a limit of 4300 digits
     sign = "-" if steps < 0 else ""
     magnitude = len(digits) - 1 + place

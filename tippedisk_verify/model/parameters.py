@@ -177,7 +177,7 @@ class Parameters:
     def refuse_smooth(self, what: str) -> None:
         """Raise InputError under the smooth law: ``what``, such as 'harmonic balance is', begins the sentence."""
         if self.friction == "smooth":
-            raise InputError(f"{what} for the linear friction law only")
+            raise InputError(f"{what} for the linear friction law only, not for the smooth one")
 
     def decimals(self) -> dict[str, str]:
         """Each given field as an exact decimal string (fifty digits where the decimal repeats)."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import continued, followed_cycle
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
 from tippedisk_verify.orbits.dense import DenseBranch
+from tippedisk_verify.orbits.near_connection import cycle_at
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -48,9 +51,16 @@ class Branch:
 
         kept = tuple(cycles)
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
-        columns = {name: [getattr(cycle, name) for cycle in kept] for name in names}
-        widths = {name: numpy.array([float(one.uncertainty) for one in column]) for name, column in columns.items()}
-        return cls(kept, uncertainty=widths, **{name: numpy.array(column, float) for name, column in columns.items()})
+        numbers = {name: [getattr(cycle, name) for cycle in kept] for name in names}
+        columns = {name: numpy.array(column, float) for name, column in numbers.items()}
+        widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
+        return cls(kept, uncertainty=widths, **columns)
+
+
+def _in_double(number: Measured) -> float:
+    """A half-width for the value as a double: its rounding is added, and the sum is rounded up."""
+    width = number.uncertainty + abs(number.value - Fraction(float(number)))
+    return math.nextafter(float(width), math.inf) if width else 0.0
 
 
 def family(
@@ -71,8 +81,7 @@ def family(
         if len(speeds) >= _MANY and parameters.friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:
-            first = followed_cycle(parameters, speeds[0], engine)
-            yield from continued(parameters, [float(speed) for speed in speeds], engine, first=first)
+            yield from _one_by_one(parameters, speeds, engine)
         return
     omega_h = bisect_omega_h(parameters, engine).omega_h.value
     if not paper_sets:
@@ -90,6 +99,19 @@ def family(
     yield start
     yield from continued(parameters, sets.increasing, engine, first=start)
     yield from continued(parameters, sets.decreasing, engine, first=start)
+
+
+def _one_by_one(parameters: Parameters, speeds: Sequence[Fraction], engine: Engine) -> Iterator[LimitCycle]:
+    """Each from the one before, or by itself where that does not lead there."""
+    here = None
+    for speed in speeds:
+        try:
+            if here is None:
+                raise NoSuchCycleError("there is none before")
+            (here,) = continued(parameters, [speed], engine, first=here)
+        except NoSuchCycleError:
+            here = cycle_at(parameters, speed, engine)
+        yield here
 
 
 def _together(

@@ -48,7 +48,7 @@ def paper_sets(parameters: Parameters, omega_h: Fraction) -> PaperSets:
 
 def continued(
     parameters: Parameters,
-    omegas: Sequence[float],
+    omegas: Sequence[float | Fraction],
     engine: Engine,
     *,
     first: LimitCycle | None = None,

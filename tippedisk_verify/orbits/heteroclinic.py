@@ -49,10 +49,12 @@ class Heteroclinic:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
 
         From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
-        second. Raises Shortfall if the branch cannot be followed.
+        second. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
         """
         import numpy
 
+        if count < 2:
+            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
         start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
         times = numpy.linspace(0, 12, 6001)

@@ -125,6 +125,7 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     Raises InputError for a speed, form or digits that are not offered, Shortfall where the formula has no real
     amplitude or frequency.
     """
+    parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     checked_digits(digits)
     denominator = amplitude_denominator(parameters.rational(), omega**2, form)
@@ -151,6 +152,7 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
 
     Raises Shortfall where the amplitude law's denominator vanishes at Omega_crit.
     """
+    parameters.refuse_smooth("harmonic balance is")
     form = _checked_form(form)
     working = bits_for_digits(digits + 15)
     rough, sharp = _slopes(parameters, form, working), _slopes(parameters, form, working + 66)

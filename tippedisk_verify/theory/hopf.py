@@ -121,6 +121,7 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     Each quantity is evaluated with 15 digits more than asked for, and again with 20 more to see its error.
     Raises InputError as `checked_digits` does, Shortfall where the first Lyapunov coefficient vanishes, or nearly so.
     """
+    parameters.refuse_smooth("the Hopf point's normal form is")
     checked_digits(digits)
     kind = criticality(parameters)
     if kind == "degenerate":

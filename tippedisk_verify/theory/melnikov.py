@@ -33,6 +33,7 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
     Without ``gamma_bar_0`` the limit of Omega_h; towards 0 it is Omega_crit. Raises InputError outside (0, pi) or
     beyond 200 digits, Shortfall if no speed makes the integral vanish.
     """
+    parameters.refuse_smooth("the Melnikov integral is")
     _checked(digits)
     rough, sharp = (_speed(parameters, gamma_bar_0, working) for working in _working(digits))
     return _measured(rough, sharp, digits)
@@ -40,6 +41,7 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
 
 def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) -> Measured:
     """T [s] of that limit cycle, from gamma' = -Omega cos(beta) on its level. Raises as `limit_speed` does."""
+    parameters.refuse_smooth("the Melnikov integral is")
     _checked(digits)
     found = []
     for working in _working(digits):

@@ -268,6 +268,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     At order 1 this is Omega_crit exactly. Raises Shortfall at order 0, where the trace vanishes at every speed, and
     where no root lies within a tenth of Omega_crit.
     """
+    parameters.refuse_smooth("the slow manifold's expansion is")
     _checked_order(order)
     if order == 0:
         raise Shortfall(
@@ -339,6 +340,7 @@ def study(
     ``at`` is the point (beta, gamma) [rad], as decimals. Raises InputError for an order out of range, a speed that is
     not positive, or a point that is none or where the disk lies flat.
     """
+    parameters.refuse_smooth("the slow manifold's expansion is")
     _checked_order(order)
     speed = checked_speed(omega)
     checked_digits(digits)

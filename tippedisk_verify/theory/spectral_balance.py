@@ -72,6 +72,7 @@ def balanced_cycle(
     Raises InputError for a speed that is not positive or harmonics outside 1 ... 1024; NoSuchCycleError if there is no
     cycle at this speed or the balance does not converge.
     """
+    parameters.refuse_smooth("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and not (isinstance(harmonics, int) and 1 <= harmonics <= _MOST_HARMONICS):
         raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
@@ -239,7 +240,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> S
     if distance * side <= 0:
         word = {1: "below", -1: "above"}.get(side, "far from")
         raise NoSuchCycleError(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
-    square_slope = abs(float(slopes(parameters, "consistent")[0]))
+    square_slope = abs(float(slopes(parameters.with_friction("linear"), "consistent")[0]))
     predicted = math.sqrt(square_slope * abs(distance))
     count = harmonics or _FIRST_HARMONICS
     angles = numpy.pi * numpy.arange(2 * count) / (2 * count)

@@ -65,9 +65,9 @@ class Quantity:
     def __format__(self, spec: str) -> str:
         return format(self.measured(), spec) if spec else str(self)
 
-    def _mpmath_(self, working_bits: int, rounding: str) -> Any:
-        """The value from decimals, so that ``mpmath.mpf(quantity)`` has the digits of mpmath's precision."""
-        return self.measured()._mpmath_(working_bits, rounding)
+    def mpf(self) -> Any:
+        """The value from decimals as an mpmath number, to the precision that mpmath has at the time."""
+        return self.measured().mpf()
 
     def json(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
