@@ -88,7 +88,7 @@ def _engines(audit: Audit, printed: str) -> Finding:
 
     taylor = audit.engine if audit.engine.measures_error else default_engine()
     scipy = Baseline("DOP853")
-    parameters = audit.parameters
+    parameters = audit.linear(audit.parameters.name)  # both engines have their full order under the linear law only
     crit = omega_crit(parameters, 20).value
     worst = Fraction(0)
     claimed = Fraction(0)
