@@ -197,7 +197,7 @@ def test_a_cycle_of_another_law_does_not_start_a_family() -> None:
     with pytest.raises(tv.InputError, match="another friction law"):
         list(continued(tv.Disk("printed", friction="smooth"), [30.41], tv.Taylor(), first=cycle))
     with pytest.raises(tv.InputError, match="linear friction law only"):
-        tv.DenseBranch(tv.Disk("printed", friction="smooth"), tv.Lanes(), 30.08)
+        tv.BranchInterpolant(tv.Disk("printed", friction="smooth"), tv.BatchTaylor(), 30.08)
 
 
 def test_an_audit_flies_with_its_own_engine() -> None:

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.evidence.reference.store import reference
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
-    from tippedisk_verify.flow.lanes import Lanes
+    from tippedisk_verify.flow.lanes import BatchTaylor
     from tippedisk_verify.flow.taylor import Taylor
     from tippedisk_verify.model.exact import Exact, exact
     from tippedisk_verify.model.measured import Measured
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
-    from tippedisk_verify.orbits.dense import DenseBranch
+    from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
     from tippedisk_verify.orbits.near_connection import cycle_above
     from tippedisk_verify.orbits.periodic import limit_cycle
@@ -75,13 +75,13 @@ _HOMES = {
     "evidence.reference.store": ("reference",),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
-    "flow.lanes": ("Lanes",),
+    "flow.lanes": ("BatchTaylor",),
     "flow.taylor": ("Taylor",),
     "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "Parameters"),
     "model.exact": ("Exact", "exact"),
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
-    "orbits.dense": ("DenseBranch",),
+    "orbits.branch_interpolant": ("BranchInterpolant",),
     "orbits.basins": ("basins",),
     "orbits.bisection": ("bisect_omega_h",),
     "orbits.heteroclinic": ("heteroclinic",),
@@ -107,12 +107,12 @@ __all__ = [
     "SCENES",
     "Audit",
     "Baseline",
-    "DenseBranch",
+    "BatchTaylor",
+    "BranchInterpolant",
     "Disk",
     "Event",
     "Exact",
     "InputError",
-    "Lanes",
     "Measured",
     "Parameters",
     "Precision",

@@ -8,15 +8,15 @@ import pytest
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, TURN, Event, Request
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.parameters import PRINTED
 
 TURNS = Event("turns", TURN.function, terminal=False)
 
 
 @pytest.fixture(scope="module")
-def lanes() -> Lanes:
-    return Lanes()
+def lanes() -> BatchTaylor:
+    return BatchTaylor()
 
 
 def starts(count: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
@@ -25,7 +25,7 @@ from tippedisk_verify.orbits.half_map import half_map
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
 LEVEL = Event("gamma at a half", lambda ops, constants, omega, beta, gamma, v: gamma - 0.5)
-shared, lanes = Taylor(), Lanes()
+shared, lanes = Taylor(), BatchTaylor()
 #: (beta_bar, gamma_bar, v) with v = 0: dropped at beta = pi/2 (the orbit touches the section), and elsewhere.
 DROPPED, TURNING = (0.0, 0.3, 0.0), (0.2, 0.3, 0.0)
 
@@ -115,7 +115,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
     states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (0.0, 0.3, -1.0), (0.1, 0.3, -1.0)])
     engine, constants = Taylor(), field_constants(PRINTED.with_friction(friction))
     for duration in (0.3, -0.02):
-        many = Lanes()(
+        many = BatchTaylor()(
             constants,
             numpy.full(len(states), 30.5),
             states,

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from tests.problems import STARTS, decimals, held, states
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED
@@ -171,7 +171,7 @@ def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
 
 def test_lanes_find_the_same_reversals(taylor) -> None:
     starts = random_states(16, 4)
-    found = Lanes()(
+    found = BatchTaylor()(
         field_constants(PRINTED.with_friction("smooth")),
         numpy.full(16, 30.4),
         starts,
@@ -254,7 +254,7 @@ def test_10000_starts_end_with_a_status(friction) -> None:
 def test_lanes_agree_with_single_runs_and_see_who_lies_flat(taylor, friction) -> None:
     flat = Event("lies flat", FLAT.function, terminal=False)
     starts = random_states(120, 9)
-    found = Lanes()(
+    found = BatchTaylor()(
         field_constants(PRINTED.with_friction(friction)),
         numpy.full(120, 30.4),
         starts,

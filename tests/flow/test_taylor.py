@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
     Status,
     raise_unless_usable,
 )
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
@@ -239,7 +239,7 @@ def test_compiled_code_that_leaves_is_given_back(friction: Friction) -> None:
 @pytest.mark.usefixtures("three_kept")
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_compiled_batches_that_leave_are_given_back(friction: Friction) -> None:
-    lanes, left = Lanes(2), []
+    lanes, left = BatchTaylor(2), []
     for n in range(5):
         events = (Event(f"section {n}", SECTION.function, terminal=False), FLAT, SLIDING_REVERSAL)
         events = tuple(replace(event, terminal=False) for event in events)

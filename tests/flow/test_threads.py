@@ -17,12 +17,12 @@ from tests.problems import STARTS
 from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.orbits.basins import basins
-from tippedisk_verify.orbits.dense import DenseBranch
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.reduced_flow import ReducedFlow
 from tippedisk_verify.sweep.plan import Plan, axis
 from tippedisk_verify.sweep.running import swept
@@ -124,7 +124,7 @@ def test_one_engine_above_double_in_threads() -> None:
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_one_batch_engine_in_threads(friction: Friction) -> None:
-    shared, constants = Lanes(2), field_constants(PRINTED.with_friction(friction))
+    shared, constants = BatchTaylor(2), field_constants(PRINTED.with_friction(friction))
     draw = numpy.random.default_rng(19)
     jobs = []
     for _ in range(80):
@@ -216,12 +216,12 @@ def test_a_branch_of_cycles_in_threads() -> None:
     omega_h = 30.0488682607
     speeds = [[30.1 + n / 50, 30.4 + n / 50] for n in range(8)]
 
-    def told(branch: DenseBranch, some: list[float]) -> str:
+    def told(branch: BranchInterpolant, some: list[float]) -> str:
         values = branch(some)
         return repr((branch.limit_cycles(some), values.period.tolist(), values.uncertainty["period"].tolist()))
 
-    serial = [told(DenseBranch(PRINTED, default_lanes(), omega_h), some) for some in speeds]
-    shared = DenseBranch(PRINTED, default_lanes(), omega_h)
+    serial = [told(BranchInterpolant(PRINTED, default_lanes(), omega_h), some) for some in speeds]
+    shared = BranchInterpolant(PRINTED, default_lanes(), omega_h)
     for found in _in_threads([lambda some=some: told(shared, some) for some in speeds]):
         assert found == serial
 

@@ -8,14 +8,14 @@ import numpy
 import pytest
 
 from tests.problems import SETS
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.orbits.averaged import averaged
+from tippedisk_verify.orbits.batch_shooting import Guess, corrected
 from tippedisk_verify.orbits.bisection import bisect_omega_h
-from tippedisk_verify.orbits.dense import DenseBranch
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.simultaneous import Guess, corrected
 
 
 @pytest.mark.parametrize(
@@ -25,9 +25,9 @@ from tippedisk_verify.orbits.simultaneous import Guess, corrected
 )
 def test_errors_are_halved_and_below_5e_14(taylor, parameters) -> None:
     """The 24 speeds from 6e-3 to 8e-3 rad/s above Omega_h, as close as the paper's family comes."""
-    lanes, constants = Lanes(), field_constants(parameters)
+    lanes, constants = BatchTaylor(), field_constants(parameters)
     omega_h = float(bisect_omega_h(parameters, taylor).omega_h)
-    branch = DenseBranch(parameters, lanes, omega_h, lowest=omega_h + 5e-3)
+    branch = BranchInterpolant(parameters, lanes, omega_h, lowest=omega_h + 5e-3)
     speeds = omega_h + numpy.linspace(6e-3, 8e-3, 24)
     found = branch.cycles(speeds)
     single = corrected(constants, speeds, Guess(found.gamma_bar_0, found.v_0, found.period / 2), lanes)
@@ -43,7 +43,7 @@ def test_errors_are_halved_and_below_5e_14(taylor, parameters) -> None:
 
 
 def test_what_feels_no_round_off_is_left_alone(taylor) -> None:
-    lanes = Lanes()
+    lanes = BatchTaylor()
     omega_h = float(bisect_omega_h(PRINTED, taylor).omega_h)
-    far = DenseBranch(PRINTED, lanes, omega_h, lowest=omega_h + 5e-3).cycles([30.4, 30.6])
+    far = BranchInterpolant(PRINTED, lanes, omega_h, lowest=omega_h + 5e-3).cycles([30.4, 30.6])
     assert averaged(PRINTED, far, lanes) is far

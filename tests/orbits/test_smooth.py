@@ -16,7 +16,7 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.evidence.switching_order import switching_order
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
@@ -111,7 +111,7 @@ def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
 
 def test_relaxation_follows_the_closed_form_near_rolling() -> None:
     for law in ("linear", "smooth"):
-        found = relaxation(PRINTED.with_friction(law), below(PRINTED, "0.5"), Lanes(), distance=0.1, margin=0.8)
+        found = relaxation(PRINTED.with_friction(law), below(PRINTED, "0.5"), BatchTaylor(), distance=0.1, margin=0.8)
         ratio = found.measured / found.closed_form
         # Of order epsilon: the other terms of v', whose rates are of the order of Omega.
         assert numpy.abs(ratio - 1).max() < 0.25

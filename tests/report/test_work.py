@@ -17,7 +17,7 @@ from tippedisk_verify.figures.catalogue import EXHIBITS, exhibits_for
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.report import work
-from tippedisk_verify.report.work import Order, Task, done, key, tasks_for
+from tippedisk_verify.report.work import AuditJob, Task, key, run, tasks_for
 
 LOCAL = ("omega_crit", "lambda_3", "sliding_velocity", "chi", "period_crit")
 HEAVY = ("attraction", "slow_manifold_h1", "order_0_hopf", "order_0_noninverted", "second_noninverted_state")
@@ -50,12 +50,12 @@ def test_a_record_loses_nothing() -> None:
     ],
 )
 def test_a_record_of_another_shape_is_computed_again(record, tmp_path: Path) -> None:
-    order, task, cache = Order(PRINTED, 12, ("omega_crit",)), Task("claim", "omega_crit"), Cache(tmp_path)
+    order, task, cache = AuditJob(PRINTED, 12, ("omega_crit",)), Task("claim", "omega_crit"), Cache(tmp_path)
     cache.put(key(order, task), record)
-    outcome = done(order, [task], cache, lambda tasks: nullcontext(None), quiet)
+    outcome = run(order, [task], cache, lambda tasks: nullcontext(None), quiet)
     assert not outcome.kept
     assert Finding.of_record(outcome.records[task]).sets == ("calibrated", "geometry")
-    assert done(order, [task], cache, lambda tasks: nullcontext(None), quiet).kept == {task}
+    assert run(order, [task], cache, lambda tasks: nullcontext(None), quiet).kept == {task}
 
 
 def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
@@ -67,7 +67,7 @@ def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pyte
         results.append(json.loads(capsys.readouterr().out))
     runs = [result.pop("run") for result in results]
     assert results[0] == results[1] == results[2]
-    tasks = len(tasks_for(Order(PRINTED, 12, tuple(only[1].split(","))), figures=True))
+    tasks = len(tasks_for(AuditJob(PRINTED, 12, tuple(only[1].split(","))), figures=True))
     assert [(run["kept"], run["computed"]) for run in runs] == [(0, tasks), (tasks, 0), (0, tasks)]
     for path in (tmp_path / "one").iterdir():
         if path.name not in ("results.json", "report.html", "report.md"):
@@ -77,35 +77,35 @@ def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pyte
 
 
 def test_nothing_is_computed_for_what_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    order, cache = Order(PRINTED, 12, LOCAL), Cache(tmp_path)
+    order, cache = AuditJob(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
-    done(order, tasks, cache, lambda tasks: nullcontext(None), quiet)
+    run(order, tasks, cache, lambda tasks: nullcontext(None), quiet)
 
     def never(*arguments: object) -> None:
         raise AssertionError("computed again")
 
-    monkeypatch.setattr(work, "carried_out", never)
-    assert done(order, tasks, cache, never, quiet).kept == set(tasks)
+    monkeypatch.setattr(work, "compute", never)
+    assert run(order, tasks, cache, never, quiet).kept == set(tasks)
 
 
 def test_a_key_is_for_one_question(tmp_path: Path) -> None:
     orders = [
-        Order(PRINTED, 12, LOCAL),
-        Order(CALIBRATED, 12, LOCAL),
-        Order(PRINTED.changed(mu="0.31", name="printed"), 12, LOCAL),
-        Order(PRINTED.changed(name="other"), 12, LOCAL),
-        Order(PRINTED.with_friction("smooth"), 12, LOCAL),
-        Order(PRINTED, 13, LOCAL),
+        AuditJob(PRINTED, 12, LOCAL),
+        AuditJob(CALIBRATED, 12, LOCAL),
+        AuditJob(PRINTED.changed(mu="0.31", name="printed"), 12, LOCAL),
+        AuditJob(PRINTED.changed(name="other"), 12, LOCAL),
+        AuditJob(PRINTED.with_friction("smooth"), 12, LOCAL),
+        AuditJob(PRINTED, 13, LOCAL),
     ]
     tasks = [Task("claim", name) for name in LOCAL] + [Task("figure", "eigenvalues")]
     keys = [key(order, task) for order in orders for task in tasks]
     assert len(set(keys)) == len(keys)
-    scenes = [Order(PRINTED, 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
+    scenes = [AuditJob(PRINTED, 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
     assert key(scenes[0], Task("figure", "scenes_3d")) != key(scenes[1], Task("figure", "scenes_3d"))
 
 
 def test_processes_change_nothing() -> None:
-    order = Order(PRINTED, 12, (*LOCAL, *HEAVY))
+    order = AuditJob(PRINTED, 12, (*LOCAL, *HEAVY))
     tasks = tasks_for(order, figures=False)
     labels: list[str] = []
     steps = 0
@@ -115,8 +115,8 @@ def test_processes_change_nothing() -> None:
         labels.append(label)
         steps += more
 
-    alone = done(order, tasks, Cache(None), lambda tasks: nullcontext(None), quiet)
-    shared = done(order, tasks, Cache(None), lambda tasks: processes(2), advance)
+    alone = run(order, tasks, Cache(None), lambda tasks: nullcontext(None), quiet)
+    shared = run(order, tasks, Cache(None), lambda tasks: processes(2), advance)
     assert shared.records == alone.records
     assert steps == len(tasks)
     assert set(LOCAL) <= set(labels)
@@ -132,8 +132,8 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
             future.set_exception(BrokenProcessPool("killed"))
             return future
 
-    order = Order(PRINTED, 12, HEAVY)
-    outcome = done(order, tasks_for(order, figures=False), Cache(None), lambda tasks: nullcontext(Dying()), quiet)  # type: ignore[arg-type]
+    order = AuditJob(PRINTED, 12, HEAVY)
+    outcome = run(order, tasks_for(order, figures=False), Cache(None), lambda tasks: nullcontext(Dying()), quiet)  # type: ignore[arg-type]
     assert {task.name for task in outcome.records} == set(HEAVY)
 
 

@@ -17,7 +17,7 @@ from tests.stress.honesty.margins import LEAST
 from tests.stress.honesty.study import lines, main
 from tippedisk_verify.flow import integrator
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, companion
 
@@ -56,7 +56,7 @@ def test_batches_are_as_wide_as_they_say() -> None:
     for arithmetic in ARITHMETICS:
         if arithmetic.width is not None:
             with arithmetic.active():
-                assert Lanes().width == arithmetic.lanes.width == arithmetic.width
+                assert BatchTaylor().width == arithmetic.lanes.width == arithmetic.width
 
 
 def test_bits_move_by_the_seed_and_by_little() -> None:

@@ -39,7 +39,7 @@ def _lanes(**changes: object) -> object:
 
 
 _DISK = tv.Disk("printed")
-_LANES = tv.Lanes(1)
+_LANES = tv.BatchTaylor(1)
 _TYPED = (tv.InputError, TypeError, AttributeError)  # what a value against the annotation may give
 _ENGINES: dict[str, Callable[[tv.Request], Any]] = {"Taylor": default_engine(), "Baseline": tv.Baseline()}
 
@@ -155,21 +155,21 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
     ),
     ("basins", lambda x: tv.basins(tv.PRINTED, _OMEGA, count=4, duration=5.0, seed=x), (-1, 1.5), True),
     (
-        "DenseBranch",
-        lambda x: tv.DenseBranch(tv.PRINTED, _LANES, x),
+        "BranchInterpolant",
+        lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, x),
         (0.0, -1.0, float("nan"), float("inf"), 31.0, 1.0),
         True,
     ),
     (
-        "DenseBranch",
-        lambda x: tv.DenseBranch(tv.PRINTED, _LANES, 30.05, lowest=x),
+        "BranchInterpolant",
+        lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, 30.05, lowest=x),
         (0.0, float("nan"), 31.0, 1e300),
         True,
     ),
-    ("Lanes", lambda x: tv.Lanes(x), (0.5, -1, 10**9, 65), True),
+    ("BatchTaylor", lambda x: tv.BatchTaylor(x), (0.5, -1, 10**9, 65), True),
     *(
         (
-            "Lanes",
+            "BatchTaylor",
             lambda x, name=name: _lanes(**{name: x}),
             (None, "", "abc", [], [[]], ["x"], [1.0, 2.0], [[1.0]], 1j, [10**400], {}),
             True,

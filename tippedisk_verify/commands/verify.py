@@ -57,7 +57,7 @@ def verify(
         return _listed(common)
     from tippedisk_verify.evidence.claims import Finding
     from tippedisk_verify.report.results import results_json, summary
-    from tippedisk_verify.report.work import Order, done, tasks_for
+    from tippedisk_verify.report.work import AuditJob, run, tasks_for
 
     began = time.monotonic()
     names = [name for group in (*only, *more) for name in group.split(",") if name]
@@ -65,7 +65,7 @@ def verify(
         raise InputError("--only names no claim")
     claims = selected(names)
     folder = alone_in(out)
-    order = Order(common.parameters, common.digits, tuple(claim.name for claim in claims))
+    order = AuditJob(common.parameters, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
 
     def pool(wanted: int) -> AbstractContextManager[Any]:
@@ -73,18 +73,18 @@ def verify(
         return processes(workers) if workers > 1 else nullcontext(None)
 
     with progress(common, len(tasks) + (folder is not None)) as advance:
-        outcome = done(order, tasks, Cache(default_folder(), fresh=fresh), pool, advance)
+        outcome = run(order, tasks, Cache(default_folder(), fresh=fresh), pool, advance)
         records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
-        run = {
+        this_run = {
             "ended": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
             "seconds": f"{time.monotonic() - began:.1f}",
             "tasks": len(tasks),
             "kept": len(outcome.kept),
             "computed": len(tasks) - len(outcome.kept),
         }
-        results = results_json(order, findings, figures, run)
+        results = results_json(order, findings, figures, this_run)
         if folder is not None:
             from tippedisk_verify.report.files import write_report
 

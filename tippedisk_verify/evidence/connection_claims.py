@@ -15,7 +15,7 @@ from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.limit_of_cycles import Descent
+from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS"]
@@ -26,7 +26,7 @@ _OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, 
 
 def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
-    descent = Descent(audit.sets[name], audit.engine)
+    descent = PeriodContinuation(audit.sets[name], audit.engine)
     above, here = float(descent.above), descent.here
     growth = float(audit.connection(name).saddle_eigenvalues[0])
     # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).

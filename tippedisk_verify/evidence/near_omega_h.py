@@ -17,8 +17,8 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
-from tippedisk_verify.orbits.at_period import cycle_at_half_period, lengthened
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.orbits.period_continuation import cycle_at_half_period, lengthened
 from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 from tippedisk_verify.theory.hopf import omega_crit
 

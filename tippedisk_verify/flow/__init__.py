@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine
-    from tippedisk_verify.flow.lanes import Lanes
+    from tippedisk_verify.flow.lanes import BatchTaylor
 
 __all__ = ["default_engine", "default_lanes"]
 
@@ -16,7 +16,7 @@ class _Own(local):
     """What each thread has for itself, so that none waits for another one's run."""
 
     engine: Engine | None = None
-    lanes: Lanes | None = None
+    lanes: BatchTaylor | None = None
 
 
 _OWN = _Own()
@@ -31,10 +31,10 @@ def default_engine() -> Engine:
     return _OWN.engine
 
 
-def default_lanes() -> Lanes:
+def default_lanes() -> BatchTaylor:
     """The thread's engine for many runs at once, kept for the same reason."""
     if _OWN.lanes is None:
-        from tippedisk_verify.flow.lanes import Lanes
+        from tippedisk_verify.flow.lanes import BatchTaylor
 
-        _OWN.lanes = Lanes()
+        _OWN.lanes = BatchTaylor()
     return _OWN.lanes

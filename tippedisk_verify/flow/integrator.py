@@ -19,7 +19,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
 from tippedisk_verify.flow.rounding import nudged, step_nudges
-from tippedisk_verify.flow.start import LONGEST_WINDOW, NOTHING, START_WINDOW, Left, on_edge, surfaces
+from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, START_WINDOW, StartSurfaces, on_edge, surfaces
 from tippedisk_verify.flow.switching import Branch, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import products, shifted
@@ -129,12 +129,12 @@ class Integrator:
 
     def run(self, request: Request) -> Result:
         state, duration, omega = self._inputs(request)
-        self._set_off(request, omega, state)
+        self._reset(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._ended(Status.FLAT, self.precision.owned(self._stepper.state), 0)
         if self._smooth or request.dense or request.times is not None or on_edge(request, self._ops, omega, state):
-            return self._keeping(request, omega, state, duration)
-        return self._plainly(request, omega, state, duration)
+            return self._run_recorded(request, omega, state, duration)
+        return self._run_plain(request, omega, state, duration)
 
     def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
         """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
@@ -151,7 +151,7 @@ class Integrator:
             *state, omega = nudged((*state, omega), request.rounding.pattern, self.precision)
         return state, duration, omega
 
-    def _set_off(self, request: Request, omega: Any, state: list[Any]) -> None:
+    def _reset(self, request: Request, omega: Any, state: list[Any]) -> None:
         """Parameters that are not those of the run before, and the state and time at the start."""
         stepper = self._stepper
         self._moving: dict[str, Any] = {}
@@ -176,7 +176,7 @@ class Integrator:
             stepper.reset_cooldowns()
             self._records.clear()
 
-    def _keeping(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
+    def _run_recorded(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
         """A run with samples, continuous output or switches of the friction law's branch."""
         stepper = self._stepper
         if self._smooth:
@@ -185,7 +185,7 @@ class Integrator:
         recorded = self.precision.kind == "real" and (request.times is not None or request.dense)
         left = self._leave_surfaces(request, omega, state, duration)
         if left.ended:
-            return self._cut_short(request, omega, state, duration, left)
+            return self._replay_to_event(request, omega, state, duration, left)
         early = left.samples
         if recorded:
             recording = self._recording(request, duration, early)
@@ -201,29 +201,31 @@ class Integrator:
             )
             dense = copied(dense, self.precision) if request.dense else None
         if self._smooth and self._branch.lost:
-            outcome, low, steps, samples, dense = self._carefully(request, omega, state, duration)
+            outcome, low, steps, samples, dense = self._run_switching(request, omega, state, duration)
         result = self._result(outcome, low, left, steps, samples, dense)
         if request.dense and request.times is not None and result.dense is not None and not recorded:
             reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(result.time)]
             return result._replace(samples=result.dense(reached))
         return result
 
-    def _plainly(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
+    def _run_plain(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
         """To the end, with nothing to keep on the way. Only what happens at the start asks what the start lies on."""
         stepper = self._stepper
         outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps, **self._moving)
-        left = NOTHING
+        left = NO_SURFACES
         first = self._records[0].time if self._records else stepper.time
         if self._crossings and abs(first) <= LONGEST_WINDOW:
             left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
             if abs(stepper.time) <= left.window and self._passable(outcome, left.names):
-                self._set_off(request, omega, state)
-                return self._keeping(request, omega, state, duration)
+                self._reset(request, omega, state)
+                return self._run_recorded(request, omega, state, duration)
         return self._result(outcome, low, left, steps)
 
-    def _cut_short(self, request: Request, omega: Any, state: list[Any], duration: Any, left: Left) -> Result:
+    def _replay_to_event(
+        self, request: Request, omega: Any, state: list[Any], duration: Any, left: StartSurfaces
+    ) -> Result:
         """A run that another event ends before its start has left the surface: again, keeping what it passes."""
-        self._set_off(request, omega, state)
+        self._reset(request, omega, state)
         if self._smooth:
             self._branch.begin(request, omega, state, duration)
         recording = self._recording(request, duration, [])
@@ -238,7 +240,7 @@ class Integrator:
             samples, dense = native_array(samples, self.precision), copied(dense, self.precision) if dense else None
         return self._result(outcome, low, left, 1, samples, dense)
 
-    def _carefully(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
+    def _run_switching(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
         """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
         stepper, branch = self._stepper, self._branch
         stepper.time = self._zero
@@ -323,7 +325,7 @@ class Integrator:
             samples = numpy.concatenate((numpy.array(early, dtype=times.dtype), samples))
         return outcome, low, steps, samples
 
-    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Left:
+    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> StartSurfaces:
         """Away from the surfaces that the start lies on, past the crossings of them that are the start itself.
 
         Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does; and where
@@ -364,7 +366,7 @@ class Integrator:
 
         samples = [list(state) if time == self._zero else at(time)[:3].tolist() for time in times]
         ahead = at(target).tolist()
-        self._set_off(request, omega, state)
+        self._reset(request, omega, state)
         watched = [event for event in self._events if event.name not in names]
         if self._smooth:  # its branch too must be the same all the way, and not in doubt at the start
             self._branch.begin(request, omega, state, target)
@@ -399,7 +401,7 @@ class Integrator:
         self,
         outcome: Any,
         smallest_step: Any,
-        left: Left,
+        left: StartSurfaces,
         steps: int,
         samples: Any = None,
         dense: Any = None,

@@ -22,11 +22,11 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
-__all__ = ["Flights", "Lanes", "field_constants"]
+__all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
 
 @dataclass(frozen=True)
-class Flights:
+class BatchResult:
     """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
 
     With the smooth law a run whose branch was in doubt for a moment (two switches closer than events can tell) counts
@@ -61,7 +61,7 @@ def _constants(pars: Any, friction: Friction) -> Constants:
 _MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
 
 
-class Lanes:
+class BatchTaylor:
     """The engine for many runs. What a call needs is compiled once per instance and kept.
 
     ``width`` is the number of lanes; by default what this machine's SIMD registers hold. Threads may share an instance:
@@ -87,7 +87,7 @@ class Lanes:
         friction: Friction = "linear",
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
-    ) -> Flights:
+    ) -> BatchResult:
         """Run from ``states`` (n, 3) at speeds ``omegas`` (n,) for ``durations`` (n,).
 
         ``constants`` is (6,) or (n, 6), as `field_constants` gives them. With ``shifted`` angles are measured
@@ -124,7 +124,7 @@ class Lanes:
         if given_products:
             known = products(_constants(pars, friction), omegas)[:given_products]
             pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
-        flights: Flights = batch.run(pars, states.T, durations, max_steps)
+        flights: BatchResult = batch.run(pars, states.T, durations, max_steps)
         if not flights.crossings:
             return flights
         start = _Starts(events, pars, states, shifted, friction)
@@ -191,7 +191,7 @@ class _Batch:
                 )
                 for event in events
             ]
-        self._branches = _Branches(friction, shift) if smooth else None
+        self._branches = _FrictionSigns(friction, shift) if smooth else None
         if self._branches is not None:
             options["t_events"] = [
                 hy.t_event_batch(
@@ -208,7 +208,7 @@ class _Batch:
         self._rest = self._stepper.state[3:].copy()
         self._reached = hy.taylor_outcome.time_limit
 
-    def run(self, pars: Any, states: Any, durations: Any, max_steps: int) -> Flights:
+    def run(self, pars: Any, states: Any, durations: Any, max_steps: int) -> BatchResult:
         import numpy
 
         count, width, stepper = len(durations), self._width, self._stepper
@@ -233,7 +233,7 @@ class _Batch:
             # Rows of the divergence, if it was asked for, are not wanted.
             shape = (self._shift, self._variations, count)
             derivatives = final[self._shift :].reshape(shape)[:3].transpose(2, 0, 1)
-        return Flights(
+        return BatchResult(
             states=final[:3].T,
             derivatives=derivatives,
             divergence=final[3] if self._divergence else None,
@@ -293,7 +293,7 @@ class _Batch:
             final[:, lane], finished[lane] = column[:, 0], reached[0]
         return final, finished
 
-    def _turned(self, branches: _Branches, flat: Sequence[str]) -> Any:
+    def _turned(self, branches: _FrictionSigns, flat: Sequence[str]) -> Any:
         """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
 
         batch = proxy(self)  # heyoka holds its callbacks, which no collector of garbage sees
@@ -305,7 +305,7 @@ class _Batch:
 
         return turned
 
-    def _reversed(self, branches: _Branches, reversals: Sequence[Event]) -> Any:
+    def _reversed(self, branches: _FrictionSigns, reversals: Sequence[Event]) -> Any:
         """The same for gamma_y = 0; a crossing at the start is the start itself."""
         switched, batch = branches.callback(), proxy(self)
 
@@ -333,7 +333,7 @@ class _Batch:
         return record
 
 
-class _Branches:
+class _FrictionSigns:
     """The smooth law's branch of every lane, the sign of gamma_y, in the last row of the parameters."""
 
     def __init__(self, friction: Friction, shift: bool) -> None:

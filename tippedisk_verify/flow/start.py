@@ -13,9 +13,9 @@ from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = [
     "LONGEST_WINDOW",
-    "NOTHING",
+    "NO_SURFACES",
     "START_WINDOW",
-    "Left",
+    "StartSurfaces",
     "at_rest",
     "on_edge",
     "start_window",
@@ -31,7 +31,7 @@ LONGEST_WINDOW = _WINDOWS[-1]
 _ROUNDINGS = 64  # of a start: what its event function may make of the rounding of a state
 
 
-class Left(NamedTuple):
+class StartSurfaces(NamedTuple):
     """The surfaces that a start lies on, and what happened on the way off them."""
 
     names: tuple[str, ...]
@@ -40,7 +40,7 @@ class Left(NamedTuple):
     ended: bool = False  #: whether another terminal event ended the run on the way
 
 
-NOTHING = Left(())
+NO_SURFACES = StartSurfaces(())
 
 
 def at_rest(request: Request) -> bool:
@@ -94,7 +94,7 @@ def on_edge(request: Request, ops: Any, omega: Any, state: Sequence[Any]) -> boo
     return any(event.function(ops, constants, omega, *state) == 0 for event in request.events)
 
 
-def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forward: bool) -> Left:
+def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
     """The surfaces that the start of a run lies on.
 
     A start that floats give is rounded to a double, whatever the arithmetic. As the edge of the domain, sin(beta) = 0
@@ -111,11 +111,11 @@ def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forwa
         and (event.name != FLAT.name or request.domain == "none")
     ]
     if not on:
-        return NOTHING
+        return NO_SURFACES
     ops, constants = shifted(math) if request.shifted else math, request.parameters.at(DOUBLE)
     start, speed = [float(part) for part in state], float(omega)
     flow = field(ops, constants, speed, request.friction)
     windows = (
         start_window(event, ops, constants, speed, start, flow, forward, max(epsilon, 2.0**-52))[0] for event in on
     )
-    return Left(tuple(event.name for event in on), max(windows))
+    return StartSurfaces(tuple(event.name for event in on), max(windows))

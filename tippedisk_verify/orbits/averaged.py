@@ -12,10 +12,10 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.simultaneous import Cycles, flight_errors
+from tippedisk_verify.orbits.batch_shooting import Cycles, flight_errors
 
 __all__ = ["averaged", "constants_rounding"]
 
@@ -40,7 +40,7 @@ def constants_rounding(parameters: Parameters) -> Any:
     )
 
 
-def averaged(parameters: Parameters, cycles: Cycles, lanes: Lanes) -> Cycles:
+def averaged(parameters: Parameters, cycles: Cycles, lanes: BatchTaylor) -> Cycles:
     """The cycles, with period, gamma_bar_0 and v_0 without most of their round-off where they feel it."""
     import numpy
 

@@ -1,4 +1,6 @@
-"""What the numbers of a branch of limit cycles may be off: the budget of `dense` (derived in docs/error_budgets.md).
+"""What the numbers of a branch of limit cycles may be off: the budget of `branch_interpolant`.
+
+It is derived in docs/error_budgets.md.
 
 On every fourth node, and at both ends, the cycle is solved again a few times with other last bits of the constants,
 each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of three
@@ -14,8 +16,8 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.flow.lanes import Lanes
-from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
+from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
 
 __all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
 
@@ -47,7 +49,7 @@ class BranchBudget:
     ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
     """
 
-    def __init__(self, constants: Any, nodes: Cycles, s: Any, room: Any, lanes: Lanes) -> None:
+    def __init__(self, constants: Any, nodes: Cycles, s: Any, room: Any, lanes: BatchTaylor) -> None:
         self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
 
     def half_widths(self, cycles: Cycles, s: Any) -> dict[str, Any]:

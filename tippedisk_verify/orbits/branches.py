@@ -15,9 +15,9 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.continuation import continued, followed_cycle
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
-from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.near_connection import cycle_at
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
@@ -120,5 +120,5 @@ def _together(
     """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is."""
     if omega_h is None:
         omega_h = bisect_omega_h(parameters, engine).omega_h.value
-    branch = DenseBranch(parameters, default_lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
+    branch = BranchInterpolant(parameters, default_lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
     return branch.limit_cycles(speeds)

@@ -17,25 +17,25 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits
-from tippedisk_verify.orbits.at_period import PeriodPoint, cycle_at_half_period, lengthened
+from tippedisk_verify.orbits.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Descent", "Law", "limit_of_cycles", "resolving"]
+__all__ = ["PeriodContinuation", "PeriodLaw", "limit_of_cycles", "resolving"]
 
 _SMALLEST_IN_DOUBLE = 1e-7  # Omega - Omega_h [rad/s] down to which double has the slopes to a few digits
 _MOST_CYCLES = 60
 
 
-class Descent:
+class PeriodContinuation:
     """The family followed towards Omega_h, cycle by cycle, with what its limit looks like so far."""
 
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
         self._points = _in_double(parameters, engine)
         self.here, self.solved = self._points[-1], len(self._points)
-        self.law = Law(parameters, self._points[-2], self.here, DOUBLE)
+        self.law = PeriodLaw(parameters, self._points[-2], self.here, DOUBLE)
         #: The last change of the limit [rad/s]; the error of the present one is a small part of it.
         self.change = abs(fraction(self.here.omega) - self.law.omega_h)
 
@@ -71,7 +71,7 @@ class Descent:
             found = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
             raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
-        law = Law(self.parameters, self.here, found, precision)
+        law = PeriodLaw(self.parameters, self.here, found, precision)
         self.change, self.law = abs(law.omega_h - self.law.omega_h), law
         self.here, self.solved = found, self.solved + 1
         if self.solved > _MOST_CYCLES:
@@ -100,7 +100,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
     factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
     Raises Shortfall if the family ends before.
     """
-    descent = Descent(parameters, engine)
+    descent = PeriodContinuation(parameters, engine)
     while True:
         omega_h = descent.law.omega_h
         descent.further(omega_h / 10 ** (digits + 3))
@@ -125,7 +125,7 @@ def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
     return points
 
 
-class Law:
+class PeriodLaw:
     """The three-term law through two cycles."""
 
     def __init__(self, parameters: Parameters, before: PeriodPoint, here: PeriodPoint, precision: Precision) -> None:

@@ -24,7 +24,7 @@ from tippedisk_verify.model.precision import Precision, bits, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.half_map import half_map, newton_step
-from tippedisk_verify.orbits.limit_of_cycles import Descent, resolving
+from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation, resolving
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -116,7 +116,7 @@ def cycle_near(
     """
     above = omega - omega_h
     if above > _DOUBLE_SHOOTS:
-        guess = Descent(parameters, engine).nearest(above)
+        guess = PeriodContinuation(parameters, engine).nearest(above)
         return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
     precision = resolving(parameters, omega_h, above, digits + 4)
     shot = _shot(parameters, omega, _predicted(parameters, above, engine), engine, precision)
@@ -125,7 +125,7 @@ def cycle_near(
 
 def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
     """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
-    descent = Descent(parameters, engine)
+    descent = PeriodContinuation(parameters, engine)
     if above >= descent.above:
         return descent.nearest(above)
     while 100 * descent.change >= above:

@@ -15,7 +15,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
-from tippedisk_verify.orbits.splitting import Road
+from tippedisk_verify.orbits.splitting import SplittingFunction
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["omega_h_slopes"]
@@ -42,14 +42,14 @@ def _by_field_constants(
     parameters: Parameters, omega_h: Measured, engine: Engine, closer: float
 ) -> dict[str, Fraction]:
     """d(Omega_h) / d(constant) for the field's own constants."""
-    road = Road(parameters, omega_h.value, engine, QUADRUPLE, closer=closer)
-    start = road.start_of(Saddle(parameters, omega_h.value, road.bits, road.order))
+    splitting_at = SplittingFunction(parameters, omega_h.value, engine, QUADRUPLE, closer=closer)
+    start = splitting_at.start_of(Saddle(parameters, omega_h.value, splitting_at.bits, splitting_at.order))
     result = engine(
         Request(
             parameters,
             omega_h.value,
             start,
-            road.duration,
+            splitting_at.duration,
             shifted=True,
             precision=QUADRUPLE,
             variations=_VARIATIONS,
@@ -58,7 +58,7 @@ def _by_field_constants(
     )
     if result.status is not Status.REACHED:
         raise Shortfall(f"the unstable branch: {result.status.value}")
-    saddle = Saddle(parameters, omega_h.value, road.bits, 3)
+    saddle = Saddle(parameters, omega_h.value, splitting_at.bits, 3)
     along = [fraction(saddle.inverse_directions[0, row]) for row in range(3)]
     u: dict[str, Fraction] = {
         name: sum((along[row] * fraction(result.derivatives[row][column]) for row in range(3)), Fraction(0))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -36,7 +36,7 @@ class Relaxation:
 def relaxation(
     parameters: Parameters,
     omega: Fraction,
-    lanes: Lanes,
+    lanes: BatchTaylor,
     *,
     distance: float = 0.01,
     rows: int = 24,

@@ -30,7 +30,7 @@ from tippedisk_verify.model.precision import (
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["MOST_DIGITS", "Road", "Splitting", "SplittingZero", "splitting_zero"]
+__all__ = ["MOST_DIGITS", "Splitting", "SplittingFunction", "SplittingZero", "splitting_zero"]
 
 _GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
 _FAR = 0.02  # where double still sees the approach to the second saddle clearly
@@ -56,7 +56,7 @@ class SplittingZero:
     evaluations: int
 
 
-class Road:
+class SplittingFunction:
     """The splitting as a function of Omega in one arithmetic, with series and flight time chosen for its digits."""
 
     def __init__(
@@ -184,10 +184,10 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
     value = Splitting(0, 0, 0)
     coarser: tuple[Fraction, Splitting] | None = None
     for precision in _stages(wanted):
-        road = Road(parameters, near, engine, precision, coarser=coarser)
+        splitting_at = SplittingFunction(parameters, near, engine, precision, coarser=coarser)
         step = _half_digits(precision)
-        value = road(omega)
-        slope = (fraction(road(omega + step).u) - fraction(value.u)) / step
+        value = splitting_at(omega)
+        slope = (fraction(splitting_at(omega + step).u) - fraction(value.u)) / step
         evaluations += 2
         smallest = omega
         for _ in range(8):
@@ -197,15 +197,15 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
             if abs(change) < omega * precision.epsilon * 10**3 or 2 * abs(change) > smallest:
                 break
             smallest = abs(change)
-            value = road(omega)
+            value = splitting_at(omega)
             evaluations += 1
         else:
             raise Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
-        coarser = road.duration, value
+        coarser = splitting_at.duration, value
     if slope is None or not slope:
         raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
     wider = companion(precision)
-    finer = Road(parameters, near, engine, wider, closer=0.5, coarser=coarser)
+    finer = SplittingFunction(parameters, near, engine, wider, closer=0.5, coarser=coarser)
     check = finer(omega)
     shift = abs(fraction(check.u) / slope)
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
@@ -226,7 +226,7 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
         budget={
             "series, flow and rounding, by a wider run": float(shift),
             "fast direction beyond first order": float(fast),
-            "truncation of the series": road.truncation / abs(float(slope)),
+            "truncation of the series": splitting_at.truncation / abs(float(slope)),
             "last rounding": float(omega * precision.epsilon),
         },
         evaluations=evaluations + 2,

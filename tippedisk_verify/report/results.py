@@ -15,7 +15,7 @@ from tippedisk_verify.fingerprint import DRAWING, processor, versions
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.report.digits import agreed_digits
-from tippedisk_verify.report.work import Order
+from tippedisk_verify.report.work import AuditJob
 
 __all__ = ["claim_json", "results_json", "shown", "summary", "totals"]
 
@@ -30,7 +30,7 @@ def shown(value: Measured | str) -> str:
     return text if width == "0" else f"{float(text):.12g}"
 
 
-def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
+def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
     """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
 
     def entry(value: Measured | str) -> Any:
@@ -67,7 +67,7 @@ def claim_json(claim: Claim, finding: Finding, order: Order) -> dict[str, Any]:
     }
 
 
-def _command(order: Order) -> str:
+def _command(order: AuditJob) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
         ("parameters", order.parameters.name, "printed"),
@@ -102,7 +102,7 @@ def totals(counts: dict[str, Any]) -> str:
 
 
 def results_json(
-    order: Order, findings: Findings, figures: Sequence[dict[str, Any]] = (), run: dict[str, Any] | None = None
+    order: AuditJob, findings: Findings, figures: Sequence[dict[str, Any]] = (), run: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """The main job's JSON object. ``run`` is about this run alone; all else is the same whenever it is computed.
 

@@ -16,14 +16,14 @@ from tippedisk_verify.evidence.claims import Audit, Finding, examined
 from tippedisk_verify.fingerprint import DRAWING, fingerprint
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["Order", "Outcome", "Task", "carried_out", "done", "key", "tasks_for"]
+__all__ = ["AuditJob", "Outcome", "Task", "compute", "key", "run", "tasks_for"]
 
 _FEW = 4  # tasks up to which starting processes costs more than it saves
 _TICK = 0.2  # s between two looks at what is at hand
 
 
 @dataclass(frozen=True)
-class Order:
+class AuditJob:
     """What is audited."""
 
     parameters: Parameters
@@ -47,7 +47,7 @@ class Outcome:
     kept: frozenset[Task]
 
 
-def tasks_for(order: Order, *, figures: bool) -> tuple[Task, ...]:
+def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
     """The claims, and the figures that go with them if they are wanted."""
     tasks = [Task("claim", name) for name in order.claims]
     if figures:
@@ -58,7 +58,7 @@ def tasks_for(order: Order, *, figures: bool) -> tuple[Task, ...]:
     return tuple(tasks)
 
 
-def key(order: Order, task: Task) -> str:
+def key(order: AuditJob, task: Task) -> str:
     """Names the task's result by all that it depends on."""
     inputs: dict[str, Any] = {
         "task": asdict(task),
@@ -76,11 +76,11 @@ def key(order: Order, task: Task) -> str:
     return fingerprint(home_of(task.name), inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
 
 
-def _formulas(order: Order) -> list[str]:
+def _formulas(order: AuditJob) -> list[str]:
     return [claim.formula for claim in selected(order.claims) if claim.formula]
 
 
-def _of_figure(order: Order, name: str) -> list[str]:
+def _of_figure(order: AuditJob, name: str) -> list[str]:
     return [claim for claim in order.claims if claim in claims_drawn_in(name)]
 
 
@@ -98,7 +98,7 @@ def _audit(parameters: Parameters, digits: int) -> Audit:
     return Audit(parameters, default_engine(), digits)
 
 
-def carried_out(order: Order, task: Task) -> Any:
+def compute(order: AuditJob, task: Task) -> Any:
     """The task's result as plain data."""
     if task.kind == "formulas":
         from tippedisk_verify.figures.formula import formulas_drawn
@@ -113,7 +113,7 @@ def carried_out(order: Order, task: Task) -> Any:
     return drawn(_exhibit(task.name), audit, _of_figure(order, task.name))
 
 
-def _sound(order: Order, task: Task, record: Any) -> bool:
+def _sound(order: AuditJob, task: Task, record: Any) -> bool:
     """Whether a kept result has the shape that it must have."""
     try:
         if task.kind == "claim":
@@ -126,8 +126,8 @@ def _sound(order: Order, task: Task, record: Any) -> bool:
         return False
 
 
-def done(
-    order: Order,
+def run(
+    order: AuditJob,
     tasks: Sequence[Task],
     cache: Cache,
     pool: Callable[[int], AbstractContextManager[Executor | None]],
@@ -179,16 +179,16 @@ def _cost(task: Task) -> float:
 
 
 def _here(
-    order: Order, tasks: Sequence[Task], keep: Callable[[Task, Any], None], advance: Callable[[str, int], None]
+    order: AuditJob, tasks: Sequence[Task], keep: Callable[[Task, Any], None], advance: Callable[[str, int], None]
 ) -> None:
     for task in tasks:
         advance(task.name, 0)
-        keep(task, carried_out(order, task))
+        keep(task, compute(order, task))
         advance(task.name, 1)
 
 
 def _there(
-    order: Order,
+    order: AuditJob,
     heavy: Sequence[Task],
     light: Sequence[Task],
     executor: Executor,
@@ -198,7 +198,7 @@ def _there(
     """The heavy tasks on the executor, the light ones here meanwhile."""
     waiting: dict[Future[Any], Task] = {}
     try:
-        waiting |= {executor.submit(carried_out, order, task): task for task in heavy}
+        waiting |= {executor.submit(compute, order, task): task for task in heavy}
         _here(order, light, keep, advance)
         while waiting:
             advance(", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0)

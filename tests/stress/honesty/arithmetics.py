@@ -24,7 +24,7 @@ from unittest import mock
 import numpy
 
 from tippedisk_verify.flow.contract import Request, Result
-from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import precision
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
@@ -67,8 +67,8 @@ class Arithmetic:
         return Taylor()
 
     @cached_property
-    def lanes(self) -> Lanes:
-        return Lanes(self.width)
+    def lanes(self) -> BatchTaylor:
+        return BatchTaylor(self.width)
 
     @cached_property
     def _machine(self) -> _Machine:

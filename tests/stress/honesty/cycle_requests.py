@@ -20,8 +20,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
@@ -181,7 +181,7 @@ def branch(
 
     def answer(here: Arithmetic) -> Any:
         omega_h = float(bisect_omega_h(parameters, here.engine, confirm=False).omega_h)
-        whole = DenseBranch(parameters, here.lanes, omega_h)
+        whole = BranchInterpolant(parameters, here.lanes, omega_h)
         span = whole.omega_crit - omega_h
         omegas = [min(max(omega_h + share * span, whole.lowest), whole.highest) for share in shares]
         return whole.limit_cycles(omegas), whole(omegas)

@@ -9,7 +9,7 @@ from typing import Any
 
 from tests.stress.honesty.comparison import Asked, Number, printed, unlike
 from tests.stress.honesty.draws import FAMILIES, decimal, disk, log_uniform, speed, state, written
-from tippedisk_verify.evidence.reference.entries import Case, Item, Road
+from tippedisk_verify.evidence.reference.entries import Case, Item, Method
 from tippedisk_verify.evidence.reference.local_roads import BALANCE, HOPF, RHS
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.measured import Measured
@@ -31,7 +31,7 @@ def _case(parameters: Parameters, friction: str, inputs: dict[str, Any]) -> Case
     return Case(Item("drawn", "drawn", parameters.name, friction, {}), parameters.with_friction(law), inputs)
 
 
-def _by_roads(first: Road, second: Road, case: Case, working_bits: int) -> list[Number]:
+def _by_roads(first: Method, second: Method, case: Case, working_bits: int) -> list[Number]:
     claims = first.compute(case, {})
     truths = second.compute(case, claims)
     return [printed(name, claims[name], truths[name], working_bits) for name in claims if name in truths]

@@ -49,7 +49,7 @@ TERMS = (
     Term("the spread", _BRANCH, "TWIN_FACTOR", None, 0.0, _FAMILY),
     Term("most of the spread", _BRANCH, "TWIN_FACTOR", None, 0.1, _FAMILY),
     Term("the last Newton step", _BRANCH, "_SLOPE", None, 0, _FAMILY[::-1]),
-    Term("truncation between the nodes", "orbits.dense", "DISTANCES", None, 0, _FAMILY),
+    Term("truncation between the nodes", "orbits.branch_interpolant", "DISTANCES", None, 0, _FAMILY),
     Term("the shift of the zero", "orbits.splitting", "DISTANCES", None, 0, _CONNECTION),
 )
 

@@ -39,7 +39,7 @@ _CLAIMS = (
     "tippedisk_verify.orbits.continuation",
     "tippedisk_verify.orbits.heteroclinic",
     "tippedisk_verify.orbits.near_connection",
-    "tippedisk_verify.orbits.dense",
+    "tippedisk_verify.orbits.branch_interpolant",
 )
 
 

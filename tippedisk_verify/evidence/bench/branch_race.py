@@ -16,13 +16,13 @@ from typing import Any
 
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.continuation import paper_sets
-from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 
 __all__ = ["Run", "race"]
@@ -54,13 +54,13 @@ def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda te
     """The paper's sets of speeds: all at once, one by one, by SciPy's DOP853, and heyoka's batch doing nothing else."""
     import numpy
 
-    taylor, lanes = Taylor(), Lanes()
+    taylor, lanes = Taylor(), BatchTaylor()
     omega_h = bisect_omega_h(parameters, taylor).omega_h.value
     sets = paper_sets(parameters, omega_h)
     speeds = numpy.array([sets.start, *sets.increasing, *sets.decreasing])
 
     def together() -> Any:
-        branch = DenseBranch(parameters, lanes, float(omega_h), lowest=speeds.min(), highest=speeds.max())
+        branch = BranchInterpolant(parameters, lanes, float(omega_h), lowest=speeds.min(), highest=speeds.max())
         cycles = branch.cycles(speeds.tolist())
         branch.half_widths(cycles)
         return cycles

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.reference.entries import Case, Item, Road, Values
+from tippedisk_verify.evidence.reference.entries import Case, Item, Method, Values
 from tippedisk_verify.evidence.reference.local_roads import by_differences
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
@@ -188,13 +188,15 @@ def _shot(case: Case, known: Values, engine: Any) -> dict[str, float]:
 
 
 CYCLE = (
-    Road("shooting", "half-period shooting with heyoka on MPFR numbers, error seen in a wider arithmetic", _shooting),
-    Road("full-period", "the whole period in the paper's angles with its derivatives, another precision", _full_period),
-    Road("balance", "harmonic balance of the full equations, no integrator, mpmath", _balance, True),
-    Road("scipy", "half-period shooting with SciPy's DOP853 in double; confirms what double holds", _scipy, True),
+    Method("shooting", "half-period shooting with heyoka on MPFR numbers, error seen in a wider arithmetic", _shooting),
+    Method(
+        "full-period", "the whole period in the paper's angles with its derivatives, another precision", _full_period
+    ),
+    Method("balance", "harmonic balance of the full equations, no integrator, mpmath", _balance, True),
+    Method("scipy", "half-period shooting with SciPy's DOP853 in double; confirms what double holds", _scipy, True),
 )
 NEAR = (
-    Road("shooting", "half-period shooting from the predicted passage, error seen in a wider arithmetic", _near),
+    Method("shooting", "half-period shooting from the predicted passage, error seen in a wider arithmetic", _near),
     *CYCLE[1:3],
 )
 
@@ -274,11 +276,12 @@ def _connection(case: Case, digits: int, method: str) -> Values:
 
 
 HETEROCLINIC = (
-    Road("manifolds", "zero of the splitting of the saddles' manifolds", lambda case, known: _connection(
+    Method("manifolds", "zero of the splitting of the saddles' manifolds", lambda case, known: _connection(
         case, _OMEGA_H_DIGITS, "manifolds")),
-    Road("limit-cycles", "limit of the limit cycles, to 60 digits; shares the integrator only", lambda case, known: (
+    Method("limit-cycles", "limit of the limit cycles, to 60 digits; shares the integrator only", lambda case, known: (
         _connection(case, 60, "limit-cycles"))),
-    Road("scipy", "bisection with SciPy's DOP853 in double", lambda case, known: _connection(case, 11, "scipy"), True),
+    Method("scipy", "bisection with SciPy's DOP853 in double", lambda case, known: _connection(case, 11, "scipy"),
+           True),
 )  # fmt: skip
 
 

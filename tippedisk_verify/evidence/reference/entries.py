@@ -21,8 +21,8 @@ __all__ = [
     "Case",
     "Item",
     "Kind",
+    "Method",
     "Reading",
-    "Road",
     "answered",
     "as_doubles",
     "as_measured",
@@ -66,7 +66,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Road:
+class Method:
     """One way to the numbers of a kind. The first road of a kind gives the values, the others confirm them."""
 
     name: str
@@ -84,7 +84,7 @@ class Kind:
     says: str
     units: Callable[[str], str]  #: the unit of a quantity
     items: Callable[[str], list[Item]]  #: all questions for a parameter set
-    roads: tuple[Road, ...]
+    roads: tuple[Method, ...]
     condition: Callable[[Case, Values], dict[str, dict[str, Any]]]  #: change of each quantity per relative change
     chunk: int = 1  #: items that are computed together
     digits: int = field(default=_MOST_DIGITS)  #: kept

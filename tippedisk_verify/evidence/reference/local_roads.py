@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
-from tippedisk_verify.evidence.reference.entries import Case, Road, Values, changed
+from tippedisk_verify.evidence.reference.entries import Case, Method, Values, changed
 from tippedisk_verify.model.equations import field, friction_force, jacobian, shifted, terms
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
@@ -146,9 +146,9 @@ def _symbolic(case: Case, working: int) -> dict[str, Any]:
 
 
 RHS = (
-    Road("written-out", "the paper's terms as they stand, Jacobian by hand, mpmath at 72 digits", _rhs_first),
-    Road("shifted", "the same in angles measured from pi/2, mpmath at 91 digits", _rhs_shifted),
-    Road("symbolic", "the factored field and its symbolic derivatives, heyoka on MPFR numbers", _rhs_symbolic, True),
+    Method("written-out", "the paper's terms as they stand, Jacobian by hand, mpmath at 72 digits", _rhs_first),
+    Method("shifted", "the same in angles measured from pi/2, mpmath at 91 digits", _rhs_shifted),
+    Method("symbolic", "the factored field and its symbolic derivatives, heyoka on MPFR numbers", _rhs_symbolic, True),
 )
 rhs_condition = by_differences(lambda case: _written_out(case, bits(_BITS).context))
 
@@ -187,8 +187,8 @@ def _eigenvalues(case: Case, working: int) -> dict[str, Any]:
 
 
 EQUILIBRIUM = (
-    Road("polynomial", "roots of the exact characteristic polynomial, with root bounds", _equilibrium_first),
-    Road("eigensolver", "eigenvalues of the full equations' Jacobian, QR at 72 digits", _equilibrium_numeric, True),
+    Method("polynomial", "roots of the exact characteristic polynomial, with root bounds", _equilibrium_first),
+    Method("eigensolver", "eigenvalues of the full equations' Jacobian, QR at 72 digits", _equilibrium_numeric, True),
 )
 equilibrium_condition = by_differences(lambda case: _eigenvalues(case, _BITS))
 
@@ -239,8 +239,8 @@ def _hopf_by_balance(parameters: Parameters, working: int) -> dict[str, Any]:
 
 
 HOPF = (
-    Road("normal-form", "exact Routh-Hurwitz and Kuznetsov's normal form, mpmath", _hopf_first),
-    Road("balance", "implicit differentiation and the consistent one-harmonic law's slopes", _hopf_balance, True),
+    Method("normal-form", "exact Routh-Hurwitz and Kuznetsov's normal form, mpmath", _hopf_first),
+    Method("balance", "implicit differentiation and the consistent one-harmonic law's slopes", _hopf_balance, True),
 )
 hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _BITS))
 
@@ -265,8 +265,8 @@ def _law(case: Case, working: int) -> dict[str, Any]:
 
 
 BALANCE = (
-    Road("exact", "the closed law in exact rationals, roots at the end", _balance_first),
-    Road("floating", "the same law in floating point at 72 digits", _balance_floating),
+    Method("exact", "the closed law in exact rationals, roots at the end", _balance_first),
+    Method("floating", "the same law in floating point at 72 digits", _balance_floating),
 )
 balance_condition = by_differences(lambda case: _law(case, _BITS))
 
@@ -335,8 +335,8 @@ def _inertial(ctx: Any, c: Constants, omega: Any, beta: Any, gamma: Any, v: Any)
 
 
 MANIFOLD = (
-    Road("jets", "the recursion on truncated power series, mpmath at 72 digits", _manifold_first),
-    Road(
+    Method("jets", "the recursion on truncated power series, mpmath at 72 digits", _manifold_first),
+    Method(
         "differences", "the invariance condition with difference quotients, mpmath at 120 digits", _manifold_differences
     ),
 )

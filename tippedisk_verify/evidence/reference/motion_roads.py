@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.reference.entries import Case, Road, Values
+from tippedisk_verify.evidence.reference.entries import Case, Method, Values
 from tippedisk_verify.evidence.reference.local_roads import by_differences
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
@@ -102,9 +102,9 @@ def _scipy(case: Case, known: Values) -> Values:
 
 
 TRAJECTORY = (
-    Road("taylor", "heyoka's Taylor integrator on MPFR numbers of 51 digits, error seen against 70", _first),
-    Road("shifted", "the same integrator on angles measured from pi/2, 60 digits", _shifted),
-    Road("scipy", "SciPy's DOP853 in double; confirms what double holds", _scipy, True),
+    Method("taylor", "heyoka's Taylor integrator on MPFR numbers of 51 digits, error seen against 70", _first),
+    Method("shifted", "the same integrator on angles measured from pi/2, 60 digits", _shifted),
+    Method("scipy", "SciPy's DOP853 in double; confirms what double holds", _scipy, True),
 )
 # 1e-7 of a parameter moves an orbit by some 1e-4 after the passages, and rounding by 1e-9 of that change.
 trajectory_condition = by_differences(lambda case: _run(case, DOUBLE, default_engine()), Fraction(1, 10**7))

@@ -10,7 +10,7 @@ from typing import Any
 from tippedisk_verify.evidence.stress.case import Case, Found, against, digits_between
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -90,7 +90,7 @@ def _lanes_of_all_kinds() -> Found:
     import numpy
 
     sets = [PRINTED.changed(epsilon=text) for text in ("0.1", "1e-5", "10", "1e-3", "1e-4", "0.01", "1", "3e-5")]
-    lanes = Lanes(len(sets))
+    lanes = BatchTaylor(len(sets))
     constants = numpy.array([field_constants(parameters) for parameters in sets])
     start = (1.4, 1.9, 0.5)
     count = len(sets)

@@ -18,19 +18,19 @@ from functools import cached_property
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.flow.lanes import Lanes, field_constants
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.averaged import averaged
+from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
 from tippedisk_verify.orbits.branch_budget import BranchBudget, largest_nearby, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.orbits.simultaneous import Cycles, Guess, corrected
 from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
-__all__ = ["DenseBranch", "Values"]
+__all__ = ["BranchInterpolant", "Values"]
 
 _GROUP = 8  # nodes that are solved together
 _NODES_PER_UNIT = 12  # of s; the coefficients then fall to rounding, a hundredfold with every eight nodes
@@ -68,7 +68,7 @@ class Values:
     uncertainty: dict[str, Any]
 
 
-class DenseBranch:
+class BranchInterpolant:
     """The branch of stable limit cycles between two speeds above ``omega_h`` and below Omega_crit, in double.
 
     ``lowest`` and ``highest`` [rad/s] bound where it may be asked; by default a thousandth of the branch is left out at
@@ -79,7 +79,7 @@ class DenseBranch:
     def __init__(
         self,
         parameters: Parameters,
-        lanes: Lanes,
+        lanes: BatchTaylor,
         omega_h: float,
         *,
         lowest: float | None = None,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.flow.contract import TURN, Event, Variation
-from tippedisk_verify.flow.lanes import Flights, Lanes
+from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.equations import acceleration, shifted
 from tippedisk_verify.model.parameters import Constants
@@ -71,7 +71,7 @@ class Cycles:
 
 
 def corrected(
-    constants: Any, omegas: Any, guess: Guess, lanes: Lanes, *, whole: bool = True, tolerance: Any = _SMALL_STEP
+    constants: Any, omegas: Any, guess: Guess, lanes: BatchTaylor, *, whole: bool = True, tolerance: Any = _SMALL_STEP
 ) -> Cycles:
     """Newton's iteration for every speed, then all numbers of the cycles found.
 
@@ -159,7 +159,7 @@ def _starts(unknowns: Any) -> Any:
     return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
 
 
-def _errors(flights: Flights, unknowns: Any) -> Any:
+def _errors(flights: BatchResult, unknowns: Any) -> Any:
     """How far S of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
     import numpy
 
@@ -167,7 +167,7 @@ def _errors(flights: Flights, unknowns: Any) -> Any:
     return numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
 
 
-def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: Lanes) -> Any:
+def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> Any:
     """(n, 3) errors at the end of half a period from (gamma_bar_0, v_0, T / 2), as `Cycles.sensitivity` takes them."""
     flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True)
     return _errors(flights, unknowns) * _BACK
@@ -176,7 +176,7 @@ def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: Lanes) -> A
 class _Step:
     """One Newton step of every run that is still under way."""
 
-    def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: Lanes) -> None:
+    def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> None:
         import numpy
 
         flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=_VARIATIONS)
@@ -222,7 +222,7 @@ def _inverse(matrices: Any) -> Any:
         return found
 
 
-def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: Lanes) -> tuple[Any, Any]:
+def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: BatchTaylor) -> tuple[Any, Any]:
     """beta_max and the integral of the divergence over half a period."""
     import numpy
 

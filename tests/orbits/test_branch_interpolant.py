@@ -9,27 +9,27 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.flow.lanes import Lanes
+from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.orbits import periodic
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.dense import DenseBranch
 from tippedisk_verify.theory.hopf import hopf_point
 
 INTERPOLATED = ("period", "gamma_bar_0", "v_0", "beta_max", "log_multiplier_slow", "log_multiplier_fast")
 ALL = (*INTERPOLATED, "multiplier_slow", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
-_LANES = Lanes()
+_LANES = BatchTaylor()
 
 
-def branch_of(parameters, taylor, **bounds) -> DenseBranch:
-    return DenseBranch(parameters, _LANES, float(bisect_omega_h(parameters, taylor).omega_h), **bounds)
+def branch_of(parameters, taylor, **bounds) -> BranchInterpolant:
+    return BranchInterpolant(parameters, _LANES, float(bisect_omega_h(parameters, taylor).omega_h), **bounds)
 
 
-def check_half_widths(branch: DenseBranch, taylor, count: int, seed: int) -> None:
+def check_half_widths(branch: BranchInterpolant, taylor, count: int, seed: int) -> None:
     """Against shooting by events in extended precision, at random speeds, half of them crowded towards Omega_h."""
     random = numpy.random.default_rng(seed)
     even = random.uniform(branch.lowest, branch.highest, count)
@@ -104,9 +104,9 @@ def test_bounds(taylor) -> None:
         with pytest.raises(InputError, match="outside the branch's bounds"):
             branch([outside])
     with pytest.raises(InputError, match="the branch lies between"):
-        DenseBranch(PRINTED, _LANES, branch.omega_h, lowest=29.0)
+        BranchInterpolant(PRINTED, _LANES, branch.omega_h, lowest=29.0)
     with pytest.raises(NoSuchCycleError, match="not supercritical"):
-        DenseBranch(PRINTED.changed(A="0.227e-3"), _LANES, branch.omega_h)
+        BranchInterpolant(PRINTED.changed(A="0.227e-3"), _LANES, branch.omega_h)
 
 
 def test_a_node_is_interpolated_by_itself(taylor) -> None:

@@ -11,8 +11,8 @@ import pytest
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.at_period import cycle_at_half_period, lengthened
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.period_continuation import cycle_at_half_period, lengthened
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.equilibria import equilibrium
 
