@@ -20,7 +20,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
 from tippedisk_verify.flow.rounding import nudged, step_nudges
 from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, START_WINDOW, StartSurfaces, on_edge, surfaces
-from tippedisk_verify.flow.switching import Branch, Pieces
+from tippedisk_verify.flow.switching import FrictionSign, Pieces
 from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
 from tippedisk_verify.model.equations import products, shifted
 from tippedisk_verify.model.parameters import Parameters
@@ -76,7 +76,7 @@ class Integrator:
         if smooth:
             # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
             place = len(self._names) + self._products
-            self._branch = Branch(self.precision, self._ops, place, watched, self._records)
+            self._branch = FrictionSign(self.precision, self._ops, place, watched, self._records)
             own = [(SWITCH, self._branch.callback())]
             if FLAT not in self._terminal:
                 own.append((TURN_OVER, self._branch.flat_callback()))

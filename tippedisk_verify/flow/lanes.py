@@ -16,10 +16,18 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
 from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
-from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
+from tippedisk_verify.flow.switching import FrictionSigns
+from tippedisk_verify.flow.system import (
+    SWITCH,
+    TURN_OVER,
+    constants_of,
+    direction_of,
+    parameter_names,
+    system_of,
+)
 from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.parameters import Constants, Friction, Parameters, checked_friction
+from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
@@ -45,17 +53,7 @@ def field_constants(parameters: Parameters) -> Any:
     import numpy
 
     constants = parameters.at(DOUBLE)
-    return numpy.array([getattr(constants, name) for name in _names(parameters.friction)[1:]])
-
-
-def _names(friction: Friction) -> tuple[str, ...]:
-    return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
-
-
-def _constants(pars: Any, friction: Friction) -> Constants:
-    """The rows of the runtime parameters by name."""
-    known = dict(zip(_names(friction), pars, strict=False))
-    return Constants(**{name: known.get(name) for name in Constants._fields})
+    return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])
 
 
 _MOST_LANES = 64  # eight times what the widest registers hold; compiling takes longer with each
@@ -96,7 +94,7 @@ class BatchTaylor:
         """
         import numpy
 
-        names = _names(checked_friction(friction))
+        names = parameter_names(checked_friction(friction))
         try:
             given = (numpy.asarray(part, dtype=float) for part in (constants, omegas, states, durations))
             constants, omegas, states, durations = given
@@ -122,7 +120,7 @@ class BatchTaylor:
         pars[0] = omegas
         pars[1 : len(names)] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
         if given_products:
-            known = products(_constants(pars, friction), omegas)[:given_products]
+            known = products(constants_of(pars, friction), omegas)[:given_products]
             pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
         flights: BatchResult = batch.run(pars, states.T, durations, max_steps)
         if not flights.crossings:
@@ -145,7 +143,7 @@ class _Starts:
         if abs(when) > LONGEST_WINDOW and state != tuple(start):
             return False
         pars, event = self._pars[:, run].tolist(), self._events[name]
-        constants, omega = _constants(pars, self._friction), pars[0]
+        constants, omega = constants_of(pars, self._friction), pars[0]
         if not starts_on(event, self._ops, constants, omega, start, 2.0**-52):
             return False
         flow = field(self._ops, constants, omega, self._friction)
@@ -177,7 +175,7 @@ class _Batch:
         system, crossings, self.products = system_of(
             variations, divergence, (*events, SWITCH, TURN_OVER) if smooth else events, shift, smooth
         )
-        count = len(_names(friction)) + self.products + smooth
+        count = len(parameter_names(friction)) + self.products + smooth
         self._width, self._shift = width, 3 + divergence
         self._variations, self._divergence = len(variations), divergence
         self._events, self._shifted, self._friction = tuple(events), shift, friction
@@ -191,7 +189,7 @@ class _Batch:
                 )
                 for event in events
             ]
-        self._branches = _FrictionSigns(friction, shift) if smooth else None
+        self._branches = FrictionSigns(friction, shift) if smooth else None
         if self._branches is not None:
             options["t_events"] = [
                 hy.t_event_batch(
@@ -276,7 +274,7 @@ class _Batch:
         if not self._events:
             return False
         pars = self._stepper.pars
-        ops, constants = shifted(numpy) if self._shifted else numpy, _constants(pars, self._friction)
+        ops, constants = shifted(numpy) if self._shifted else numpy, constants_of(pars, self._friction)
         values = (event.function(ops, constants, pars[0], *states) for event in self._events)
         return any(bool((value == 0).any()) for value in values)
 
@@ -293,7 +291,7 @@ class _Batch:
             final[:, lane], finished[lane] = column[:, 0], reached[0]
         return final, finished
 
-    def _turned(self, branches: _FrictionSigns, flat: Sequence[str]) -> Any:
+    def _turned(self, branches: FrictionSigns, flat: Sequence[str]) -> Any:
         """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
 
         batch = proxy(self)  # heyoka holds its callbacks, which no collector of garbage sees
@@ -305,7 +303,7 @@ class _Batch:
 
         return turned
 
-    def _reversed(self, branches: _FrictionSigns, reversals: Sequence[Event]) -> Any:
+    def _reversed(self, branches: FrictionSigns, reversals: Sequence[Event]) -> Any:
         """The same for gamma_y = 0; a crossing at the start is the start itself."""
         switched, batch = branches.callback(), proxy(self)
 
@@ -331,71 +329,3 @@ class _Batch:
             names.append((name, batch._first + lane, when, (beta, gamma, v)))
 
         return record
-
-
-class _FrictionSigns:
-    """The smooth law's branch of every lane, the sign of gamma_y, in the last row of the parameters."""
-
-    def __init__(self, friction: Friction, shift: bool) -> None:
-        self._friction, self._shift = friction, shift
-        self._sides: list[float] = []  # signs of gamma_y / sin(beta)
-        self._upright: list[float] = []  # signs of sin(beta)
-        self._forward: list[bool] = []
-        self._doubtful: set[int] = set()
-        self.from_surface: list[bool] = []
-
-    def _slip(self, stepper: Any, states: Any) -> Any:
-        import numpy
-
-        return SLIDING_REVERSAL.function(*self._setting(stepper), *states) + numpy.zeros(len(states[0]))
-
-    def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
-        import numpy
-
-        constants = _constants(stepper.pars, self._friction)
-        return shifted(numpy) if self._shift else numpy, constants, stepper.pars[0]
-
-    def begin(self, stepper: Any, durations: Any) -> None:
-        """On the surface the sign a moment later decides."""
-        import numpy
-
-        states = stepper.state[:3].copy()
-        ops, constants, omega = self._setting(stepper)
-        slip = self._slip(stepper, states)
-        on_surface = numpy.abs(slip) <= 64 * 2.0**-52
-        self.from_surface = on_surface.tolist()
-        if on_surface.any():
-            rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))
-            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * rates)
-            slip = numpy.where(on_surface, later, slip)
-        self._sides = numpy.where(slip >= 0, 1.0, -1.0).tolist()
-        self._upright = numpy.where(ops.sin(states[0]) >= 0, 1.0, -1.0).tolist()
-        self._forward = (durations >= 0).tolist()
-        self._doubtful.clear()
-        stepper.pars[-1] = numpy.multiply(self._sides, self._upright)
-
-    def callback(self) -> Any:
-        """For heyoka, as a plain function: it copies whatever else it is given."""
-
-        def switched(stepper: Any, sign: int, lane: int) -> bool:
-            side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
-            if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
-                self._doubtful.add(lane)
-            self._sides[lane] = side
-            stepper.pars[-1, lane] = side * self._upright[lane]
-            return True
-
-        return switched
-
-    def turn(self, stepper: Any, lane: int) -> None:
-        """sin(beta) has changed its sign."""
-        self._upright[lane] = -self._upright[lane]
-        stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
-
-    def kept(self, stepper: Any) -> Any:
-        """Which lanes were on the right branch all the time."""
-        import numpy
-
-        right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -1000 * 2.0**-52
-        right[list(self._doubtful)] = False
-        return right

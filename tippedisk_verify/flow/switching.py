@@ -15,15 +15,19 @@ from typing import Any
 
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
 from tippedisk_verify.flow.start import START_WINDOW
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.flow.system import constants_of
+from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["Branch", "Pieces"]
+__all__ = ["FrictionSign", "FrictionSigns", "Pieces"]
 
+_ON_SURFACE = 64  # roundings of the state: a start with no more slip is on the surface
+_LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
 _MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 
 
-class Branch:
+class FrictionSign:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
     def __init__(
@@ -53,7 +57,7 @@ class Branch:
         self._switches = 0
         self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
         slip = self._slip(state)
-        self._from_surface = abs(float(slip)) <= 64 * self._epsilon
+        self._from_surface = abs(float(slip)) <= _ON_SURFACE * self._epsilon
         if self._from_surface:
             rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
             step = self._window if self._forward else -self._window
@@ -106,9 +110,9 @@ class Branch:
     @property
     def lost(self) -> bool:
         """Whether the run was on the wrong branch for a while: by its switches, or by where it ended."""
-        # A thousand roundings of the state are what may be left of the slip at a switch; NaN is lost too.
+        # NaN is lost too.
         slip = float(self._slip(self.stepper.state[:3]))
-        return self._contradicted or not slip * self.side >= -1000 * self._epsilon
+        return self._contradicted or not slip * self.side >= -_LEFT_OVER * self._epsilon
 
     def _slip(self, state: Sequence[Any]) -> Any:
         return SLIDING_REVERSAL.function(self._ops, self._constants, self._omega, *state)
@@ -116,6 +120,74 @@ class Branch:
     def _set(self, side: int) -> None:
         self.side = side
         self.stepper.pars[self._place] = self._one if side * self._upright > 0 else -self._one
+
+
+class FrictionSigns:
+    """The same for every lane of a batch, in the last row of the parameters."""
+
+    def __init__(self, friction: Friction, shift: bool) -> None:
+        self._friction, self._shift = friction, shift
+        self._sides: list[float] = []  # signs of gamma_y / sin(beta)
+        self._upright: list[float] = []  # signs of sin(beta)
+        self._forward: list[bool] = []
+        self._doubtful: set[int] = set()
+        self.from_surface: list[bool] = []
+
+    def _slip(self, stepper: Any, states: Any) -> Any:
+        import numpy
+
+        return SLIDING_REVERSAL.function(*self._setting(stepper), *states) + numpy.zeros(len(states[0]))
+
+    def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
+        import numpy
+
+        constants = constants_of(stepper.pars, self._friction)
+        return shifted(numpy) if self._shift else numpy, constants, stepper.pars[0]
+
+    def begin(self, stepper: Any, durations: Any) -> None:
+        """On the surface the sign a moment later decides."""
+        import numpy
+
+        states = stepper.state[:3].copy()
+        ops, constants, omega = self._setting(stepper)
+        slip = self._slip(stepper, states)
+        on_surface = numpy.abs(slip) <= _ON_SURFACE * 2.0**-52
+        self.from_surface = on_surface.tolist()
+        if on_surface.any():
+            rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))
+            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * rates)
+            slip = numpy.where(on_surface, later, slip)
+        self._sides = numpy.where(slip >= 0, 1.0, -1.0).tolist()
+        self._upright = numpy.where(ops.sin(states[0]) >= 0, 1.0, -1.0).tolist()
+        self._forward = (durations >= 0).tolist()
+        self._doubtful.clear()
+        stepper.pars[-1] = numpy.multiply(self._sides, self._upright)
+
+    def callback(self) -> Any:
+        """For heyoka, as a plain function: it copies whatever else it is given."""
+
+        def switched(stepper: Any, sign: int, lane: int) -> bool:
+            side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
+            if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
+                self._doubtful.add(lane)
+            self._sides[lane] = side
+            stepper.pars[-1, lane] = side * self._upright[lane]
+            return True
+
+        return switched
+
+    def turn(self, stepper: Any, lane: int) -> None:
+        """sin(beta) has changed its sign."""
+        self._upright[lane] = -self._upright[lane]
+        stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
+
+    def kept(self, stepper: Any) -> Any:
+        """Which lanes were on the right branch all the time."""
+        import numpy
+
+        right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -_LEFT_OVER * 2.0**-52
+        right[list(self._doubtful)] = False
+        return right
 
 
 class Pieces:

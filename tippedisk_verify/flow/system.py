@@ -8,10 +8,20 @@ from typing import Any, NamedTuple
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
 from tippedisk_verify.model.equations import Products, field, jacobian, products, shifted
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import heyoka_module
 
-__all__ = ["PARAMETERS", "SMOOTH_PARAMETERS", "SWITCH", "TURN_OVER", "System", "direction_of", "system_of"]
+__all__ = [
+    "PARAMETERS",
+    "SMOOTH_PARAMETERS",
+    "SWITCH",
+    "TURN_OVER",
+    "System",
+    "constants_of",
+    "direction_of",
+    "parameter_names",
+    "system_of",
+]
 
 #: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k. After them
 #: come products of them, and last the branch that the smooth law is on.
@@ -21,6 +31,17 @@ SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
 _WITHOUT_OMEGA = Products._fields.index("omega_squared")
+
+
+def parameter_names(friction: Friction) -> tuple[str, ...]:
+    """The runtime parameters of a law's field, in their order."""
+    return PARAMETERS if friction == "linear" else SMOOTH_PARAMETERS
+
+
+def constants_of(pars: Any, friction: Friction) -> Constants:
+    """The rows of the runtime parameters by name."""
+    known = dict(zip(parameter_names(friction), pars, strict=False))
+    return Constants(**{name: known.get(name) for name in Constants._fields})
 
 
 class System(NamedTuple):
