@@ -244,17 +244,14 @@ class Disk(Parameters):
         digits are not reached.
         """
         from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
-        from tippedisk_verify.theory.hopf import omega_crit_decimal
+        from tippedisk_verify.theory.hopf import speed_below_crit
 
         if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
             raise InputError("give the speed with one of omega, below_crit and above_het")
         if above_het is not None:
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
         if below_crit is not None:
-            below = exact(below_crit)
-            if below.pi_multiple:
-                raise InputError("the distance below Omega_crit must be a decimal")
-            omega = omega_crit_decimal(self, digits) - below.rational
+            omega = speed_below_crit(self, below_crit, digits)
         return cycle_at(self, omega, self._engine(engine), digits=digits)
 
     def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:

@@ -103,8 +103,7 @@ def speed(common: Common, omega: str | None, below_crit: str | None, others: tup
     ``others`` are the options that the command has for the same purpose.
     """
     from tippedisk_verify.model.equations import checked_speed
-    from tippedisk_verify.model.exact import exact
-    from tippedisk_verify.theory.hopf import omega_crit_decimal
+    from tippedisk_verify.theory.hopf import speed_below_crit
 
     if (omega is None) == (below_crit is None):
         if others:
@@ -112,10 +111,7 @@ def speed(common: Common, omega: str | None, below_crit: str | None, others: tup
         raise InputError("give the speed with either --omega or --below-crit")
     if omega is not None:
         return checked_speed(omega)
-    distance = exact(below_crit)
-    if distance.pi_multiple:
-        raise InputError("the distance below Omega_crit must be a decimal")
-    return checked_speed(omega_crit_decimal(common.parameters, common.digits) - distance.rational)
+    return speed_below_crit(common.parameters, below_crit, common.digits)
 
 
 def speed_options(command: F) -> F:

@@ -93,14 +93,11 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:
-    from tippedisk_verify.theory.hopf import omega_crit_decimal
+    from tippedisk_verify.theory.hopf import speed_below_crit
 
     if "omega" in point:
         return checked_speed(point["omega"])
-    below = exact(point["below-crit"])
-    if below.pi_multiple:
-        raise InputError("the distance below Omega_crit must be a decimal")
-    return checked_speed(omega_crit_decimal(parameters, digits) - below.rational)
+    return speed_below_crit(parameters, point["below-crit"], digits)
 
 
 @dataclass(frozen=True)

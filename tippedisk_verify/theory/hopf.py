@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal
 
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
@@ -29,6 +30,7 @@ __all__ = [
     "omega_crit_decimal",
     "omega_crit_squared",
     "period_crit",
+    "speed_below_crit",
 ]
 
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
@@ -96,6 +98,17 @@ def omega_crit_decimal(parameters: Parameters, digits: int) -> Fraction:
     """
     found = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
     return Fraction(found.decimals()[0])
+
+
+def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:
+    """The decimal speed [rad/s] that lies ``distance`` [rad/s] below Omega_crit.
+
+    Raises InputError for a distance that is no decimal, or leaves no speed.
+    """
+    below = exact(distance)
+    if below.pi_multiple:
+        raise InputError("the distance below Omega_crit must be a decimal")
+    return checked_speed(omega_crit_decimal(parameters, digits) - below.rational)
 
 
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
