@@ -1,8 +1,8 @@
 """True numbers of the tippedisk, with honest uncertainties.
 
-The rooms; behind the door, each imports only from those before it:
+The front door is `tippedisk_verify.disk`: a `Disk`, and what can be asked of it. The rooms behind it, each importing only
+from those before it:
 
-- `tippedisk_verify.disk`: the front door, a `Disk` and what can be asked of it; behind it
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
