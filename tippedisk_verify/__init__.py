@@ -1,7 +1,7 @@
 """True numbers of the tippedisk, with honest uncertainties.
 
-The front door is `tippedisk_verify.disk`: a `Disk`, and what can be asked of it. The rooms behind it, each importing only
-from those before it:
+The front door is `tippedisk_verify.disk`: a `Disk`, and what can be asked of it. The rooms behind it, each importing
+only from those before it:
 
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.theory`: what follows in closed form, and
