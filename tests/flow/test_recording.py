@@ -122,7 +122,7 @@ def test_dense_output_takes_times_of_any_kind(taylor) -> None:
 def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
     from tippedisk_verify.flow import switching
 
-    monkeypatch.setattr(switching.Branch, "lost", property(lambda branch: True))
+    monkeypatch.setattr(switching.FrictionSign, "lost", property(lambda sign: True))
     for most in range(1, 40):
         result = taylor(
             Request(
