@@ -229,7 +229,7 @@ def test_one_door_however_close_to_omega_h(friction) -> None:
         assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty
         assert one.uncertainty < abs(one.value) / 10**12
     below = speed - Fraction(6, 10**13)
-    with pytest.raises(tv.InputError, match=r"no limit cycle|not converged|did not converge"):
+    with pytest.raises(tv.InputError, match="rad/s below Omega_h"):
         disk.limit_cycle(below)
 
 

@@ -82,11 +82,17 @@ def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: i
     try:
         return followed_cycle(parameters, speed, engine, digits=digits)
     except NoSuchCycleError:
+        omega_h = None
         with suppress(NoConnectionError, Shortfall):
             omega_h = _told_apart(parameters, speed, engine)
-            if 0 < speed - omega_h < _NEXT_TO_OMEGA_H:
-                return cycle_near(parameters, speed, omega_h, engine, digits=digits)
-        raise
+        if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
+            raise
+        if speed < omega_h:  # the reason in double may be off by more than the distance
+            below = float(omega_h - speed)
+            raise NoSuchCycleError(
+                f"no limit cycle found at {float(speed):.10g} rad/s, {below:.2g} rad/s below Omega_h"
+            ) from None
+        return cycle_near(parameters, speed, omega_h, engine, digits=digits)
 
 
 def _told_apart(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
