@@ -24,7 +24,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import TURN, Engine, Event
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.rounding import Rounding, nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -33,7 +33,6 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 
 __all__ = [
-    "EXTREME",
     "TWINS_OF_WIDER",
     "Shot",
     "cycle_numbers",
@@ -45,8 +44,6 @@ __all__ = [
     "twins",
 ]
 
-#: Where beta is extreme.
-EXTREME = Event("extreme", TURN.function, terminal=False)
 #: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
 #: errors as large as the twins', and the half-width is 14 times the error in the median
 #: (tests/orbits/test_cycle_budget.py integrates both). What a unit more or less in constants and arrival does to a twin
@@ -88,38 +85,40 @@ def numbers_at(
     rounding: Rounding | None = None,
 ) -> dict[str, Any]:
     """All numbers of the cycle through ``state``, a fixed point of the map, from the map's derivatives there."""
-    flight = flights(state, divergence=True, events=(EXTREME,), rounding=rounding)
-    turns = [record.state[0] for record in flight.events if record.name == EXTREME.name]
+    flight = flights(state, divergence=True, events=flights.recorded, rounding=rounding)
     (a, b), (c, d) = here.matrix
     trace, determinant = a + d, a * d - b * c
     # The larger root of l^2 - trace l + determinant; mostly the determinant is some 1e-25 and only corrects it. Of a
     # complex pair the modulus is what tells.
     discriminant, sqrt = trace * trace / 4 - determinant, precision.ops.sqrt
-    half = abs(trace) / 2 + sqrt(discriminant) if discriminant >= 0 else sqrt(determinant)
-    slow = half * half
-    log_slow = precision.ops.log(slow)
+    larger = abs(trace) / 2 + sqrt(discriminant) if discriminant >= 0 else sqrt(determinant)
+    laps = flights.per_period
+    slow = larger * larger if laps == 2 else larger if trace >= 0 else -larger
+    log_slow = precision.ops.log(abs(slow))
     by_omega = newton_step(here.matrix, here.by_omega)
     trivial = flights.trivial_multiplier(state, here)
     time = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
+    first, second = flights.unknowns
     return {
-        "period": 2 * here.time,
-        "gamma_bar_0": state[0],
-        "v_0": state[1],
-        "beta_max": max((abs(turn) for turn in turns), default=abs(0 * here.time)),
+        "period": laps * here.time,
+        first: state[0],
+        second: state[1],
+        **flights.measures(flight),
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
         # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
-        "log_multiplier_fast": 2 * flight.divergence - log_slow,
-        "log_multipliers": 2 * flight.divergence,
-        "trivial_multiplier_defect": abs(trivial * trivial - 1),
-        "dperiod_domega": 2 * time,
-        "dgamma_bar_0_domega": by_omega[0],
-        "dv_0_domega": by_omega[1],
+        "log_multiplier_fast": laps * flight.divergence - log_slow,
+        "log_multipliers": laps * flight.divergence,
+        "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
+        "dperiod_domega": laps * time,
+        f"d{first}_domega": by_omega[0],
+        f"d{second}_domega": by_omega[1],
     }
 
 
 def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> list[dict[str, Any]]:
     """The numbers of the cycle near ``state`` in double, each time with other last bits."""
+    first, second = flights.unknowns
     found = []
     for pattern in range(1, count + 1):
         rounding = Rounding(pattern)
@@ -133,7 +132,8 @@ def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> l
         step = newton_step(here.matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         later = here.time_by_state[0] * step[0] + here.time_by_state[1] * step[1]
-        found.append(numbers | {"gamma_bar_0": state[0], "v_0": state[1], "period": numbers["period"] + 2 * later})
+        period = numbers["period"] + flights.per_period * later
+        found.append(numbers | {first: state[0], second: state[1], "period": period})
     return found
 
 
@@ -161,11 +161,12 @@ def half_widths_by_wider_run(
     by how much, the two runs show.
     """
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
+    unknowns = [name for name in doubt if name != "period"]
     apart = sum(
         max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
-        for name in ("gamma_bar_0", "v_0")
+        for name in unknowns
     )
-    share = (doubt["gamma_bar_0"] + doubt["v_0"]) / apart
+    share = sum(doubt[name] for name in unknowns) / apart
     for name, number in measured.items():
         more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
         measured[name] = Measured(number.value, number.uncertainty + more)
@@ -196,7 +197,8 @@ def sharpened(shot: Shot, flights: HalfFlights, precision: Precision) -> tuple[d
     here = shot.map if precision == DOUBLE else flights.map(state)
     undecided = [_STANDING * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(here.time_by_state, undecided, strict=True))
-    doubt = {"gamma_bar_0": undecided[0], "v_0": undecided[1], "period": 2 * sum(times, Fraction(0))}
+    doubt = dict(zip(flights.unknowns, undecided, strict=True))
+    doubt["period"] = flights.per_period * sum(times, Fraction(0))
     return numbers_at(flights, state, here, precision), doubt
 
 
@@ -212,7 +214,7 @@ def _chords(
     previous: Fraction | None = None
     for _ in range(precision.bits // 8 + 8):
         flight = flights(state)
-        residual = (-flight.state[1] - state[0], -flight.state[2] - state[1])
+        residual = flights.residual(flight.state, state)
         step = newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         size = fraction(abs(step[0]) + abs(step[1]))

@@ -10,18 +10,20 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status, Variation
+from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status, Variation
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
+__all__ = ["EXTREME", "RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
 
 #: The next crossing of the section.
 RETURNS = Event("returns", SECTION.function, direction=-1)
 #: beta too: with four, heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
+#: Where beta is extreme.
+EXTREME = Event("extreme", TURN.function, terminal=False)
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
@@ -59,6 +61,11 @@ class HalfFlights:
     They raise NoSuchCycleError for a start with v >= 0, and where the orbit does not return to the section.
     """
 
+    per_period = 2  #: flights that make up a period of the cycle
+    unknowns = ("gamma_bar_0", "v_0")  #: names of the two coordinates on the section
+    returns = RETURNS  #: the event that ends a flight
+    recorded = (EXTREME,)  #: events that `measures` reads
+
     def __init__(self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         self.omega = omega
@@ -81,30 +88,44 @@ class HalfFlights:
         """To the next crossing, without derivatives."""
         asked = (divergence, events)
         if asked not in self._plain:
-            self._plain[asked] = self._request(state, divergence=divergence, events=(RETURNS, *events))
-        return self._flown(self._plain[asked].starting_at((self._edge, *state), rounding))
+            self._plain[asked] = self._request(state, divergence=divergence, events=(self.returns, *events))
+        return self._flown(self._plain[asked].starting_at(self._start(state), rounding))
 
     def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> HalfMap:
         """The map and its derivatives at ``state``."""
-        request = self._mapped
-        if request is None:
-            request = self._mapped = self._request(state, variations=VARIATIONS, events=(RETURNS,))
-        result = self._flown(request.starting_at((self._edge, *state), rounding))
-        rows, end = result.derivatives, result.state
-        if self.precision == DOUBLE:
-            rows, end = rows.tolist(), end.tolist()  # Python's own floats: arithmetic on numpy's scalars takes longer
+        time, rows, end = self._varied(state, rounding)
         beta_row, gamma_row, v_row = rows
-        _, gamma_bar, v = end
+        v = end[2]
         v_rate = self._rates(*end)[2]
         # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
         slope = v_rate / v
         return HalfMap(
-            result.time,
-            (-gamma_bar - state[0], -v - state[1]),
+            time,
+            self.residual(end, state),
             ((-gamma_row[1], -gamma_row[2]), (slope * beta_row[1] - v_row[1], slope * beta_row[2] - v_row[2])),
             rows,
             (v, v_rate),
         )
+
+    def _varied(self, state: Sequence[Any], rounding: Rounding | None) -> tuple[Any, Any, Any]:
+        """Time, derivatives and state of a flight with variational equations."""
+        if self._mapped is None:
+            self._mapped = self._request(state, variations=VARIATIONS, events=(self.returns,))
+        result = self._flown(self._mapped.starting_at(self._start(state), rounding))
+        if self.precision != DOUBLE:
+            return result.time, result.derivatives, result.state
+        # Python's own floats: arithmetic on numpy's scalars takes longer.
+        return result.time, result.derivatives.tolist(), result.state.tolist()
+
+    def residual(self, end: Sequence[Any], state: Sequence[Any]) -> tuple[Any, Any]:
+        """The map's image, given where the flow arrives, less where it started."""
+        return -end[1] - state[0], -end[2] - state[1]
+
+    @staticmethod
+    def measures(flight: Result) -> dict[str, Any]:
+        """What a flight with the events ``recorded`` tells of the cycle besides its coordinates."""
+        turns = [abs(record.state[0]) for record in flight.events if record.name == EXTREME.name]
+        return {"beta_max": max(turns, default=abs(0 * flight.time))}
 
     def trivial_multiplier(self, state: Sequence[Any], mapped: HalfMap) -> Any:
         """The half map's multiplier along the flow, 1 but for rounding.
@@ -119,11 +140,15 @@ class HalfFlights:
         v_image = v_row[0] * v + v_row[2] * v_rate
         return -(v * beta_image + v_rate * v_image) / (v * v + v_rate * v_rate)
 
+    def _start(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """(beta_bar, gamma_bar, v) of a point on the section."""
+        return self._edge, state[0], state[1]
+
     def _request(self, state: Sequence[Any], **needs: Any) -> Request:
         return Request(
             self.parameters,
             self._omega,
-            (self._edge, *state),
+            self._start(state),
             _LONGEST_FLIGHT,
             shifted=True,
             precision=self.precision,

@@ -202,10 +202,10 @@ def _by_secants(
     while True:
         state = state[0] + step[0], state[1] + step[1]
         try:
-            _, gamma_bar, v = flights(state, divergence=True, events=(EXTREME,)).state.tolist()
+            end = flights(state, divergence=True, events=flights.recorded).state.tolist()
         except (NoSuchCycleError, InputError):  # some engines have no divergence
             return None
-        residual = (-gamma_bar - state[0], -v - state[1])
+        residual = flights.residual(end, state)
         before, size = residuals[-1], _size(residual)
         residuals.append(size)
         if size > before / 8:
