@@ -31,6 +31,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
+from tippedisk_verify.orbits.newton import NewtonIteration
 
 __all__ = [
     "TWINS_OF_WIDER",
@@ -119,7 +120,7 @@ def numbers_at(
 def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> list[dict[str, Any]]:
     """The numbers of the cycle near ``state`` in double, each time with other last bits."""
     first, second = flights.unknowns
-    found = []
+    known = []
     for pattern in range(1, count + 1):
         rounding = Rounding(pattern)
         here = flights.map(state, rounding)
@@ -133,8 +134,8 @@ def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> l
         state = (state[0] + step[0], state[1] + step[1])
         later = here.time_by_state[0] * step[0] + here.time_by_state[1] * step[1]
         period = numbers["period"] + flights.per_period * later
-        found.append(numbers | {first: state[0], second: state[1], "period": period})
-    return found
+        known.append(numbers | {first: state[0], second: state[1], "period": period})
+    return known
 
 
 def half_widths_by_twins(
@@ -211,17 +212,15 @@ def _chords(
     if precision == DOUBLE:
         return state, settled
     matrix = tuple(tuple(precision.number(entry) for entry in row) for row in shot.map.matrix)
-    previous: Fraction | None = None
-    for _ in range(precision.bits // 8 + 8):
+    # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
+    small = 1000 * precision.epsilon
+    failure = Shortfall(f"the chord iteration has not converged in {precision.name} precision")
+    iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
+    while True:
         flight = flights(state)
         residual = flights.residual(flight.state, state)
         step = newton_step(matrix, residual)
         state = (state[0] + step[0], state[1] + step[1])
         size = fraction(abs(step[0]) + abs(step[1]))
-        # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
-        if size < 1000 * precision.epsilon:
-            return state, settled
-        if previous is not None and 2 * size > previous:
-            return state, (fraction(abs(step[0])), fraction(abs(step[1])))
-        previous = size
-    raise Shortfall(f"the chord iteration has not converged in {precision.name} precision")
+        if iteration.converged(size):
+            return state, settled if size < small else (fraction(abs(step[0])), fraction(abs(step[1])))

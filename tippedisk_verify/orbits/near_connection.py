@@ -25,6 +25,7 @@ from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.half_map import half_map, newton_step
 from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation, resolving
+from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -150,17 +151,17 @@ def _shot(
 ) -> Shot:
     """Newton's iteration in the arithmetic given, until the state's distance from the saddle has six digits or more."""
     state = (precision.number(guess[0]), precision.number(guess[1]))
-    sizes: list[float] = []
-    for _ in range(_MOST_STEPS):
+    lost = NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
+    iteration = NewtonIteration(_MOST_STEPS, lost, small=1e-6, near=0.0)
+    while True:
         here = half_map(parameters, omega, state, engine, precision)
         step = newton_step(here.matrix, here.residual)
-        sizes.append(max(abs(float(step[0] / (precision.pi - state[0]))), abs(float(step[1] / state[1]))))
-        if sizes[-1] < 1e-6:
-            return Shot(state, tuple(sizes), here)
+        size = max(abs(float(step[0] / (precision.pi - state[0]))), abs(float(step[1] / state[1])))
+        if iteration.converged(size):
+            return Shot(state, tuple(iteration.sizes), here)
         state = (state[0] + step[0], state[1] + step[1])
-        if not float(precision.pi - state[0]) > 0 or not float(state[1]) < 0 or not sizes[-1] < 2:
-            break
-    raise NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
+        if not float(precision.pi - state[0]) > 0 or not float(state[1]) < 0 or not size < 2:
+            raise lost
 
 
 def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Fraction) -> LimitCycle:

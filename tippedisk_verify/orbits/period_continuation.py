@@ -17,6 +17,7 @@ from tippedisk_verify.flow.contract import Engine, Request, Status, Variation
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.orbits.newton import NewtonIteration
 
 __all__ = ["PeriodPoint", "cycle_at_half_period", "lengthened"]
 
@@ -51,8 +52,14 @@ def cycle_at_half_period(
     unknowns = [number(value) for value in guess]
     duration = number(half_period)
     rates = parameters.at(precision)
-    sizes: list[float] = []
-    for _ in range(_MOST_STEPS):
+    # What follows a small step is, by quadratic convergence, rounding.
+    iteration = NewtonIteration(
+        _MOST_STEPS,
+        NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"),
+        small=1e-7 if precision == DOUBLE else 2.0 ** (-0.4 * precision.bits),
+        near=1e-3,
+    )
+    while True:
         gamma_bar, v, omega = unknowns
         result = engine(
             Request(
@@ -79,22 +86,17 @@ def cycle_at_half_period(
         unknowns = [value - part for value, part in zip(unknowns, step, strict=True)]
         # The state matters against its distance from the saddle, the speed against how fast it still changes.
         slopes = [-part for part in _solved(matrix, list(moving))]
-        sizes.append(
-            max(
-                abs(float(step[0] / (precision.pi - unknowns[0]))),
-                abs(float(step[1] / unknowns[1])),
-                abs(float(step[2] / slopes[2])),
-            )
+        size = max(
+            abs(float(step[0] / (precision.pi - unknowns[0]))),
+            abs(float(step[1] / unknowns[1])),
+            abs(float(step[2] / slopes[2])),
         )
         inside = 0 < float(precision.pi - unknowns[0]) < math.pi and float(unknowns[1]) < 0
-        if not math.isfinite(sizes[-1]) or not inside:
+        if not math.isfinite(size) or not inside:
             raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
-        small = sizes[-1] < 1e-7 if precision == DOUBLE else sizes[-1] < 2.0 ** (-0.4 * precision.bits)
-        stalled = len(sizes) > 2 and sizes[-1] < 1e-3 and sizes[-1] >= sizes[-2] / 2
-        if small or stalled:  # what follows a small step is, by quadratic convergence, rounding
+        if iteration.converged(size):
             gamma_bar, v, omega = unknowns
-            return PeriodPoint(duration, gamma_bar, v, omega, (slopes[0], slopes[1], slopes[2]), tuple(sizes))
-    raise NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps")
+            return PeriodPoint(duration, gamma_bar, v, omega, (slopes[0], slopes[1], slopes[2]), tuple(iteration.sizes))
 
 
 def _solved(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
@@ -144,13 +146,13 @@ def lengthened(
         half_period = min(float(here.half_period) + step, longest / 2)
         try:
             guess = _predicted(here, before, number(half_period), precision)
-            found = cycle_at_half_period(parameters, half_period, guess, engine, precision)
+            point = cycle_at_half_period(parameters, half_period, guess, engine, precision)
         except NoSuchCycleError:
             step /= 2
             continue
-        before, here = here, found
+        before, here = here, point
         yield here
-        step *= 1.5 if len(found.residuals) <= 4 else 1.0 if len(found.residuals) <= 6 else 0.7
+        step *= 1.5 if len(point.residuals) <= 4 else 1.0 if len(point.residuals) <= 6 else 0.7
 
 
 def _predicted(here: PeriodPoint, before: PeriodPoint, half_period: Any, precision: Precision) -> list[Any]:

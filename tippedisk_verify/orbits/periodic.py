@@ -38,6 +38,7 @@ from tippedisk_verify.orbits.cycle_budget import (
     twins,
 )
 from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
+from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
@@ -54,6 +55,7 @@ __all__ = [
 ]
 
 _MOST_STEPS = 25
+_UNCONVERGED = f"the shooting iteration has not converged after {_MOST_STEPS} steps"
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 _NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
 _NEXT_TO_A_SADDLE = 20  # bits of |v_0| below 1 rad/s: there a double start lies visibly beside the orbit
@@ -156,16 +158,12 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     flights = HalfFlights(parameters, omega, engine, DOUBLE)
     scale = abs(state[0]) + abs(state[1]) / 10
-    residuals: list[float] = []
+    # Round-off of half a period: some hundred ulps of the state.
+    iteration = NewtonIteration(_MOST_STEPS, NoSuchCycleError(_UNCONVERGED), small=1e-15 * scale, near=1e-12 * scale)
     here = flights.map(state)
-    for _ in range(_MOST_STEPS):
-        size = _size(here.residual)
-        residuals.append(size)
-        # Round-off of half a period: some hundred ulps of the state.
-        if size < 1e-15 * scale or (len(residuals) > 2 and size < 1e-12 * scale and size >= residuals[-2] / 2):
-            return Shot(state, tuple(residuals), here)
+    while not iteration.converged(size := _size(here.residual)):
         step = newton_step(here.matrix, here.residual)
-        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(flights, state, here, residuals)) is not None:
+        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(flights, state, here, iteration.sizes)) is not None:
             state, here = ahead, flights.map(ahead)
             continue
         share = 1.0
@@ -176,16 +174,16 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
             if abs(ahead[0]) + abs(ahead[1]) / 10 < scale / 5:
                 raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
             try:
-                found = flights.map(ahead)
+                image = flights.map(ahead)
             except NoSuchCycleError:
-                found = None
-            if found is not None and (_size(found.residual) < size or size < 1e-10 * scale):
+                image = None
+            if image is not None and (_size(image.residual) < size or size < 1e-10 * scale):
                 break
             share /= 2
             if share < 1e-3:
                 raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
-        state, here = ahead, found
-    raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+        state, here = ahead, image
+    return Shot(state, tuple(iteration.sizes), here)
 
 
 def _by_secants(
@@ -240,9 +238,9 @@ def shoot_full_period(
 
     unknown = numpy.array([*map(float, state), float(period)])
     scale = abs(unknown[1]) + abs(unknown[2]) / 10
-    residuals: list[float] = []
+    iteration = NewtonIteration(_MOST_STEPS, NoSuchCycleError(_UNCONVERGED), small=1e-14 * scale, near=1e-11 * scale)
     rates = field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), parameters.friction)
-    for _ in range(_MOST_STEPS):
+    while True:
         start = unknown[:3]
         result = engine(
             Request(
@@ -258,9 +256,9 @@ def shoot_full_period(
         if result.status is not Status.REACHED:
             raise NoSuchCycleError(f"the orbit could not be followed for a period: {result.status.value}")
         residual = numpy.array([*(result.state - start), unknown[0]])
-        residuals.append(float(abs(residual[0]) + abs(residual[1]) + abs(residual[2]) / 10))
-        if residuals[-1] < 1e-14 * scale or (len(residuals) > 2 and residuals[-2] / 2 <= residuals[-1] < 1e-11 * scale):
-            return (float(unknown[0]), float(unknown[1]), float(unknown[2])), float(unknown[3]), tuple(residuals)
+        if iteration.converged(float(abs(residual[0]) + abs(residual[1]) + abs(residual[2]) / 10)):
+            beta_bar, gamma_bar, v, period = unknown.tolist()
+            return (beta_bar, gamma_bar, v), period, tuple(iteration.sizes)
         matrix = numpy.zeros((4, 4))
         matrix[:3, :3] = result.derivatives - numpy.eye(3)
         matrix[:3, 3] = rates(*result.state.tolist())
@@ -270,7 +268,6 @@ def shoot_full_period(
             raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
         if abs(unknown[1]) + abs(unknown[2]) / 10 < scale / 5:
             raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
-    raise NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
 
 
 # ------------------------------------------------------------------------------------------------ with uncertainties

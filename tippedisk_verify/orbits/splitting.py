@@ -28,6 +28,7 @@ from tippedisk_verify.model.precision import (
     bits_for_digits,
     companion,
 )
+from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["MOST_DIGITS", "Splitting", "SplittingFunction", "SplittingZero", "splitting_zero"]
@@ -169,13 +170,13 @@ def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digit
     """
     guard = _GUARD
     while True:
-        found = _zero(parameters, near, engine, digits + guard)
-        if found.omega_h.uncertainty <= found.omega_h.value / 10**digits:
-            return found
+        zero = _zero(parameters, near, engine, digits + guard)
+        if zero.omega_h.uncertainty <= zero.omega_h.value / 10**digits:
+            return zero
         guard *= 2
         if guard > 8 * _GUARD:
             raise Shortfall(
-                f"only {float(found.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
+                f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
             )
 
 
@@ -189,18 +190,16 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
         value = splitting_at(omega)
         slope = (fraction(splitting_at(omega + step).u) - fraction(value.u)) / step
         evaluations += 2
-        smallest = omega
-        for _ in range(8):
+        # Down to a thousand roundings, or until the steps no longer shrink: what is left is measured at the end.
+        failure = Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
+        iteration = NewtonIteration(8, failure, small=omega * precision.epsilon * 10**3, fewest=2)
+        while True:
             change = fraction(value.u) / slope
             omega = _cut(omega - change, precision)
-            # Down to a thousand roundings, or until the steps no longer shrink: what is left is measured at the end.
-            if abs(change) < omega * precision.epsilon * 10**3 or 2 * abs(change) > smallest:
+            if iteration.converged(abs(change)):
                 break
-            smallest = abs(change)
             value = splitting_at(omega)
             evaluations += 1
-        else:
-            raise Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
         coarser = splitting_at.duration, value
     if slope is None or not slope:
         raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
