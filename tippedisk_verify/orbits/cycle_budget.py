@@ -64,7 +64,8 @@ class Shot:
 
     state: tuple[Any, Any]  #: (gamma_bar, v) on the section
     residuals: tuple[float, ...]
-    map: HalfMap
+    map: Any  #: the section's map there, with derivatives
+    section: type[HalfFlights] = HalfFlights  #: whose map it is
 
 
 def cycle_numbers(
@@ -167,7 +168,7 @@ def half_widths_by_wider_run(
         max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
         for name in unknowns
     )
-    share = sum(doubt[name] for name in unknowns) / apart
+    share = sum((doubt[name] for name in unknowns), Fraction(0)) / apart
     for name, number in measured.items():
         more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
         measured[name] = Measured(number.value, number.uncertainty + more)

@@ -15,6 +15,7 @@ from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.orbits.cycles import LimitCycle
 
 __all__ = ["EXTREME", "RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
 
@@ -62,9 +63,10 @@ class HalfFlights:
     """
 
     per_period = 2  #: flights that make up a period of the cycle
-    unknowns = ("gamma_bar_0", "v_0")  #: names of the two coordinates on the section
+    result: type[Any] = LimitCycle  #: what a fixed point is
+    unknowns = LimitCycle.unknowns  #: names of the two coordinates on the section
     returns = RETURNS  #: the event that ends a flight
-    recorded = (EXTREME,)  #: events that `measures` reads
+    recorded: tuple[Event, ...] = (EXTREME,)  #: events that `measures` reads
 
     def __init__(self, parameters: Parameters, omega: Any, engine: Engine, precision: Precision) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine, Event, Request, Status
@@ -23,6 +23,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, bits, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
+from tippedisk_verify.orbits.cycles import Cycle
 from tippedisk_verify.orbits.half_map import half_map, newton_step
 from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation, resolving
 from tippedisk_verify.orbits.newton import NewtonIteration
@@ -31,12 +32,22 @@ from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["cycle_above", "cycle_at", "cycle_near", "passage_times", "with_speed"]
+__all__ = [
+    "DOUBLE_SHOOTS",
+    "checked_distance",
+    "cycle_above",
+    "cycle_at",
+    "cycle_near",
+    "omega_h_beside",
+    "passage_times",
+    "with_speed",
+]
 
-_DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
+DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
 _NEXT_TO_OMEGA_H = Fraction(1, 100)  # rad/s above it; further away, shooting and continuation fail for other reasons
 _MOST_STEPS = 12
 _SMALLEST = 800  # zeros after the point that D may have
+_C = TypeVar("_C", bound=Cycle)
 
 
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
@@ -45,22 +56,11 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     Raises InputError unless 0 < above < Omega_crit - Omega_h, NoSuchCycleError where none is found, Shortfall if the
     digits are not reached.
     """
-    distance = exact(above)
-    if distance.pi_multiple or distance.rational <= 0:
-        raise InputError(f"the distance above Omega_h must be a positive decimal, not {shown(above)}")
-    checked_digits(digits)
-    value = distance.rational
-    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
-    if zeros > _SMALLEST:
-        raise InputError(f"distances above Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
-    if zeros + digits > MOST_DIGITS:
-        raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s above it need more")
+    value, wanted = checked_distance(above, "above", digits)
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h
     room = omega_crit(parameters, 20).value - near.value
     if value >= room:
         raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
-    # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
-    wanted = zeros + digits + 6
     omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h
     omega = omega_h.value + value
     if value > room / 2:
@@ -71,6 +71,27 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
+
+
+def checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, int]:
+    """A distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs for ``digits`` of its own.
+
+    Raises InputError unless it is a positive decimal that is not too small.
+    """
+    distance = exact(given)
+    if distance.pi_multiple or distance.rational <= 0:
+        raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(given)}")
+    checked_digits(digits)
+    value = distance.rational
+    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
+    if zeros > _SMALLEST:
+        raise InputError(f"distances {side} Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
+    if zeros + digits > MOST_DIGITS:
+        raise InputError(
+            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it need more"
+        )
+    # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
+    return value, zeros + digits + 6
 
 
 def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
@@ -85,7 +106,7 @@ def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: i
     except NoSuchCycleError:
         omega_h = None
         with suppress(NoConnectionError, Shortfall):
-            omega_h = _told_apart(parameters, speed, engine)
+            omega_h = omega_h_beside(parameters, speed, engine)
         if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
             raise
         if speed < omega_h:  # the reason in double may be off by more than the distance
@@ -96,7 +117,7 @@ def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: i
         return cycle_near(parameters, speed, omega_h, engine, digits=digits)
 
 
-def _told_apart(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
+def omega_h_beside(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
     """Omega_h [rad/s] to six digits of its distance from the speed, if they are so close. Raises as its methods do."""
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     if abs(speed - near) > _NEXT_TO_OMEGA_H:
@@ -122,12 +143,13 @@ def cycle_near(
     Raises NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
     above = omega - omega_h
-    if above > _DOUBLE_SHOOTS:
+    if above > DOUBLE_SHOOTS:
         guess = PeriodContinuation(parameters, engine).nearest(above)
         return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
     precision = resolving(parameters, omega_h, above, digits + 4)
     shot = _shot(parameters, omega, _predicted(parameters, above, engine), engine, precision)
-    return measured_cycle(parameters, omega, shot, engine, precision)
+    cycle: LimitCycle = measured_cycle(parameters, omega, shot, engine, precision)
+    return cycle
 
 
 def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
@@ -164,10 +186,10 @@ def _shot(
             raise lost
 
 
-def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Fraction) -> LimitCycle:
-    """The cycle ``above`` Omega_h, with what the uncertainty of the speed does to it added to every half-width.
+def with_speed(cycle: _C, omega_h: Measured, above: Fraction, room: Fraction) -> _C:
+    """The cycle ``above`` Omega_h (a rotating one below it), with what the uncertainty of the speed does to it added to every half-width.
 
-    ``room`` is Omega_crit - Omega_h [rad/s]. With d the distance to the nearer end of the branch, close to which the
+    ``room`` is Omega_crit - Omega_h [rad/s], for rotating cycles their fold's distance from Omega_h. With d the distance to the nearer end of the branch, close to which the
     numbers follow powers and logarithms of d, the logarithms of the multipliers change by at most about 2 / d of
     themselves per unit of speed, and so do the sensitivities, but for the middle of the branch, where those may vanish
     and change by what the number itself is to the square of the room. beta_max is the connection's own, plus what
@@ -182,7 +204,7 @@ def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Frac
         changes[name] = Measured(number.value, number.uncertainty + change)
 
     share = 2 * uncertainty / min(above, room - above)
-    for name in ("period", "gamma_bar_0", "v_0"):
+    for name in ("period", *cycle.unknowns):
         slope = f"d{name}_domega"
         size, steep = abs(getattr(cycle, name).value), abs(getattr(cycle, slope).value)
         widened(name, 2 * steep * uncertainty)
@@ -190,6 +212,8 @@ def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Frac
     for name in ("log_multiplier_slow", "log_multiplier_fast"):
         widened(name, abs(getattr(cycle, name).value) * share)
     widened("multiplier_slow", abs(cycle.multiplier_slow.value * cycle.log_multiplier_slow.value) * share)
+    for name in cycle.beside_the_saddle:
+        widened(name, abs(getattr(cycle, name).value) * share)
     unstable, slow, _ = (
         float(value.re) for value in equilibrium(cycle.parameters, omega_h.value, "noninverted").eigenvalues
     )
@@ -198,7 +222,7 @@ def with_speed(cycle: LimitCycle, omega_h: Measured, above: Fraction, room: Frac
     )
     steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
     widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
-    return replace(cycle, **changes)  # type: ignore[arg-type]
+    return replace(cycle, **changes)  # type: ignore[type-var]
 
 
 def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:

@@ -13,20 +13,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Engine, Request, Status, raise_unless_usable
+from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import checked_speed, field, shifted
-from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.orbits.cycle_budget import (
-    EXTREME,
     TWINS_OF_WIDER,
     Shot,
     cycle_numbers,
@@ -37,13 +33,13 @@ from tippedisk_verify.orbits.cycle_budget import (
     sharpened,
     twins,
 )
+from tippedisk_verify.orbits.cycles import LimitCycle
 from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.harmonic_balance import section_start
 from tippedisk_verify.theory.spectral_balance import approximate_cycle
 
 __all__ = [
-    "EXTREME",
     "LimitCycle",
     "Shot",
     "cycle_in_double",
@@ -58,93 +54,8 @@ _MOST_STEPS = 25
 _UNCONVERGED = f"the shooting iteration has not converged after {_MOST_STEPS} steps"
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 _NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
-_NEXT_TO_A_SADDLE = 20  # bits of |v_0| below 1 rad/s: there a double start lies visibly beside the orbit
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
-
-
-@dataclass(frozen=True)
-class LimitCycle:
-    """A limit cycle with its multipliers and sensitivities; every number with a half-width that holds the truth."""
-
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest |beta - pi/2| [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
-    dgamma_bar_0_domega: Measured  #: [s]
-    dv_0_domega: Measured  #: [1]
-    stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration in double
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
-    precision: str  #: the arithmetic of its numbers
-
-    @property
-    def multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
-        fast, ctx = self.log_multiplier_fast, bits(256).context
-        low, high = (fraction(ctx.exp(quotient(ctx, fast.value + sign * fast.uncertainty))) for sign in (-1, 1))
-        rounding = high / 2**230  # of a logarithm of some thousands at most
-        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, Measured(high, high - low + rounding)
-
-    def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
-        """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
-
-        The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. The second half is the image of
-        the first under the point symmetry. Next to Omega_h the flight is in as many bits as its start needs. Raises
-        InputError for a count below 2, ArithmeticError where the engine gives up.
-        """
-        import numpy
-
-        if count < 2:
-            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
-        times = numpy.linspace(0.0, float(self.period), count)
-        half = float(self.period) / 2
-        start = (0, self.gamma_bar_0.value, self.v_0.value)
-        needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
-        request = Request(
-            self.parameters,
-            self.omega.value,
-            start,
-            self.period.value / 2,
-            shifted=True,
-            precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
-            dense=True,
-            domain="none",
-        )
-        result = raise_unless_usable((engine or default_engine())(request))
-        if result.dense is None:
-            raise InputError("an orbit needs an engine with continuous output")
-        states = result.dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
-        states[:, times >= half] *= -1
-        states[:, -1] = states[:, 0]
-        if not shifted:
-            states[:2] += math.pi / 2
-        return times, states
-
-    def plot(self, axes: Any = None) -> Any:
-        """The orbit in the (gamma_bar, beta_bar) plane, on these matplotlib axes or on new ones; returns the axes."""
-        if axes is None:
-            from matplotlib import pyplot
-
-            _, axes = pyplot.subplots()
-        _, (beta_bar, gamma_bar, _) = self.orbit(shifted=True)
-        axes.plot(gamma_bar, beta_bar, label=f"Ω = {self.omega:.6g} rad/s")
-        axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
-        return axes
-
-    def json(self) -> dict[str, object]:
-        return {
-            name: value.json() if isinstance(value, Measured) else list(value) if isinstance(value, tuple) else value
-            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
-            if name not in ("parameters", "engine", "precision")
-        }
 
 
 def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: Engine) -> Shot:
@@ -155,8 +66,12 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
     """
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v at beta = pi/2")
+    return converged(HalfFlights(parameters, omega, engine, DOUBLE), guess)
+
+
+def converged(flights: HalfFlights, guess: Sequence[float]) -> Shot:
+    """`shoot` for any section: from a guess of the two coordinates on it."""
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
-    flights = HalfFlights(parameters, omega, engine, DOUBLE)
     scale = abs(state[0]) + abs(state[1]) / 10
     # Round-off of half a period: some hundred ulps of the state.
     iteration = NewtonIteration(_MOST_STEPS, NoSuchCycleError(_UNCONVERGED), small=1e-15 * scale, near=1e-12 * scale)
@@ -183,7 +98,7 @@ def shoot(parameters: Parameters, omega: Any, guess: Sequence[float], engine: En
             if share < 1e-3:
                 raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
         state, here = ahead, image
-    return Shot(state, tuple(iteration.sizes), here)
+    return Shot(state, tuple(iteration.sizes), here, type(flights))
 
 
 def _by_secants(
@@ -292,6 +207,22 @@ def limit_cycle(
     value = checked_speed(omega)
     checked_digits(digits)
     shot = _first_shot(parameters, value, engine, guess)
+    cycle: LimitCycle = cycle_from(parameters, value, shot, engine, digits, precision)
+    return cycle
+
+
+def cycle_from(
+    parameters: Parameters,
+    value: Fraction,
+    shot: Shot,
+    engine: Engine,
+    digits: int,
+    precision: Precision | None = None,
+) -> Any:
+    """The cycle, librating or rotating, that Newton's iteration in double has found, to so many digits.
+
+    Raises Shortfall if the digits are not reached.
+    """
     if precision == DOUBLE or (precision is None and digits <= _DOUBLE_DIGITS):
         cycle = cycle_in_double(parameters, value, shot, engine)
         if precision == DOUBLE or _lacking(cycle, _DOUBLE_DIGITS) is None:
@@ -324,27 +255,27 @@ def _first_shot(parameters: Parameters, value: Fraction, engine: Engine, guess: 
     return shoot(parameters, value, approximate_cycle(parameters, value), engine)
 
 
-def _lacking(cycle: LimitCycle, digits: int) -> str | None:
+def _lacking(cycle: Any, digits: int) -> str | None:
     """The first main result that has fewer digits than asked for."""
-    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
-        measured = getattr(cycle, name)
+    for name in ("period", *cycle.unknowns, "beta_max"):
+        measured: Measured = getattr(cycle, name)
         if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
-            return name
+            return str(name)
     return None
 
 
-def cycle_in_double(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> LimitCycle:
+def cycle_in_double(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> Any:
     """The cycle that Newton's iteration in double found, with half-widths from twins in double."""
-    flights = HalfFlights(parameters, value, engine, DOUBLE)
+    flights = shot.section(parameters, value, engine, DOUBLE)
     numbers = numbers_at(flights, shot.state, shot.map, DOUBLE)
     return _as_cycle(flights, half_widths_by_twins(numbers, twins(flights, shot.state)), shot)
 
 
-def _cycle_in_companion(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> LimitCycle | None:
+def _cycle_in_companion(parameters: Parameters, value: Fraction, shot: Shot, engine: Engine) -> Any:
     """The same in the next wider arithmetic; None if its iteration stands still above what rounding explains."""
     wider = companion(DOUBLE)
-    numbers, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider), wider)
-    flights = HalfFlights(parameters, value, engine, DOUBLE)
+    numbers, doubt = sharpened(shot, shot.section(parameters, value, engine, wider), wider)
+    flights = shot.section(parameters, value, engine, DOUBLE)
     others = [numbers_at(flights, shot.state, shot.map, DOUBLE), *twins(flights, shot.state, TWINS_OF_WIDER)]
     measured = half_widths_by_twins(numbers, others, wider)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
@@ -358,23 +289,23 @@ def measured_cycle(
     shot: Shot,
     engine: Engine,
     precision: Precision,
-) -> LimitCycle:
+) -> Any:
     """The cycle in one arithmetic, with half-widths from a wider one, starting from what Newton's iteration found.
 
     Raises Shortfall if the chord iteration does not settle.
     """
     if precision == DOUBLE:
         return cycle_in_double(parameters, value, shot, engine)
-    flights = HalfFlights(parameters, value, engine, precision)
+    flights = shot.section(parameters, value, engine, precision)
     rough, _ = sharpened(shot, flights, precision)
     wider = companion(precision)
-    sharp, doubt = sharpened(shot, HalfFlights(parameters, value, engine, wider), wider)
+    sharp, doubt = sharpened(shot, shot.section(parameters, value, engine, wider), wider)
     return _as_cycle(flights, half_widths_by_wider_run(rough, sharp, doubt, precision), shot)
 
 
 def _as_cycle(
     flights: HalfFlights, measured: dict[str, Measured], shot: Shot, precision: Precision | None = None
-) -> LimitCycle:
+) -> Any:
     """The result; ``precision`` is the arithmetic of the numbers, by default that of the flights."""
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
@@ -382,7 +313,7 @@ def _as_cycle(
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
-    return LimitCycle(
+    return flights.result(
         omega=Measured(flights.omega, Fraction(0)),
         **measured,
         stable=bool(abs(slow.value) < 1) if certain else None,

@@ -19,7 +19,7 @@ from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits
+from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
 from tippedisk_verify.theory.saddle_manifolds import Saddle

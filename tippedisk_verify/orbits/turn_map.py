@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Event, Request, Result, Status
 from tippedisk_verify.flow.rounding import Rounding
+from tippedisk_verify.orbits.cycles import RotatingCycle
 from tippedisk_verify.orbits.half_map import EXTREME, HalfFlights
 
 __all__ = ["ROUND", "TurnFlights", "TurnMap"]
@@ -41,7 +42,8 @@ class TurnFlights(HalfFlights):
     """
 
     per_period = 1
-    unknowns = ("beta_bar_top", "v_top")
+    result = RotatingCycle
+    unknowns = RotatingCycle.unknowns
     returns = ROUND
     recorded = (EXTREME, BOTTOM)
 

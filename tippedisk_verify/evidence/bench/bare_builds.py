@@ -12,8 +12,7 @@ def build() -> None:
     import numpy
 
     from tippedisk_verify.flow.system import direction_of, system_of
-    from tippedisk_verify.orbits.half_map import RETURNS, VARIATIONS
-    from tippedisk_verify.orbits.periodic import EXTREME
+    from tippedisk_verify.orbits.half_map import EXTREME, RETURNS, VARIATIONS
 
     # The iteration with derivatives; the numbers with the divergence; both again in extended, and the chord steps.
     shapes: tuple[Any, ...] = ((VARIATIONS, False, (RETURNS,)), ((), True, (RETURNS, EXTREME)), ((), False, (RETURNS,)))

@@ -1,0 +1,122 @@
+"""Rotating limit cycles by Newton shooting on the turn map, in any precision and however close to Omega_h."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from fractions import Fraction
+
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.cycle_budget import Shot
+from tippedisk_verify.orbits.cycles import RotatingCycle
+from tippedisk_verify.orbits.half_map import newton_step
+from tippedisk_verify.orbits.limit_of_cycles import resolving
+from tippedisk_verify.orbits.near_connection import (
+    DOUBLE_SHOOTS,
+    checked_distance,
+    omega_h_beside,
+    with_speed,
+)
+from tippedisk_verify.orbits.newton import NewtonIteration
+from tippedisk_verify.orbits.periodic import converged, cycle_from, measured_cycle
+from tippedisk_verify.orbits.rotating_family import RotatingFamily, unstable_top
+from tippedisk_verify.orbits.splitting import splitting_zero
+from tippedisk_verify.orbits.turn_map import TurnFlights
+
+__all__ = ["rotating_below", "rotating_cycle"]
+
+_MOST_STEPS = 12
+
+
+def rotating_cycle(
+    parameters: Parameters, omega: object, engine: Engine, *, stable: bool = True, digits: int = 12
+) -> RotatingCycle:
+    """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
+
+    Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
+    speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    """
+    speed = checked_speed(omega)
+    checked_digits(digits)
+    if stable:
+        with suppress(NoSuchCycleError, NoConnectionError):
+            # Next to Omega_h the saddle's unstable branch leads there, without the rest of the family.
+            shot = converged(TurnFlights(parameters, speed, engine, DOUBLE), unstable_top(parameters, speed, engine))
+            cycle: RotatingCycle = cycle_from(parameters, speed, shot, engine, digits)
+            if cycle.stable:
+                return cycle
+        with suppress(Shortfall, NoConnectionError):
+            omega_h = omega_h_beside(parameters, speed, engine)
+            if 0 < omega_h - speed < DOUBLE_SHOOTS:
+                return _beside(parameters, speed, omega_h, engine, digits)
+    return of_family(RotatingFamily(parameters, engine), speed, stable=stable, digits=digits)
+
+
+def of_family(family: RotatingFamily, speed: Fraction, *, stable: bool, digits: int) -> RotatingCycle:
+    """The family's cycle at a speed, before the fold or beyond it. Raises as `rotating_cycle` does."""
+    parameters, engine = family.parameters, family.engine
+    guess = family.guess(float(speed), stable=stable)
+    shot = converged(TurnFlights(parameters, speed, engine, DOUBLE), guess)
+    cycle: RotatingCycle = cycle_from(parameters, speed, shot, engine, digits)
+    if cycle.stable is not stable:
+        raise Shortfall(
+            f"{float(speed):.17g} rad/s is so close to the fold that doubles cannot tell its two cycles apart"
+        )
+    return cycle
+
+
+def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
+    """The stable rotating limit cycle at Omega_h - ``below`` [rad/s], to ``digits`` significant digits.
+
+    Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, Shortfall if the digits
+    are not reached.
+    """
+    distance, wanted = checked_distance(below, "below", digits)
+    near = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+    room = near - Fraction(RotatingFamily(parameters, engine).near_fold().omega)
+    if distance >= room:
+        raise NoSuchCycleError(
+            f"stable rotating cycles lie less than {float(room):.6g} rad/s below Omega_h, not {shown(below)}"
+        )
+    omega_h = splitting_zero(parameters, near, engine, wanted).omega_h
+    speed = omega_h.value - distance
+    if distance < DOUBLE_SHOOTS:
+        cycle = _beside(parameters, speed, omega_h.value, engine, digits)
+    else:
+        cycle = rotating_cycle(parameters, speed, engine, digits=digits)
+    widened: RotatingCycle = with_speed(cycle, omega_h, distance, room)
+    if widened.period.uncertainty > widened.period.value / 10**digits:
+        raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
+    return widened
+
+
+def _beside(parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int) -> RotatingCycle:
+    """The stable cycle a little below ``omega_h``, which needs some digits of their distance.
+
+    It passes the saddle so closely that it leaves along the unstable branch: that is where it is looked for.
+    """
+    below = omega_h - omega
+    precision = resolving(parameters, omega_h, below, digits + 4)
+    cycle: RotatingCycle = measured_cycle(
+        parameters, omega, _shot(parameters, omega, below, engine, precision), engine, precision
+    )
+    return cycle
+
+
+def _shot(parameters: Parameters, omega: Fraction, below: Fraction, engine: Engine, precision: Precision) -> Shot:
+    """Newton's iteration from the unstable branch, until steps are small against the distance from the stable one."""
+    flights = TurnFlights(parameters, omega, engine, precision)
+    beta, v = unstable_top(parameters, omega, engine, precision)
+    lost = NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
+    iteration = NewtonIteration(_MOST_STEPS, lost, small=1e-6, near=0.0)
+    while True:
+        here = flights.map((beta, v))
+        step = newton_step(here.matrix, here.residual)
+        if iteration.converged(float((abs(step[0]) + abs(step[1])) / precision.number(below))):
+            return Shot((beta, v), tuple(iteration.sizes), here, TurnFlights)
+        beta, v = beta + step[0], v + step[1]
