@@ -14,6 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from tests.orbits.passages import passage_times
 from tippedisk_verify.certified.closed_forms import proved_hopf
 from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.heteroclinic import prove_connection
@@ -24,7 +25,6 @@ from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.branches import Branch
 from tippedisk_verify.orbits.continuation import continued
-from tippedisk_verify.orbits.near_connection import passage_times
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
