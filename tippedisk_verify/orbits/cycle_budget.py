@@ -24,13 +24,13 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import TURN, Engine, Event
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.rounding import Rounding, nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.orbits.half_map import HalfFlights, HalfMap, newton_step
+from tippedisk_verify.orbits.half_map import EXTREME, HalfFlights, HalfMap, newton_step
 from tippedisk_verify.orbits.newton import NewtonIteration
 
 __all__ = [
@@ -46,18 +46,16 @@ __all__ = [
     "twins",
 ]
 
-#: Where beta is extreme.
-EXTREME = Event("extreme", TURN.function, terminal=False)
 #: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
 #: errors as large as the twins', and the half-width is 14 times the error in the median
 #: (tests/orbits/test_cycle_budget.py integrates both). What a unit more or less in constants and arrival does to a twin
 #: is twice what rounding does there.
 TWINS = 5
 TWIN_FACTOR = 4
-#: Of the next wider arithmetic the error is none of the values whose spread measures it. With so many twins, and the
+#: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
 #: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
 TWINS_OF_WIDER = 8
-#: Of the step at which a chord iteration stands still, its ratio being at least 1/2 there.
+#: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
 _STANDING = 4
 
 
@@ -158,8 +156,8 @@ def half_widths_by_wider_run(
 ) -> dict[str, Measured]:
     """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
 
-    ``doubt`` is what the wider iteration leaves undecided of state and period; the other numbers move with the state:
-    by how much, the two runs show.
+    ``doubt`` is what the wider iteration leaves undecided of state and period. The two runs show how far the other
+    numbers move with the state.
     """
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     apart = sum(
@@ -174,7 +172,7 @@ def half_widths_by_wider_run(
 
 
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
-    """Of multipliers that are lost in rounding, what is known of their logarithms.
+    """Bounds for the logarithms of multipliers that are lost in rounding.
 
     The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
     """

@@ -10,16 +10,18 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status, Variation
+from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status, Variation
 from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
+__all__ = ["EXTREME", "RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
 
 #: The next crossing of the section.
 RETURNS = Event("returns", SECTION.function, direction=-1)
+#: Where beta is extreme.
+EXTREME = Event("extreme", TURN.function, terminal=False)
 #: beta too: with four, heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
@@ -79,10 +81,10 @@ class HalfFlights:
         rounding: Rounding | None = None,
     ) -> Result:
         """To the next crossing, without derivatives."""
-        asked = (divergence, events)
-        if asked not in self._plain:
-            self._plain[asked] = self._request(state, divergence=divergence, events=(RETURNS, *events))
-        return self._flown(self._plain[asked].starting_at((self._edge, *state), rounding))
+        key = (divergence, events)
+        if key not in self._plain:
+            self._plain[key] = self._request(state, divergence=divergence, events=(RETURNS, *events))
+        return self._flown(self._plain[key].starting_at((self._edge, *state), rounding))
 
     def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> HalfMap:
         """The map and its derivatives at ``state``."""
