@@ -39,7 +39,7 @@ from typing import Any
 from tippedisk_verify.certified.balls import arb, ball, inside, working_precision
 from tippedisk_verify.certified.series import Graph, Node, System
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["Flight", "Model", "Path", "Status", "Step", "carry"]
@@ -108,7 +108,7 @@ class Model:
         return self._law(_BallOps, self.constants, self.omega)(*state)
 
 
-def _tippedisk(ops: Any, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
+def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     return field(shifted(ops), constants, omega, "linear")
 
 

@@ -27,7 +27,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import at_rest, start_window, starts_on
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import Ops, field, jacobian, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
@@ -110,7 +110,7 @@ class Baseline:
         return self._integrate(request, ops, constants, omega, start, duration)
 
     def _integrate(
-        self, request: Request, ops: Any, constants: Constants, omega: float, start: list[float], duration: float
+        self, request: Request, ops: Ops, constants: Constants, omega: float, start: list[float], duration: float
     ) -> Result:
         import numpy
         from scipy.integrate import solve_ivp
@@ -201,7 +201,7 @@ def _array(values: Sequence[Any]) -> Any:
 
 
 def _event(
-    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
+    event: Event, ops: Ops, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
 ) -> Callable[[float, Any], float]:
     at_start: float | None = None
     if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):

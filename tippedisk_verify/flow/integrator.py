@@ -140,7 +140,7 @@ class Integrator(Compiled):
     def _replay_to_event(
         self, request: Request, omega: Any, state: list[Any], duration: Any, left: StartSurfaces
     ) -> Result:
-        """A run that another event ends before its start has left the surface: again, keeping what it passes."""
+        """The run again, keeping what it passes: another event ends it before its start has left the surface."""
         self._reset(request, omega, state)
         if self._smooth:
             self._branch.begin(request, omega, state, duration)
@@ -217,7 +217,7 @@ class Integrator(Compiled):
         return Recording(self._stepper, self.precision, times, request.dense, bool(duration > 0), early)
 
     def _on_grid(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> tuple[Any, Any, int, Any]:
-        """Through the sample times, but for those of the rows already there; heyoka wants the present time in front."""
+        """Through the sample times that have no row yet; heyoka wants the present time in front."""
         import numpy
 
         stepper = self._stepper
@@ -248,7 +248,7 @@ class Integrator(Compiled):
         if not left.names:
             return left
         number = self.precision.number
-        # Of a run that is as short as that, the half: the rest of it is recorded.
+        # At most half of the run, so that a rest is left to be recorded.
         limit = min(number(left.window), abs(duration) * number(0.5))
         times = [] if request.times is None else [t for t in map(number, request.times) if abs(t) <= limit]
         limit = limit if duration > 0 else -limit

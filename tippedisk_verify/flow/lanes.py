@@ -1,7 +1,7 @@
 """Many runs at once in double: heyoka's batch mode, one run in each SIMD lane.
 
 For lists of speeds or starts that need the same thing. Every run has its own speed, start and duration; the lanes of a
-batch share the compiled code. Nothing here estimates an error: who asks for many runs at once measures it on them.
+batch share the compiled code. Nothing here estimates an error: callers measure it on their runs.
 """
 
 from __future__ import annotations
@@ -126,7 +126,9 @@ class BatchTaylor:
         if not flights.crossings:
             return flights
         start = _Starts(events, pars, states, shifted, friction)
-        return replace(flights, crossings=tuple(found for found in flights.crossings if not start.is_all_of(*found)))
+        return replace(
+            flights, crossings=tuple(crossing for crossing in flights.crossings if not start.is_all_of(*crossing))
+        )
 
 
 class _Starts:

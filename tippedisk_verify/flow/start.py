@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
@@ -29,7 +29,7 @@ START_WINDOW = 2.0**-30
 _WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
 #: And the longest.
 LONGEST_WINDOW = _WINDOWS[-1]
-#: Of a start: what its event function may make of the rounding of a state.
+#: So many roundings an event function may show at a start on its surface.
 ROUNDINGS = 64
 
 
@@ -56,14 +56,14 @@ def at_rest(request: Request) -> bool:
     return not any(flow(*map(number, request.state)))
 
 
-def starts_on(event: Event, ops: Any, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
+def starts_on(event: Event, ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
     """Whether the event function is zero at the start, up to the rounding of the start."""
     return bool(abs(event.function(ops, constants, omega, *state)) <= ROUNDINGS * epsilon)
 
 
 def start_window(
     event: Event,
-    ops: Any,
+    ops: Ops,
     constants: Constants,
     omega: float,
     state: Sequence[float],
@@ -88,7 +88,7 @@ def start_window(
 
 
 def event_values(
-    events: Sequence[Event], ops: Any, constants: Constants, omega: Any, state: Sequence[Any]
+    events: Sequence[Event], ops: Ops, constants: Constants, omega: Any, state: Sequence[Any]
 ) -> list[Any]:
     """The event functions at a state (or at many, as arrays).
 
@@ -97,7 +97,7 @@ def event_values(
     return [event.function(ops, constants, omega, *state) for event in events]
 
 
-def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
+def surfaces(request: Request, ops: Ops, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
     """The surfaces that the start of a run lies on.
 
     A start that floats give is rounded to a double, whatever the arithmetic. As the edge of the domain, sin(beta) = 0

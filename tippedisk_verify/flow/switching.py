@@ -16,7 +16,7 @@ from typing import Any
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
 from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
 from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import Precision
 
@@ -30,7 +30,7 @@ class FrictionSign:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
     def __init__(
-        self, precision: Precision, ops: Any, place: int, watched: Sequence[Event], records: list[EventRecord]
+        self, precision: Precision, ops: Ops, place: int, watched: Sequence[Event], records: list[EventRecord]
     ) -> None:
         self._ops, self._place = ops, place
         self._watched, self._records = watched, records
@@ -38,7 +38,7 @@ class FrictionSign:
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
-        #: After a switch the branches differ by gamma_y squared: so long that this is below rounding, and no longer.
+        #: How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
         self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
         self.stepper: Any = None
         self.side = 1  #: the sign of gamma_y / sin(beta)
