@@ -14,18 +14,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
+from tests.orbits.passages import passage_times
 from tippedisk_verify.certified.closed_forms import proved_hopf
 from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.certified.no_connection import prove_absence
-from tippedisk_verify.certified.trajectory import proved_state
 from tippedisk_verify.evidence import friction_claims
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.branches import Branch
 from tippedisk_verify.orbits.continuation import continued
-from tippedisk_verify.orbits.near_connection import passage_times
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
@@ -279,7 +278,6 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: prove_cycle(SMOOTH, "30.4", ("1.68", "-1.71")),
         lambda: prove_connection(SMOOTH, "30.0849"),
         lambda: prove_absence(SMOOTH, "30.065", "30.075"),
-        lambda: proved_state(SMOOTH, "30.4", ("0", "0.4", "0"), "0.2"),
     ],
 )
 def test_what_is_for_the_linear_law_is_not_said_of_the_smooth_one(ask) -> None:

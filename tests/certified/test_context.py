@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from flint import acb_series, arb_series, ctx
 
+from tests.certified.trajectory import proved_state
 from tippedisk_verify.certified import closed_forms, table
 from tippedisk_verify.certified.angles import rates
 from tippedisk_verify.certified.balls import (
@@ -25,7 +26,6 @@ from tippedisk_verify.certified.balls import (
 )
 from tippedisk_verify.certified.closed_forms import hopf_balls, proved_equilibrium, proved_hopf
 from tippedisk_verify.certified.heteroclinic import prove_connection
-from tippedisk_verify.certified.trajectory import proved_state
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.model.measured import Measured

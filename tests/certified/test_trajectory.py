@@ -6,9 +6,9 @@ from fractions import Fraction
 
 import pytest
 
+from tests.certified.trajectory import proved_state
 from tippedisk_verify.certified.balls import ball, measured, working_precision
 from tippedisk_verify.certified.flow import Status
-from tippedisk_verify.certified.trajectory import proved_state
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.model.exact import PI, exact

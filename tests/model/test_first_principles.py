@@ -223,13 +223,6 @@ def test_holding_the_geometric_centre_is_another_model(name: str) -> None:
     assert same(getattr(package, name), getattr(projection("G"), name)) == (name == "gravity")
 
 
-def test_height_of_the_centre_of_gravity() -> None:
-    """S is above the plane by its height above C."""
-    k = kinematics()
-    height = (k.centre_of_gravity - k.contact)[2]
-    assert same(equations.centre_of_gravity_height(sp, CONSTANTS, BETA, GAMMA), height)
-
-
 def test_normal_force() -> None:
     """The vertical momentum balance: weight and normal force are the only vertical forces."""
     normal = momentum_rates()[0].dot(VERTICAL) + M * G

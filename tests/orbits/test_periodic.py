@@ -12,6 +12,7 @@ import numpy
 import pytest
 from hypothesis import given, settings
 
+from tests.orbits.full_period import shoot_full_period
 from tests.problems import SETS, decimals
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -22,7 +23,7 @@ from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.orbits.half_map import half_map
-from tippedisk_verify.orbits.periodic import cycle_numbers, limit_cycle, shoot, shoot_full_period
+from tippedisk_verify.orbits.periodic import cycle_numbers, limit_cycle, shoot
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.spectral_balance import approximate_cycle, balanced_cycle
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy
 import pytest
 
+from tests.orbits.full_period import shoot_full_period
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.evidence.switching_order import switching_order
@@ -24,7 +25,7 @@ from tippedisk_verify.orbits.basins import OUTCOMES, basins, classified_lanes
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above
-from tippedisk_verify.orbits.periodic import limit_cycle, shoot, shoot_full_period
+from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 from tippedisk_verify.orbits.relaxation import relaxation
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
@@ -40,16 +41,17 @@ def below(parameters, distance) -> Fraction:
 @pytest.mark.honest
 def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     speed = below(PRINTED, "0.5")
-    rough = limit_cycle(PRINTED.with_friction("smooth"), speed, taylor)
-    sharp = limit_cycle(PRINTED.with_friction("smooth"), speed, taylor, digits=30)
+    smooth = PRINTED.with_friction("smooth")
+    rough = limit_cycle(smooth, speed, taylor)
+    sharp = limit_cycle(smooth, speed, taylor, digits=30)
     for name in MAIN:
         assert getattr(rough, name).holds(getattr(sharp, name).value), name
     assert sharp.period.uncertainty < sharp.period.value / 10**30
     guess = (0.0, float(sharp.gamma_bar_0), float(sharp.v_0))
-    state, period, _ = shoot_full_period(PRINTED, speed, guess, float(sharp.period), taylor, "smooth")
+    state, period, _ = shoot_full_period(smooth, speed, guess, float(sharp.period), taylor)
     assert abs(period - float(sharp.period)) < 1e-12
     assert abs(state[1] - float(sharp.gamma_bar_0)) < 1e-12
-    other = shoot(PRINTED, speed, guess[1:], Baseline("DOP853"), "smooth")
+    other = shoot(smooth, speed, guess[1:], Baseline("DOP853"))
     assert abs(2 * other.map.time - float(sharp.period)) < 1e-9
 
 

@@ -24,7 +24,6 @@ from tippedisk_verify.theory.equilibria import (
     eigenvalue_discs,
     equilibrium,
     is_stable,
-    left_eigenvector,
     linearization,
     location,
     right_eigenvector,
@@ -164,7 +163,7 @@ def test_eigenvectors_of_the_saddle() -> None:
     matrix = linearization(PRINTED, Fraction("30.4"), "noninverted")
     for value in equilibrium(PRINTED, "30.4", "noninverted", 40).eigenvalues:
         growth = value.re.value
-        x, y = right_eigenvector(matrix, growth), left_eigenvector(matrix, growth)
+        x, y = right_eigenvector(matrix, growth), ((growth - matrix.A33) * growth, matrix.A32, growth)
         rows = ((0, 0, 1), (matrix.omega, 0, 0), (matrix.A31, matrix.A32, matrix.A33))
         image = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
         transposed = [sum(row[column] * y[index] for index, row in enumerate(rows)) for column in range(3)]

@@ -296,20 +296,20 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
     names = ("omega_crit", "period", "lambda_3", "transversality")
 
     def numbers() -> dict[str, Any]:
-        found = hopf_balls(ball_constants(parameters))
-        return {name: found[name] for name in names}
+        values = hopf_balls(ball_constants(parameters))
+        return {name: values[name] for name in names}
 
-    found = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
+    values = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
     statement = (
         f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth Coulomb friction law, "
         "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two of negative real "
         "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and unstable, with two "
         "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r (B - m e^2))) = "
-        f"{found['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of complex conjugate "
-        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {found['period']} s, crosses the imaginary axis with "
-        f"d(Re lambda)/dOmega = {found['transversality']} 1/rad, and the third is lambda_3 = {found['lambda_3']} 1/s."
+        f"{values['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of complex conjugate "
+        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {values['period']} s, crosses the imaginary axis with "
+        f"d(Re lambda)/dOmega = {values['transversality']} 1/rad, and the third is lambda_3 = {values['lambda_3']} 1/s."
     )
-    return ProvedStability(**found, statement=statement)
+    return ProvedStability(**values, statement=statement)
 
 
 def hopf_balls(constants: Constants) -> dict[str, Any]:
@@ -378,11 +378,11 @@ def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[
     guard = 20
     while True:
         with working_precision(math.ceil((digits + guard) * math.log2(10))):
-            found = compute()
+            balls = compute()
             # Twice the radius: printing may add as much again.
-            loose = [name for name, value in found.items() if not _fine(value, digits)]
+            loose = [name for name, value in balls.items() if not _fine(value, digits)]
         if not loose:
-            return found
+            return balls
         guard *= 2
         if guard > 8 * digits + 200:
             raise Shortfall(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")

@@ -123,20 +123,20 @@ class CycleProof:
         if not self.proved:
             return f"nothing is proved: {self.status.value} ({self.where})."
         manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
-        told = self.numbers()
+        numbers = self.numbers()
         gamma_bar, v = (_decimal_below(distance) for distance in self.unique_within)
         return (
             f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
             f"{exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to the next "
             "crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a fixed point "
-            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {told['gamma_bar_0']} rad and v_0 = "
-            f"{told['v_0']} rad/s, and no other with gamma within {gamma_bar} rad and v within {v} rad/s of it; "
+            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and v_0 = "
+            f"{numbers['v_0']} rad/s, and no other with gamma within {gamma_bar} rad and v within {v} rad/s of it; "
             f"through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice "
-            f"a period and whose largest |beta - pi/2| is beta_max = {told['beta_max']} rad, less than 1.5707; its "
-            f"period is T = {told['period']} s, its larger Floquet multiplier other than 1 is "
-            f"{told['multiplier_slow']} with the logarithm {told['log_multiplier_slow']}, the logarithm of the smaller "
-            f"one is {told['log_multiplier_fast']}, dT/dOmega = {told['dperiod_domega']} s^2/rad, "
-            f"d(gamma_bar_0)/dOmega = {told['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {told['dv_0_domega']}."
+            f"a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less than 1.5707; its "
+            f"period is T = {numbers['period']} s, its larger Floquet multiplier other than 1 is "
+            f"{numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the logarithm of the "
+            f"smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = {numbers['dperiod_domega']} s^2/rad, "
+            f"d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {numbers['dv_0_domega']}."
         )
 
     def lacking_bits(self, digits: int) -> int:
@@ -159,20 +159,20 @@ class CycleProof:
 
     def json(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
-        found: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        found["omega"] = Measured(self.omega, Fraction(0)).json()
+        entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
+        entries["omega"] = Measured(self.omega, Fraction(0)).json()
         if self.proved:
-            found |= {name: value.json() for name, value in self.numbers().items()}
-            found["stable"] = self.stable
+            entries |= {name: value.json() for name, value in self.numbers().items()}
+            entries["stable"] = self.stable
             names = ("gamma_bar_0", "v_0")
-            found["unique_within"] = {n: _decimal_below(d) for n, d in zip(names, self.unique_within, strict=True)}
-        return found | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
+            entries["unique_within"] = {n: _decimal_below(d) for n, d in zip(names, self.unique_within, strict=True)}
+        return entries | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
 
 
 def _decimal_below(x: Any) -> str:
     """A decimal of two digits that no number of the ball is below; 0 if some are not positive."""
-    found = measured(x)
-    least = found.value - found.uncertainty
+    enclosure = measured(x)
+    least = enclosure.value - enclosure.uncertainty
     return rounded_down(least) if least > 0 else "0"
 
 
@@ -258,25 +258,25 @@ class _Attempt:
         for _ in range(_MOST_ATTEMPTS):
             with working_precision(self.bits):
                 radii = [abs(part) * arb(2) ** -self.box_bits for part in middle]
-                found = inclusion(self.model(), middle, radii)
-                if found.included:
-                    proof = self.concluded(found, radii)
+                verdict = inclusion(self.model(), middle, radii)
+                if verdict.included:
+                    proof = self.concluded(verdict, radii)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return replace(proof, unique_within=self.neighbourhood(found, radii))
+                        return replace(proof, unique_within=self.neighbourhood(verdict, radii))
                     outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
-                    middle = [part.mid() for part in found.image]
+                    middle = [part.mid() for part in verdict.image]
                 else:
-                    if found.failed is not None:
-                        outcome = self.not_followed(found.failed)
+                    if verdict.failed is not None:
+                        outcome = self.not_followed(verdict.failed)
                         wanted = self.bits + 64
                     else:
                         outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
-                        wanted = self.bits + _shortage(found.residual, radii)
-                        if all(part.is_finite() for part in found.image):
-                            middle = [part.mid() for part in found.image]
+                        wanted = self.bits + _shortage(verdict.residual, radii)
+                        if all(part.is_finite() for part in verdict.image):
+                            middle = [part.mid() for part in verdict.image]
             if wanted > self.most_bits:
                 return outcome
             self.bits = wanted
@@ -321,29 +321,30 @@ class _Attempt:
                 matrix, gain = None, 0
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
-    def neighbourhood(self, found: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
+    def neighbourhood(self, verdict: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
         """Distances within which there is no other fixed point: from the widest box that passes the test."""
-        assert found.centre is not None
+        assert verdict.centre is not None
         widest = radii
         with working_precision(_REMOTE_BITS):
             model = self.model()
             for size in _REMOTE_BOXES:
-                wide = [abs(part) * arb(2) ** -size for part in found.middle]
-                if size < self.box_bits and inclusion(model, found.middle, wide, found.centre).included:
+                wide = [abs(part) * arb(2) ** -size for part in verdict.middle]
+                if size < self.box_bits and inclusion(model, verdict.middle, wide, verdict.centre).included:
                     widest = wide
                     break
         # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
         near, far = (
-            radius - abs(part - point) for radius, part, point in zip(widest, found.image, found.middle, strict=True)
+            radius - abs(part - point)
+            for radius, part, point in zip(widest, verdict.image, verdict.middle, strict=True)
         )
         return near, far
 
-    def concluded(self, found: Inclusion, radii: Sequence[Any]) -> CycleProof:
+    def concluded(self, verdict: Inclusion, radii: Sequence[Any]) -> CycleProof:
         """The cycle's numbers from an inclusion, on balls."""
-        centre, box = found.centre, found.box
+        centre, box = verdict.centre, verdict.box
         assert centre is not None
         assert box is not None
-        shift = [part - point for part, point in zip(found.image, found.middle, strict=True)]
+        shift = [part - point for part, point in zip(verdict.image, verdict.middle, strict=True)]
 
         def along(derivatives: Sequence[Any]) -> Any:
             return derivatives[0] * shift[0] + derivatives[1] * shift[1]
@@ -376,8 +377,8 @@ class _Attempt:
             self.bits,
             unique_within=tuple(radii),
             period=2 * (centre.time + along(time_by)),
-            gamma_bar_0=found.image[0],
-            v_0=found.image[1],
+            gamma_bar_0=verdict.image[0],
+            v_0=verdict.image[1],
             beta_max=-(centre.beta_least + along(box.turn_by_start)),
             multiplier_slow=slow,
             log_multiplier_slow=log_slow,

@@ -39,7 +39,7 @@ from typing import Any
 from tippedisk_verify.certified.balls import arb, ball, inside, working_precision
 from tippedisk_verify.certified.series import Graph, Node, System
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["Flight", "Model", "Path", "Status", "Step", "carry"]
@@ -108,7 +108,7 @@ class Model:
         return self._law(_BallOps, self.constants, self.omega)(*state)
 
 
-def _tippedisk(ops: Any, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
+def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     return field(shifted(ops), constants, omega, "linear")
 
 
@@ -194,11 +194,11 @@ class Path:
             self.status = Status.STEP_LIMIT
         else:
             try:
-                found = self._trials(longest)
+                step = self._trials(longest)
             except _NotFiniteError:
-                found = None
-            if found is not None:
-                return found
+                step = None
+            if step is not None:
+                return step
             self.status = Status.NO_ENCLOSURE
         return None
 
@@ -221,8 +221,7 @@ class Path:
 
     def _trials(self, longest: float | None) -> Step | None:
         """Steps of falling length until one passes."""
-        model = self.model
-        bits = _precision()
+        model, bits = self.model, _precision()
         middle = [part.mid() for part in self.box]
         deviation = (
             *(part - centre for part, centre in zip(self.box, middle, strict=True)),
@@ -230,24 +229,11 @@ class Path:
         )
         order = _order(bits)
         thin = model.orbit.coefficients(middle, order)
-        system = model.with_divergence if self.sharp else model.variational
         rough_order = order if self.sharp else _MEAN_VALUE_ORDER
-        start = [*self.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
-        if self.sharp:
-            start.append(ball(0))
-        with working_precision(bits if self.sharp else _MEAN_VALUE_BITS):
-            wide = system.coefficients(start, rough_order)
-        # A remainder may be as large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
-        allowed = [
-            max(max(0, _magnitude(part)) - bits, _magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
-            for part in self.box
-        ]
-        if self.sharp:  # the derivatives differ over the box by about its radius
-            rough_allowed = max(-bits, max(_magnitude(part.rad()) for part in self.box) - 7)
-        else:
-            rough_allowed = _MEAN_VALUE_TOLERANCE
-        reach = _length(thin, allowed)
-        share = self._share
+        system, wide = self._wide_series(rough_order, bits)
+        allowed, rough_allowed = self._allowed(bits)
+        sizes = [max(0, _magnitude(column[0])) for column in wide[3:]]
+        reach, share = _length(thin, allowed), self._share
         for _ in range(_MOST_TRIALS):
             length = _short_float(min(reach * share, longest if longest is not None else math.inf))
             if length < _SHORTEST_STEP:
@@ -258,15 +244,9 @@ class Path:
                 share *= 0.5
                 continue
             enclosure, remainders, rough_remainders, included = verdict
-            size = math.log2(length)
             excess = max(
-                max(_magnitude(r) + (order + 1) * size - a for r, a in zip(remainders, allowed, strict=True))
-                / (order + 1),
-                max(
-                    _magnitude(r) + (rough_order + 1) * size - max(0, _magnitude(column[0])) - rough_allowed
-                    for r, column in zip(rough_remainders[3:], wide[3:], strict=True)
-                )
-                / (rough_order + 1),
+                _excess(remainders, [0, 0, 0], allowed, length, order + 1),
+                _excess(rough_remainders[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
             if included and excess <= 0:
@@ -283,6 +263,27 @@ class Path:
                 )
             share = min(0.97 * better, 0.9 * length / reach)
         return None
+
+    def _wide_series(self, order: int, bits: int) -> tuple[System, list[list[Any]]]:
+        """The system of all orbits from the box with their derivatives, and its Taylor coefficients."""
+        system = self.model.with_divergence if self.sharp else self.model.variational
+        start = [*self.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
+        if self.sharp:
+            start.append(ball(0))
+        with working_precision(bits if self.sharp else _MEAN_VALUE_BITS):
+            return system, system.coefficients(start, order)
+
+    def _allowed(self, bits: int) -> tuple[list[int], int]:
+        """log2 of how large remainders may be: of the state's components, and of the derivatives."""
+        # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
+        allowed = [
+            max(max(0, _magnitude(part)) - bits, _magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99)
+            for part in self.box
+        ]
+        if not self.sharp:
+            return allowed, _MEAN_VALUE_TOLERANCE
+        # The derivatives differ over the box by about its radius.
+        return allowed, max(-bits, max(_magnitude(part.rad()) for part in self.box) - 7)
 
     def _verdict(
         self, system: System, wide: list[list[Any]], length: float, order: int
@@ -332,6 +333,14 @@ def _magnitude(x: Any) -> int:
         raise _NotFiniteError
     mantissa, exponent = x.abs_upper().man_exp()
     return int(mantissa).bit_length() + int(exponent) if mantissa else -1_000_000
+
+
+def _excess(
+    remainders: Sequence[Any], sizes: Sequence[int], allowed: Sequence[int], length: float, power: int
+) -> float:
+    """By how much log2 of the step's length is too large for the remainders, which grow like its ``power``."""
+    size = math.log2(length)
+    return max(_magnitude(r) + power * size - s - a for r, s, a in zip(remainders, sizes, allowed, strict=True)) / power
 
 
 def _length(series: list[list[Any]], allowed: Sequence[int]) -> float:

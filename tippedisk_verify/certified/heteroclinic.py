@@ -212,11 +212,11 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     bits = math.ceil(-math.log2(half_width)) + max(0, math.ceil(math.log2(given.rational))) + _GUARD_BITS
     for attempt in range(_MOST_PASSES):
         with working_precision(bits):
-            found = _Pass(parameters, middle, half_width, bits).prove(Fraction(1, 64 ** (attempt + 1)))
-        if found.proved or found.status is Status.NOT_NEAR:
+            proof = _Pass(parameters, middle, half_width, bits).prove(Fraction(1, 64 ** (attempt + 1)))
+        if proof.proved or proof.status is Status.NOT_NEAR:
             break
         bits += 48
-    return found
+    return proof
 
 
 class _Pass:
@@ -387,8 +387,8 @@ def _room(block: Sequence[Any], pieces: Sequence[Any], reach: Fraction) -> Room 
 
 def _decimal_above(x: Any) -> Fraction:
     """A decimal of two digits that no number of the ball, whose upper end is positive, is above."""
-    found = measured(x)
-    return Fraction(rounded_up(found.value + found.uncertainty))
+    enclosure = measured(x)
+    return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))
 
 
 def _arrives_slowly(matrix: Any, z: Sequence[Any]) -> bool:

@@ -267,11 +267,11 @@ class Block:
 
 def rates_of_cones(matrix: Any, by_speed: Sequence[Any], weights: Sequence[Any]) -> tuple[Any, Any, Any]:
     """(mu, nu_s, nu_f) of the module's cones; what follows needs all three positive."""
-    found = []
+    rates = []
     for row in range(3):
         others = sum((abs(matrix[row, k]) * weights[k] for k in range(3) if k != row), abs(by_speed[row]))
-        found.append((matrix[row, row] if row == UNSTABLE else -matrix[row, row]) - others / weights[row])
-    return found[0], found[1], found[2]
+        rates.append((matrix[row, row] if row == UNSTABLE else -matrix[row, row]) - others / weights[row])
+    return rates[0], rates[1], rates[2]
 
 
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:

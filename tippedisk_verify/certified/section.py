@@ -208,7 +208,7 @@ def _landed(walk: _Walk, step: Step) -> HalfFlight:
     path = walk.path
     path.take(step, walk.crossing)
     _, gamma_bar, v = path.box
-    found: dict[str, Any] = {}
+    derivatives: dict[str, Any] = {}
     if path.sharp:
         acceleration = walk.model.rates((ball(0), gamma_bar, v))[2]
         columns = (1, 2, 3)
@@ -216,7 +216,7 @@ def _landed(walk: _Walk, step: Step) -> HalfFlight:
         flight = [-path.matrix[0][k] / v for k in columns]
         gamma_row = [-path.matrix[1][k] for k in columns]
         v_row = [-(path.matrix[2][k] + acceleration * t) for k, t in zip(columns, flight, strict=True)]
-        found = {
+        derivatives = {
             "matrix": ((gamma_row[0], gamma_row[1]), (v_row[0], v_row[1])),
             "by_omega": (gamma_row[2], v_row[2]),
             "time_by_state": (flight[0], flight[1]),
@@ -231,5 +231,5 @@ def _landed(walk: _Walk, step: Step) -> HalfFlight:
         image=(-gamma_bar, -v),
         beta_least=walk.beta_least,
         turn_by_start=walk.turn_by_start,
-        **found,
+        **derivatives,
     )

@@ -170,16 +170,16 @@ def _folded(kind: str, a: Any, b: Any) -> Any:
 
 
 def _ancestors(nodes: Sequence[Node]) -> set[Node]:
-    found: set[Node] = set()
+    ancestors: set[Node] = set()
     open_nodes = list(nodes)
     while open_nodes:
         node = open_nodes.pop()
-        if node not in found:
-            found.add(node)
+        if node not in ancestors:
+            ancestors.add(node)
             # A sine's recurrence needs the cosine, and the other way round.
             partner = node.partner if node.kind in ("sin", "cos") else None
             open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
-    return found
+    return ancestors
 
 
 def _recurrence(node: Node) -> Callable[[int], None] | None:

@@ -181,11 +181,11 @@ class TableStudy:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        found = [number.statement for number in self.numbers]
+        sentences = [number.statement for number in self.numbers]
         names = [number.name for number in self.numbers]
         if self.witness is not None:
             together = ", ".join(f"{number.name} = {number.printed}" for number in self.numbers)
-            found.append(
+            sentences.append(
                 f"all {len(names)} at once, {together}, follow from one disk that rounds to Table 1 "
                 f"('{self.witness.name}', {self.witness.definition()}"
                 + (
@@ -195,14 +195,14 @@ class TableStudy:
                 )
                 + f"), {_where(self.gravity, *names)}."
             )
-        found.append(self.disk.statement)
+        sentences.append(self.disk.statement)
         if self.always_supercritical:
-            found.append(
+            sentences.append(
                 "for every disk that rounds to Table 1 the Hopf point of inverted spinning under the linear friction "
                 "law is supercritical, and noninverted spinning is unstable at every speed Omega > 0, "
                 f"{_where(self.gravity)}."
             )
-        return tuple(found)
+        return tuple(sentences)
 
     def json(self) -> dict[str, object]:
         return {
@@ -234,7 +234,7 @@ def omega_h_statements(
     decimal has a connection (`no_connection`); of others only the connection that was found is spoken of, because it is
     the only one in its own interval and not in all the world.
     """
-    found = []
+    sentences = []
     with working_precision(_BITS):
         for disk, omega_h in proved:
             ends = hull(omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
@@ -243,15 +243,15 @@ def omega_h_statements(
             further = ", and no speed that does has a connection on which gamma grows all the way" * (
                 disk.name in excluded
             )
-            found.append(f"the connection of {which} at {omega_h} rad/s {answer} to {printed}{further}.")
+            sentences.append(f"the connection of {which} at {omega_h} rad/s {answer} to {printed}{further}.")
             if answer == "rounds" and witness == disk:
                 numbers = [f"{name} = {text}" for name, text, _ in PRINTED_NUMBERS]
-                found.append(
+                sentences.append(
                     f"all {len(numbers) + 1} printed numbers at once, {', '.join(numbers)} and omega_h = {printed}, "
                     f"follow from {which}, where {', '.join(_IN_WORDS.values())} and omega_h is a speed at which "
                     "(pi/2, -pi/2, 0) is connected with (pi/2, 3 pi/2, 0)."
                 )
-    return tuple(found)
+    return tuple(sentences)
 
 
 def with_gravity(parameters: Parameters, gravity: Fraction) -> Parameters:
@@ -293,9 +293,9 @@ def _follows(
         for upward in (False, True)
     )
     alone = {
-        quantity: found
+        quantity: solutions
         for quantity, sign in signs.items()
-        if sign and (found := _solutions(_of_one(value, quantity), sign, box[quantity], printed))
+        if sign and (solutions := _solutions(_of_one(value, quantity), sign, box[quantity], printed))
     }
     exactly = value()
     return Follows(
@@ -383,24 +383,24 @@ def _cover_supercritical(box: Box, fixed: Mapping[str, Fraction]) -> int:
 
     On each, too, noninverted spinning has a negative a0: a positive eigenvalue (a0 is a multiple of Omega^2).
     """
-    open_boxes, done = [dict(box)], 0
+    open_boxes, proved = [dict(box)], 0
     with working_precision(64):
         exact = {name: ball(value) for name, value in fixed.items()}
         for _ in range(_MOST_BOXES):
             if not open_boxes:
-                return done
+                return proved
             here = open_boxes.pop()
             constants = ball_constants(exact | {name: hull(*ends) for name, ends in here.items()})
-            found = closed_forms.hopf_balls(constants)
+            numbers = closed_forms.hopf_balls(constants)
             _, _, a0 = closed_forms.characteristic_polynomial(constants, arb(1), NONINVERTED)
             if (
                 positive(constants.b)
-                and negative(found["first_lyapunov_coefficient"])
-                and negative(found["transversality"])
-                and negative(found["lambda_3"])
+                and negative(numbers["first_lyapunov_coefficient"])
+                and negative(numbers["transversality"])
+                and negative(numbers["lambda_3"])
                 and negative(a0)
             ):
-                done += 1
+                proved += 1
             else:
                 open_boxes += _halves(here, weights={"r": 8})  # r weighs most in the coefficient
     raise Shortfall("the sign of the first Lyapunov coefficient could not be decided over the rounding box")
@@ -425,8 +425,8 @@ def _judged(parameters: Parameters, box: Box) -> OfDisk:
 
 
 def _gives_all(parameters: Parameters, box: Box) -> bool:
-    found = _judged(parameters, box)
-    return not found.outside and not found.missed
+    judged = _judged(parameters, box)
+    return not judged.outside and not judged.missed
 
 
 def _all_with(quantity: str, numbers: tuple[Follows, ...], gravity: Fraction, box: Box) -> bool:

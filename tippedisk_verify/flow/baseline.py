@@ -27,7 +27,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import at_rest, start_window, starts_on
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import Ops, field, jacobian, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
@@ -50,6 +50,21 @@ _LSODA = RLock()
 
 class _OutOfStepsError(Exception):
     pass
+
+
+class _Counted:
+    """The right-hand side, its evaluations counted and limited."""
+
+    def __init__(self, rates: Callable[[float, Any], Any], initial: Any, most: int) -> None:
+        self._rates, self._most, self.calls = rates, most, 0
+        self.time, self.state = 0.0, initial  #: of the last call
+
+    def __call__(self, t: float, y: Any) -> Any:
+        self.calls += 1
+        self.time, self.state = t, y
+        if self.calls > self._most:
+            raise _OutOfStepsError
+        return self._rates(t, y)
 
 
 class Baseline:
@@ -82,7 +97,6 @@ class Baseline:
             raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
         if request.events and at_rest(request):
             return self(replace(request, events=()))
-        friction = request.friction
         number = DOUBLE.number
         start = [number(part) for part in request.state]
         duration, omega = number(request.duration), number(request.omega)
@@ -93,23 +107,16 @@ class Baseline:
         if not duration:
             none = None if request.times is None else _array([start] * len(request.times))
             return Result(Status.REACHED, 0.0, _array(start), 0, samples=none)
-        return self._integrate(request, ops, constants, omega, start, duration, friction)
+        return self._integrate(request, ops, constants, omega, start, duration)
 
     def _integrate(
-        self,
-        request: Request,
-        ops: Any,
-        constants: Constants,
-        omega: float,
-        start: list[float],
-        duration: float,
-        friction: Any,
+        self, request: Request, ops: Ops, constants: Constants, omega: float, start: list[float], duration: float
     ) -> Result:
         import numpy
         from scipy.integrate import solve_ivp
 
-        vector_field = field(ops, constants, omega, friction)
-        slope = jacobian(ops, constants, omega, friction)
+        vector_field = field(ops, constants, omega, request.friction)
+        slope = jacobian(ops, constants, omega, request.friction)
         initial = numpy.array(start)
         if request.variations:
             rates, initial = _with_variations(request, constants, omega, vector_field, slope, initial)
@@ -121,18 +128,7 @@ class Baseline:
         watched = list(request.events)
         if request.domain != "none" and FLAT not in watched:
             watched.append(FLAT)
-        budget = request.max_steps * _PER_STEP
-        calls = 0
-        latest: tuple[float, Any] = (0.0, initial)
-
-        def counted(t: float, y: Any) -> Any:
-            nonlocal calls, latest
-            calls += 1
-            latest = (t, y)
-            if calls > budget:
-                raise _OutOfStepsError
-            return rates(t, y)
-
+        counted = _Counted(rates, initial, request.max_steps * _PER_STEP)
         options: dict[str, Any] = {}
         if self.method in _TAKES_JACOBIAN and not request.variations:
             options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
@@ -155,11 +151,11 @@ class Baseline:
                 )
         except (_OutOfStepsError, ValueError, OverflowError) as stop:
             # The C library's sine of an infinity is a ValueError; anything else of that kind is a mistake of ours.
-            finite = bool(numpy.isfinite(latest[1]).all())
-            if not isinstance(stop, _OutOfStepsError) and finite and abs(latest[1]).max() < 1e150:
+            limited, last = isinstance(stop, _OutOfStepsError), counted.state
+            if not limited and numpy.isfinite(last).all() and abs(last).max() < 1e150:
                 raise
-            status = Status.STEP_LIMIT if isinstance(stop, _OutOfStepsError) else Status.NON_FINITE
-            return Result(status, float(latest[0]), numpy.array(latest[1][:3]), 0, evaluations=calls)
+            status = Status.STEP_LIMIT if limited else Status.NON_FINITE
+            return Result(status, float(counted.time), numpy.array(last[:3]), 0, evaluations=counted.calls)
         return self._result(request, solution, watched, initial, times)
 
     def _result(self, request: Request, solution: Any, watched: list[Event], initial: Any, times: Any) -> Result:
@@ -167,24 +163,20 @@ class Baseline:
 
         records = [
             EventRecord(event.name, float(when), state[:3].copy())
-            for event, found, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
-            for when, state in zip(found, states, strict=True)
+            for event, times_of, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
+            for when, state in zip(times_of, states, strict=True)
         ]
         records.sort(key=lambda record: abs(record.time))
         status, when, final = _ending(solution, watched)
         if final is None:
             final = solution.y[:, -1] if len(solution.y) and solution.y.size else initial
-        if (
-            times is not None
-            and status is Status.REACHED
-            and (not len(times) or times[-1] != DOUBLE.number(request.duration))
-        ):
-            final = solution.sol(DOUBLE.number(request.duration)) if solution.sol is not None else self._end(request)
+        duration, dense = DOUBLE.number(request.duration), solution.sol
+        if times is not None and status is Status.REACHED and (not len(times) or times[-1] != duration):
+            final = dense(duration) if dense is not None else self._end(request)
         derivatives = final[3:].reshape(3, -1).copy() if request.variations else None
-        dense = solution.sol
         return Result(
             status=status,
-            time=when if when is not None else DOUBLE.number(request.duration),
+            time=when if when is not None else duration,
             state=numpy.array(final[:3]),
             steps=len(solution.t) - 1 if times is None else 0,
             samples=None if times is None else (solution.y[:3].T.copy() if len(solution.y) else numpy.empty((0, 3))),
@@ -209,7 +201,7 @@ def _array(values: Sequence[Any]) -> Any:
 
 
 def _event(
-    event: Event, ops: Any, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
+    event: Event, ops: Ops, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
 ) -> Callable[[float, Any], float]:
     at_start: float | None = None
     if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):
@@ -282,9 +274,9 @@ def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, 
     import numpy
 
     if solution.status == 1:
-        for event, found, states in zip(watched, solution.t_events, solution.y_events, strict=True):
-            if event.terminal and len(found):
-                return (Status.FLAT if event.name == FLAT.name else Status.EVENT), float(found[-1]), states[-1]
+        for event, times, states in zip(watched, solution.t_events, solution.y_events, strict=True):
+            if event.terminal and len(times):
+                return (Status.FLAT if event.name == FLAT.name else Status.EVENT), float(times[-1]), states[-1]
     if solution.status == 0:
         return Status.REACHED, None, None
     if len(solution.y) and not numpy.all(numpy.isfinite(solution.y[:, -1:])):

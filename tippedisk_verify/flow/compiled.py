@@ -57,9 +57,8 @@ class Compiled:
             **options,
         )
         if smooth:
-            self._branch.stepper = proxy(
-                self._stepper
-            )  # heyoka holds its callbacks, which no collector of garbage sees
+            # heyoka holds its callbacks where the garbage collector does not see them.
+            self._branch.stepper = proxy(self._stepper)
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         extended = request.variations or request.divergence
         self._identity = self._stepper.state[3:].copy() if extended else None

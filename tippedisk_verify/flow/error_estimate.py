@@ -26,15 +26,15 @@ from tippedisk_verify.model.precision import Precision
 
 __all__ = ["TWINS", "budgeted", "parted", "twins_needed", "undecided"]
 
-#: Of these, and the run itself, the spread is less than a 64th of their standard deviation once in a million times.
+#: The spread of so many and the run itself is less than a 64th of their standard deviation once in a million times.
 TWINS = 3
-#: Of the wider run's error, in units of the spread brought to its arithmetic: four standard deviations of an error
+#: The wider run's error, in units of the spread brought to its arithmetic: four standard deviations of an error
 #: whose twins lie within a 64th of one.
 _WIDER_SHARE = 256
 #: With so many bits more the wider run's error is nothing: a distance that is smaller by chance is less likely than a
 #: fault of the machine. Half of the bits are left for events that are only touched, whose times go with the root.
 _FAR_WIDER = 48
-#: The least claimed, in units of the last place: the number's own rounding.
+#: The least half-width, in units of the last place: the number's own rounding.
 _LAST_PLACE = 1
 #: Angles [rad] and relative velocities that differ by more are no longer moved in proportion to a rounding.
 _IN_PROPORTION = 2.0**-6

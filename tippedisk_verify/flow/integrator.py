@@ -1,28 +1,18 @@
-"""One compiled Taylor integrator: the field with what a kind of request needs, and how it is set off again."""
+"""Runs of a compiled integrator: to the end, through sample times, past the start's own crossings."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
-from weakref import proxy
 
-from tippedisk_verify.flow.contract import (
-    FLAT,
-    SLIDING_REVERSAL,
-    Build,
-    EventRecord,
-    Request,
-    Result,
-    Status,
-)
+from tippedisk_verify.flow.compiled import Compiled
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, EventRecord, Request, Result, Status
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
 from tippedisk_verify.flow.rounding import nudged, step_nudges
-from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, START_WINDOW, StartSurfaces, on_edge, surfaces
-from tippedisk_verify.flow.switching import FrictionSign, Pieces
-from tippedisk_verify.flow.system import PARAMETERS, SMOOTH_PARAMETERS, SWITCH, TURN_OVER, direction_of, system_of
-from tippedisk_verify.model.equations import products, shifted
+from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, StartSurfaces, event_values, surfaces
+from tippedisk_verify.flow.switching import Pieces
+from tippedisk_verify.model.equations import products
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -31,100 +21,15 @@ __all__ = ["Integrator"]
 _MOST_PASSES = 64  # of events next to the start
 
 
-class Integrator:
-    """One compiled integrator and what is needed to set it off again."""
+class Integrator(Compiled):
+    """A compiled integrator and how it is set off again."""
 
-    def __init__(self, request: Request, events: tuple[Any, ...], chosen: dict[str, Any], compact: bool) -> None:
-        self._smooth = request.friction == "smooth"
-        self.precision = precision = request.precision
-        begin = time.perf_counter()
-        hy = heyoka_module()
-        number, fp_type = precision.number, precision.type
-        self._ops = shifted(precision.ops) if request.shifted else precision.ops
-        smooth = self._smooth
-        self._events = events
-        watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
-        built = [event for event in events if event not in watched]
-        system, self._crossings, self._products = system_of(
-            request.variations,
-            request.divergence,
-            (*built, SWITCH, TURN_OVER) if smooth else built,
-            request.shifted,
-            smooth,
-        )
-        self._names = SMOOTH_PARAMETERS if smooth else PARAMETERS
-        self._records: list[EventRecord] = []
-        self._terminal = [event for event in built if event.terminal]
-        options: dict[str, Any] = {"fp_type": fp_type, "compact_mode": compact, **chosen}
-        if precision.kind == "real":
-            options["prec"] = precision.bits
-        if request.tolerance is not None:
-            options["tol"] = number(request.tolerance)
-        # An event that has fired is not seen again for as long as a start on its surface lasts. heyoka's own waiting
-        # time, made from the tolerance, is too short where the orbit only touches the surface.
-        wait = number(START_WINDOW)
-        if self._terminal:
-            options["t_events"] = [
-                hy.t_event(
-                    self._crossings[event.name],
-                    direction=direction_of(hy, event.direction),
-                    cooldown=wait,
-                    fp_type=fp_type,
-                )
-                for event in self._terminal
-            ]
-        if smooth:
-            # Last, so that heyoka's numbers of the others stay; its callback changes the branch and goes on.
-            place = len(self._names) + self._products
-            self._branch = FrictionSign(self.precision, self._ops, place, watched, self._records)
-            own = [(SWITCH, self._branch.callback())]
-            if FLAT not in self._terminal:
-                own.append((TURN_OVER, self._branch.flat_callback()))
-            # The state at a switch is on the surface to rounding, whatever the tolerance; heyoka's own waiting time
-            # would hide the next switch at loose ones.
-            options["t_events"] = [
-                *options.get("t_events", ()),
-                *(
-                    hy.t_event(self._crossings[event.name], callback=back, cooldown=wait, fp_type=fp_type)
-                    for event, back in own
-                ),
-            ]
-        if passing := [event for event in built if not event.terminal]:
-            options["nt_events"] = [
-                hy.nt_event(
-                    self._crossings[event.name],
-                    self._recorder(event.name),
-                    direction=direction_of(hy, event.direction),
-                    fp_type=fp_type,
-                )
-                for event in passing
-            ]
-        start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
-        self._size = len(start)
-        self._stepper: Any = hy.taylor_adaptive(
-            system, start, pars=[number(1)] * (len(self._names) + self._products + smooth), **options
-        )
-        stepper = self._stepper
-        if smooth:
-            self._branch.stepper = proxy(stepper)  # heyoka holds its callbacks, which no collector of garbage sees
-        self._divergence = request.divergence
-        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
-        extended = request.variations or request.divergence
-        self._identity = stepper.state[3:].copy() if extended else None
-        self._zero = number(0)
-        self._finished = hy.taylor_outcome.time_limit
+    def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
+        super().__init__(request, events, chosen, compact)
+        self._zero = self.precision.number(0)
+        self._finished = heyoka_module().taylor_outcome.time_limit
         self._parameters: Parameters | None = None
         self._speed: Any = None
-        self.build = Build(
-            engine="taylor",
-            precision=precision.name,
-            friction=request.friction,
-            variations=request.variations,
-            divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
-            u_variables=len(stepper.decomposition) - stepper.dim,
-            seconds=time.perf_counter() - begin,
-        )
         self._built = (self.build,)
 
     def run(self, request: Request) -> Result:
@@ -132,7 +37,7 @@ class Integrator:
         self._reset(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._ended(Status.FLAT, self.precision.owned(self._stepper.state), 0)
-        if self._smooth or request.dense or request.times is not None or on_edge(request, self._ops, omega, state):
+        if self._smooth or request.dense or request.times is not None or self._on_edge(request, omega, state):
             return self._run_recorded(request, omega, state, duration)
         return self._run_plain(request, omega, state, duration)
 
@@ -166,6 +71,11 @@ class Integrator:
                 if request.rounding.steps:
                     self._moving["callback"] = step_nudges(request.rounding, len(stepper.state), self.precision)
             stepper.pars[: 1 + len(values)] = [omega, *values]
+        self._rewind(state)
+
+    def _rewind(self, state: list[Any]) -> None:
+        """To the start, at time 0, with nothing recorded."""
+        stepper = self._stepper
         stepper.time = self._zero
         if self._identity is None:
             stepper.state[:] = state
@@ -175,6 +85,12 @@ class Integrator:
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
+
+    def _on_edge(self, request: Request, omega: Any, state: list[Any]) -> bool:
+        """Whether an event function is zero to the last bit."""
+        if not request.events:
+            return False
+        return 0 in event_values(request.events, self._ops, request.parameters.at(self.precision), omega, state)
 
     def _run_recorded(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
         """A run with samples, continuous output or switches of the friction law's branch."""
@@ -209,7 +125,7 @@ class Integrator:
         return result
 
     def _run_plain(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
-        """To the end, with nothing to keep on the way. Only what happens at the start asks what the start lies on."""
+        """To the end, with nothing to keep on the way. An event close to the start raises the question of surfaces."""
         stepper = self._stepper
         outcome, low, _, steps, _, _ = stepper.propagate_until(duration, max_steps=request.max_steps, **self._moving)
         left = NO_SURFACES
@@ -224,7 +140,7 @@ class Integrator:
     def _replay_to_event(
         self, request: Request, omega: Any, state: list[Any], duration: Any, left: StartSurfaces
     ) -> Result:
-        """A run that another event ends before its start has left the surface: again, keeping what it passes."""
+        """The run again, keeping what it passes: another event ends it before its start has left the surface."""
         self._reset(request, omega, state)
         if self._smooth:
             self._branch.begin(request, omega, state, duration)
@@ -243,32 +159,31 @@ class Integrator:
     def _run_switching(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, ...]:
         """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
         stepper, branch = self._stepper, self._branch
-        stepper.time = self._zero
-        stepper.state[:3] = state
-        if self._identity is not None:
-            stepper.state[3:] = self._identity
-        stepper.reset_cooldowns()
-        self._records.clear()
+        self._rewind(state)
         branch.begin(request, omega, state, duration)
         early = self._leave_surfaces(request, omega, state, duration).samples
         wanted = request.times is not None or request.dense
-        recorded = wanted and self.precision.kind == "real"
-        recording = self._recording(request, duration, early) if recorded else None
+        recording = None
         options: dict[str, Any] = {"c_output": wanted, **self._moving}
-        if recording is not None:
+        if wanted and self.precision.kind == "real":
+            recording = self._recording(request, duration, early)
             options = {"callback": recording.callback(), "write_tc": True}
         pieces: list[tuple[Any, Any]] = []
-        steps, low = 0, None
-        while True:
-            branch.stops = True
-            outcome, low, _, more, piece, _ = stepper.propagate_until(
-                duration, max_steps=request.max_steps - steps, **options
-            )
-            branch.stops = False
+        steps = 0
+
+        def stretch(target: Any, **limits: int) -> tuple[Any, Any]:
+            nonlocal steps
+            outcome, low, _, more, piece, _ = stepper.propagate_until(target, **limits, **options)
             if recording is not None:
                 recording.take()
             steps += more
             pieces.append((stepper.time, piece))
+            return outcome, low
+
+        while True:
+            branch.stops = True
+            outcome, low = stretch(duration, max_steps=request.max_steps - steps)
+            branch.stops = False
             if branch.ended or not branch.stopped or steps >= request.max_steps:
                 break
             # A moment later the sign tells which branch it is; until then both are the same to rounding.
@@ -276,12 +191,9 @@ class Integrator:
             if (ahead >= duration) == (duration > 0):
                 ahead = duration
             branch.asleep = True
-            outcome, low, _, more, piece, _ = stepper.propagate_until(ahead, **options)
+            outcome, low = stretch(ahead)
             branch.asleep = False
-            if recording is not None:
-                recording.take()
-            steps += more + 1
-            pieces.append((stepper.time, piece))
+            steps += 1
             if outcome != self._finished or stepper.time == duration or steps >= request.max_steps:
                 break
             branch.look()
@@ -291,20 +203,21 @@ class Integrator:
             return outcome, low, steps, *recording.kept(request, outcome == self._finished)
         if not wanted:
             return outcome, low, steps, None, None
-        dense = Pieces(pieces, bool(duration > 0))
-        samples = None
-        if request.times is not None and not request.dense:
-            times = self.precision.array(request.times)
-            reached = [t for t in times if abs(t) <= abs(stepper.time)]
-            samples = dense(reached)[:, :3]
-        return outcome, low, steps, samples, copied(dense, self.precision) if request.dense else None
+        return outcome, low, steps, *self._joined(request, Pieces(pieces, bool(duration > 0)))
+
+    def _joined(self, request: Request, dense: Pieces) -> tuple[Any, Any]:
+        """Samples and continuous output, as the request asks for them, of a run in pieces."""
+        if request.dense:
+            return None, copied(dense, self.precision)
+        reached = [t for t in self.precision.array(request.times) if abs(t) <= abs(self._stepper.time)]
+        return dense(reached)[:, :3], None
 
     def _recording(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> Recording:
         times = () if request.times is None else self.precision.array(request.times).tolist()
         return Recording(self._stepper, self.precision, times, request.dense, bool(duration > 0), early)
 
     def _on_grid(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> tuple[Any, Any, int, Any]:
-        """Through the sample times, but for those of the rows already there; heyoka wants the present time in front."""
+        """Through the sample times that have no row yet; heyoka wants the present time in front."""
         import numpy
 
         stepper = self._stepper
@@ -335,7 +248,7 @@ class Integrator:
         if not left.names:
             return left
         number = self.precision.number
-        # Of a run that is as short as that, the half: the rest of it is recorded.
+        # At most half of the run, so that a rest is left to be recorded.
         limit = min(number(left.window), abs(duration) * number(0.5))
         times = [] if request.times is None else [t for t in map(number, request.times) if abs(t) <= limit]
         limit = limit if duration > 0 else -limit
@@ -372,10 +285,9 @@ class Integrator:
             self._branch.begin(request, omega, state, target)
             watched += SLIDING_REVERSAL, FLAT
         constants = request.parameters.at(self.precision)
-        for event in watched:
-            begin, end = (event.function(self._ops, constants, omega, *place) for place in (state, ahead[:3]))
-            if begin * end <= 0:
-                return None
+        begins, ends = (event_values(watched, self._ops, constants, omega, place) for place in (state, ahead[:3]))
+        if any(begin * end <= 0 for begin, end in zip(begins, ends, strict=True)):
+            return None
         stepper.time = target
         stepper.state[:] = ahead
         return samples
@@ -448,12 +360,3 @@ class Integrator:
             events=tuple(self._records) if self._crossings else (),
             built=self._built,
         )
-
-    def _recorder(self, name: str) -> Callable[[Any, Any, int], None]:
-        records, owned = self._records, self.precision.owned
-
-        def record(stepper: Any, when: Any, sign: int) -> None:
-            stepper.update_d_output(when)
-            records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
-
-        return record

@@ -1,7 +1,7 @@
 """Many runs at once in double: heyoka's batch mode, one run in each SIMD lane.
 
 For lists of speeds or starts that need the same thing. Every run has its own speed, start and duration; the lanes of a
-batch share the compiled code. Nothing here estimates an error: who asks for many runs at once measures it on them.
+batch share the compiled code. Nothing here estimates an error: callers measure it on their runs.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from weakref import proxy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
 from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
-from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, start_window, starts_on
+from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, event_values, start_window, starts_on
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
     SWITCH,
@@ -126,7 +126,9 @@ class BatchTaylor:
         if not flights.crossings:
             return flights
         start = _Starts(events, pars, states, shifted, friction)
-        return replace(flights, crossings=tuple(found for found in flights.crossings if not start.is_all_of(*found)))
+        return replace(
+            flights, crossings=tuple(crossing for crossing in flights.crossings if not start.is_all_of(*crossing))
+        )
 
 
 class _Starts:
@@ -268,15 +270,14 @@ class _Batch:
         return stepper.state[:, :size].copy(), reached[:size]
 
     def _on_edge(self, states: Any) -> bool:
-        """Whether an event function is zero to the last bit: heyoka sees no other crossing of it in its first step."""
+        """Whether an event function is zero to the last bit in one of the lanes."""
         import numpy
 
         if not self._events:
             return False
         pars = self._stepper.pars
         ops, constants = shifted(numpy) if self._shifted else numpy, constants_of(pars, self._friction)
-        values = (event.function(ops, constants, pars[0], *states) for event in self._events)
-        return any(bool((value == 0).any()) for value in values)
+        return any(bool((value == 0).any()) for value in event_values(self._events, ops, constants, pars[0], states))
 
     def _singly(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
         import numpy

@@ -26,7 +26,7 @@ _CLOCK = count()
 def building() -> Iterator[None]:
     """Entered while something is compiled, by one thread at a time.
 
-    Who needs the same in another thread then finds its machine code in memory, and what was compiled gets its checksum
+    Another thread that needs the same then finds its machine code in memory, and what was compiled gets its checksum
     before anything can happen to it.
     """
     with _BUILDING:

@@ -7,17 +7,18 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = [
     "LONGEST_WINDOW",
     "NO_SURFACES",
+    "ROUNDINGS",
     "START_WINDOW",
     "StartSurfaces",
     "at_rest",
-    "on_edge",
+    "event_values",
     "start_window",
     "starts_on",
     "surfaces",
@@ -28,7 +29,8 @@ START_WINDOW = 2.0**-30
 _WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
 #: And the longest.
 LONGEST_WINDOW = _WINDOWS[-1]
-_ROUNDINGS = 64  # of a start: what its event function may make of the rounding of a state
+#: So many roundings an event function may show at a start on its surface.
+ROUNDINGS = 64
 
 
 class StartSurfaces(NamedTuple):
@@ -54,14 +56,14 @@ def at_rest(request: Request) -> bool:
     return not any(flow(*map(number, request.state)))
 
 
-def starts_on(event: Event, ops: Any, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
+def starts_on(event: Event, ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
     """Whether the event function is zero at the start, up to the rounding of the start."""
-    return bool(abs(event.function(ops, constants, omega, *state)) <= _ROUNDINGS * epsilon)
+    return bool(abs(event.function(ops, constants, omega, *state)) <= ROUNDINGS * epsilon)
 
 
 def start_window(
     event: Event,
-    ops: Any,
+    ops: Ops,
     constants: Constants,
     omega: float,
     state: Sequence[float],
@@ -72,8 +74,7 @@ def start_window(
     """For how long [s] a start on the event's surface lasts, in doubles, and the function's value then.
 
     Until the function is no rounding any more: longer where the orbit only touches the surface. A crossing in that time
-    is the start itself. ``flow`` gives the rates at a state; the start is rounded by
-    ``epsilon``.
+    is the start itself. ``flow`` gives the rates at a state; the start is rounded by ``epsilon``.
     """
     window = value = 0.0
     for window in _WINDOWS:
@@ -81,20 +82,22 @@ def start_window(
         middle = [part + step / 2 * rate for part, rate in zip(state, flow(*state), strict=True)]
         ahead = [part + step * rate for part, rate in zip(state, flow(*middle), strict=True)]
         value = float(event.function(ops, constants, omega, *ahead))
-        if abs(value) > _ROUNDINGS * epsilon:
+        if abs(value) > ROUNDINGS * epsilon:
             break
     return window, value
 
 
-def on_edge(request: Request, ops: Any, omega: Any, state: Sequence[Any]) -> bool:
-    """Whether an event function is zero to the last bit."""
-    if not request.events:
-        return False
-    constants = request.parameters.at(request.precision)
-    return any(event.function(ops, constants, omega, *state) == 0 for event in request.events)
+def event_values(
+    events: Sequence[Event], ops: Ops, constants: Constants, omega: Any, state: Sequence[Any]
+) -> list[Any]:
+    """The event functions at a state (or at many, as arrays).
+
+    Of one that is zero to the last bit at the start heyoka sees no other crossing in its first step.
+    """
+    return [event.function(ops, constants, omega, *state) for event in events]
 
 
-def surfaces(request: Request, ops: Any, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
+def surfaces(request: Request, ops: Ops, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
     """The surfaces that the start of a run lies on.
 
     A start that floats give is rounded to a double, whatever the arithmetic. As the edge of the domain, sin(beta) = 0

@@ -14,15 +14,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
-from tippedisk_verify.flow.start import START_WINDOW
+from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
 from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns", "Pieces"]
 
-_ON_SURFACE = 64  # roundings of the state: a start with no more slip is on the surface
 _LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
 _MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 
@@ -31,7 +30,7 @@ class FrictionSign:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
     def __init__(
-        self, precision: Precision, ops: Any, place: int, watched: Sequence[Event], records: list[EventRecord]
+        self, precision: Precision, ops: Ops, place: int, watched: Sequence[Event], records: list[EventRecord]
     ) -> None:
         self._ops, self._place = ops, place
         self._watched, self._records = watched, records
@@ -39,7 +38,7 @@ class FrictionSign:
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
-        #: After a switch the branches differ by gamma_y squared: so long that this is below rounding, and no longer.
+        #: How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
         self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
         self.stepper: Any = None
         self.side = 1  #: the sign of gamma_y / sin(beta)
@@ -57,7 +56,7 @@ class FrictionSign:
         self._switches = 0
         self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
         slip = self._slip(state)
-        self._from_surface = abs(float(slip)) <= _ON_SURFACE * self._epsilon
+        self._from_surface = abs(float(slip)) <= ROUNDINGS * self._epsilon
         if self._from_surface:
             rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
             step = self._window if self._forward else -self._window
@@ -151,7 +150,7 @@ class FrictionSigns:
         states = stepper.state[:3].copy()
         ops, constants, omega = self._setting(stepper)
         slip = self._slip(stepper, states)
-        on_surface = numpy.abs(slip) <= _ON_SURFACE * 2.0**-52
+        on_surface = numpy.abs(slip) <= ROUNDINGS * 2.0**-52
         self.from_surface = on_surface.tolist()
         if on_surface.any():
             rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))

@@ -23,7 +23,7 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, Precision, compan
 
 __all__ = ["Taylor"]
 
-# Of the wider arithmetic's round-off, the tolerance of the run that shows another one's error: heyoka's tolerance is
+# The tolerance of the run that shows another one's error, in units of the wider arithmetic's round-off. heyoka's is
 # absolute for states below 1, and truncation of small states would otherwise stand far above their rounding.
 _TIGHTER = Fraction(1, 2**12)
 
@@ -116,7 +116,7 @@ class Taylor:
         if not agreed and wider == EXTENDED and result.status.usable:
             # Where rounding has grown out of proportion a wider run may be as wrong, unless a third one agrees with it.
             before, wider = check, companion(wider)
-            # Of twice the order, so with fewer steps, if it does not run away itself.
+            # It has twice the order, so fewer steps, unless it runs away itself.
             check = checked(wider, min(request.max_steps, 2 * result.steps))
             agreed = not parted(before, check)
         error = budgeted(request.precision, wider, result, check, twins) if agreed else undecided()

@@ -93,9 +93,9 @@ def _checked(database: sqlite3.Connection) -> int:
         raise sqlite3.DatabaseError("an entry has other columns: it cannot be checked")
     _create(database)
     known = dict(database.execute("SELECT hash, digest FROM digests"))
-    found = {row[0]: _digest(row) for row in database.execute(f"SELECT {_ENTRY} FROM cache")}
-    bad = [(key,) for key, digest in found.items() if known.get(key) != digest]
-    gone = [(key,) for key in known if key not in found]
+    digests = {row[0]: _digest(row) for row in database.execute(f"SELECT {_ENTRY} FROM cache")}
+    bad = [(key,) for key, digest in digests.items() if known.get(key) != digest]
+    gone = [(key,) for key in known if key not in digests]
     database.executemany("DELETE FROM cache WHERE hash = ?", bad)
     database.executemany("DELETE FROM digests WHERE hash = ?", bad + gone)
     if bad:  # heyoka goes by this sum, and would drop good entries too early
@@ -105,8 +105,8 @@ def _checked(database: sqlite3.Connection) -> int:
 
 
 def _digest(row: tuple[Any, ...]) -> bytes:
-    found = hashlib.blake2b(digest_size=16)
+    digest = hashlib.blake2b(digest_size=16)
     for value in row:
         part = value if isinstance(value, bytes) else repr(value).encode()
-        found.update(f"{type(value).__name__} {len(part)} ".encode() + part)
-    return found.digest()
+        digest.update(f"{type(value).__name__} {len(part)} ".encode() + part)
+    return digest.digest()

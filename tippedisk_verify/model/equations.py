@@ -14,17 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = [
+    "Ops",
     "Products",
     "Terms",
     "acceleration",
-    "centre_of_gravity_height",
     "checked_speed",
     "field",
     "friction_force",
@@ -38,16 +38,25 @@ __all__ = [
 
 Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
+
+class Ops(Protocol):
+    """A namespace with the functions of the kind of number at hand."""
+
+    def sin(self, angle: Any, /) -> Any: ...
+
+    def cos(self, angle: Any, /) -> Any: ...
+
+
 _SLOWEST, _FASTEST = Fraction(1, 10**300), 10**6  # rad/s
 
 
 class _ShiftedOps:
-    def __init__(self, ops: Any) -> None:
+    def __init__(self, ops: Ops) -> None:
         self.sin = ops.cos
         self.cos = lambda angle: -ops.sin(angle)
 
 
-def shifted(ops: Any) -> Any:
+def shifted(ops: Ops) -> Ops:
     """``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar (Eq. shifted coordinates).
 
     With it every function here takes shifted angles. Near inverted spinning they are small numbers, which keep the
@@ -77,7 +86,7 @@ class Terms(NamedTuple):
     sliding_velocity: Any  #: gamma_y [m/s], Eq. gamma_y_3DOF with its sin(beta)^2 read as (sin beta)^2
 
 
-def terms(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
+def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
     """M, h, f_G, w_y and gamma_y as the paper writes them."""
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     A, Bbar = constants.A, constants.Bbar
@@ -126,7 +135,7 @@ def products(constants: Constants, omega: Any) -> Products:
 
 
 def field(
-    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
+    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
 ) -> Field:
     """The vector field ``(beta, gamma, v) -> (beta', gamma', v')`` [rad/s, rad/s, rad/s^2] (Eq. 3DOF).
 
@@ -168,24 +177,25 @@ def field(
 
 
 def right_hand_side(
-    ops: Any, constants: Constants, omega: Any, state: Sequence[Any], friction: Friction
+    ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], friction: Friction
 ) -> tuple[Any, Any, Any]:
     """``(beta', gamma', v')`` at one state (Eq. 3DOF)."""
     return field(ops, constants, omega, friction)(*state)
 
 
-def acceleration(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any, friction: Friction) -> Any:
+def acceleration(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any, friction: Friction) -> Any:
     """dv/dt [rad/s^2] at one state: (h + f_G + w_y lambda_Ty) / M."""
     return field(ops, constants, omega, friction)(beta, gamma, v)[2]
 
 
 def jacobian(
-    ops: Any, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
+    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
     """The function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``, differentiated by hand.
 
     Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side`` and
-    ``given`` as in `field`.
+    ``given`` as in `field`. It is one piece, so that each line can be held against the line of `field` that it
+    differentiates.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -247,21 +257,13 @@ def jacobian(
     return derivative
 
 
-def centre_of_gravity_height(ops: Any, constants: Constants, beta: Any, gamma: Any) -> Any:
-    """Height of the centre of gravity above the support, (r + e sin gamma) sin beta [m].
-
-    From the model's kinematics: the geometric centre is r sin(beta) above the contact point, the centre of gravity
-    e sin(gamma) sin(beta) above that.
-    """
-    return (constants.r + constants.e * ops.sin(gamma)) * ops.sin(beta)
-
-
 def normal_force_over_weight(
-    ops: Any, constants: Constants, omega: Any, state: Sequence[Any], acceleration: Any
+    ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], acceleration: Any
 ) -> Any:
-    """lambda_N / (m g) = 1 + (d^2 z_S / dt^2) / g [1], with the centre of gravity's height z_S along the motion.
+    """lambda_N / (m g) = 1 + (d^2 z_S / dt^2) / g [1], where z_S = (r + e sin(gamma)) sin(beta) along the motion.
 
-    ``acceleration`` is dv/dt at the state. A negative value means that the contact would open.
+    z_S is the height of the centre of gravity, ``acceleration`` is dv/dt at the state. A negative value means that the
+    contact would open.
     """
     beta, gamma, v = state
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)

@@ -17,7 +17,7 @@ from tippedisk_verify.model.exact import exact, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
-#: Of the distance to a sharper run, for a half-width. They hold as soon as that run is half as wrong: it follows from
+#: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 

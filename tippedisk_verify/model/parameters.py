@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 Friction = Literal["linear", "smooth"]
-#: The eight numbers that the equations need, in the order in which they are told.
+#: The eight numbers that the equations need, in the order of every list.
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 
 _LARGEST_FILE = 64_000  # bytes; a file has some hundreds, and nine decimals of the longest kind 36,000

@@ -32,7 +32,6 @@ __all__ = [
     "checked_digits",
     "companion",
     "heyoka_module",
-    "precision_named",
 ]
 
 # Python converts integers of up to 4300 decimal digits; what is computed beyond what is asked for stays below that.
@@ -220,9 +219,9 @@ class _MpfrFunctions:
             zero = value - value
             if zero == 0:
                 ctx = precision.context
-                found = getattr(ctx, name)(precision.mpf(value))
-                if isinstance(found, ctx.mpf) and ctx.isfinite(found):
-                    return precision.number(found)
+                result = getattr(ctx, name)(precision.mpf(value))
+                if isinstance(result, ctx.mpf) and ctx.isfinite(result):
+                    return precision.number(result)
             return zero / 0
 
         return applied
@@ -252,17 +251,6 @@ def checked_digits(digits: int) -> int:
     if isinstance(digits, bool) or not isinstance(digits, int) or not 1 <= digits <= _MOST_DIGITS:
         raise InputError(f"{shown(digits)} digits are not offered: ask for 1 to {_MOST_DIGITS}")
     return digits
-
-
-def precision_named(name: str) -> Precision:
-    """``double``, ``extended``, ``quadruple`` or a number of bits as text. Raises InputError for anything else."""
-    named = {"double": DOUBLE, "extended": EXTENDED, "quadruple": QUADRUPLE}
-    if name in named:
-        return named[name]
-    digits = name.removeprefix("real")
-    if digits.isascii() and digits.isdigit() and len(digits) < 10:
-        return bits(int(digits))
-    raise InputError(f"precision '{name[:40]}' is not known: use double, extended, quadruple or a number of bits")
 
 
 def companion(precision: Precision) -> Precision:

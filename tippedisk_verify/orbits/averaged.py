@@ -51,23 +51,23 @@ def averaged(parameters: Parameters, cycles: Cycles, lanes: BatchTaylor) -> Cycl
     constants = field_constants(parameters)
     names = ("gamma_bar_0", "v_0", "period")
     halves = numpy.array([1.0, 1.0, 0.5])
-    found = numpy.stack([getattr(cycles, name)[which] for name in names], axis=1) * halves
+    solved = numpy.stack([getattr(cycles, name)[which] for name in names], axis=1) * halves
     by_omega = numpy.stack([getattr(cycles, f"d{name}_domega")[which] for name in names], axis=1) * halves
     omegas, inverse = cycles.omega[which], cycles.sensitivity[which]
 
     def steps(constants: Any, speeds: Any, starts: Any) -> Any:
         return -(inverse @ flight_errors(constants, speeds, starts, lanes)[:, :, None])[:, :, 0]
 
-    away = numpy.zeros_like(found)
+    away = numpy.zeros_like(solved)
     for repeat in range(1, _REPEATS + 1):
         moves = numpy.rint((numpy.multiply(repeat, _STEPS) % 1 - 0.5) * 2 * _FARTHEST) * 2.0**-52
-        starts, speeds = found * (1 + moves[:3]), omegas * (1 + moves[3])
-        away += (starts - found) + steps(constants, speeds, starts) - by_omega * (speeds - omegas)[:, None]
-    settled = found + away / _REPEATS
+        starts, speeds = solved * (1 + moves[:3]), omegas * (1 + moves[3])
+        away += (starts - solved) + steps(constants, speeds, starts) - by_omega * (speeds - omegas)[:, None]
+    settled = solved + away / _REPEATS
     rounding = constants_rounding(parameters)
     if largest := numpy.abs(rounding).max():
         moved = constants * (1 + _MOVED / largest * rounding)
-        by_rounding = (steps(moved, omegas, found) - steps(constants, omegas, found)) * (largest / _MOVED)
+        by_rounding = (steps(moved, omegas, solved) - steps(constants, omegas, solved)) * (largest / _MOVED)
         settled += by_rounding
     numbers = {name: getattr(cycles, name).copy() for name in names}
     for name, column in zip(names, (settled / halves).T, strict=True):

@@ -2,8 +2,7 @@
 
 The states fill a plane of constant v in the strip between two noninverted states, one random state in each cell of a
 grid (stratified sampling). They run in SIMD lanes, a portion after the other; states whose disk lies flat leave. What
-the others end on is told by |gamma - pi/2|, within the well they are in, at the crossings of beta = pi/2 in the last
-seconds.
+the others end on follows from |gamma - pi/2|, within their well, at the crossings of beta = pi/2 in the last seconds.
 """
 
 from __future__ import annotations
@@ -111,9 +110,9 @@ def basins(
     outcome = numpy.empty(len(states), dtype=numpy.int8)
     portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
     setting = (parameters, speed, duration, amplitude)
-    for first, found in _run(portions, setting, executor):
-        outcome[first : first + len(found)] = found
-        advance("states", len(found))
+    for first, outcomes in _run(portions, setting, executor):
+        outcome[first : first + len(outcomes)] = outcomes
+        advance("states", len(outcomes))
     return Basins(parameters, speed, duration, v, beta, gamma, outcome.reshape(beta.shape))
 
 
@@ -125,8 +124,8 @@ def _run(
             yield first, classified_lanes(states, *setting)
         return
     waiting = {executor.submit(classified_lanes, states, *setting): first for first, states in portions}
-    for done in as_completed(waiting):
-        yield waiting[done], done.result()
+    for portion in as_completed(waiting):
+        yield waiting[portion], portion.result()
 
 
 def _cycle_amplitude(parameters: Parameters, omega: Fraction) -> float | None:

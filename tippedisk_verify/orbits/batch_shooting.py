@@ -11,26 +11,21 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.flow.contract import TURN, Event, Variation
 from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.equations import acceleration, shifted
 from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.orbits.half_map import EXTREME, VARIATIONS
 
 __all__ = ["Cycles", "Guess", "corrected", "flight_errors"]
 
-_VARIATIONS: tuple[Variation, ...] = (
-    "beta",
-    "gamma",
-    "v",
-    "Omega",
-)  # with beta, heyoka differentiates in reverse, with less work
-_EXTREME = Event("extreme", TURN.function, terminal=False)
 _BACK = (1.0, -1.0, -1.0)  # S, the linear part
 _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
+#: What a run keeps of its last step, and the shape of it.
+_LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "half_map": (2, 2), "residual": (), "trivial": ()}
 
 
 @dataclass(frozen=True)
@@ -86,32 +81,8 @@ def corrected(
     tolerance = numpy.broadcast_to(tolerance, count)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
     unknowns = numpy.stack((guess.gamma_bar_0, guess.v_0, guess.half_period), axis=1).astype(float)
-    sensitivity = numpy.full((count, 3, 3), numpy.nan)
-    by_omega = numpy.full((count, 3), numpy.nan)
-    half_maps = numpy.full((count, 2, 2), numpy.nan)
-    last_step = numpy.full((count, 3), numpy.nan)
-    residual = numpy.full(count, numpy.nan)
-    trivial = numpy.full(count, numpy.nan)
-    converged = numpy.zeros(count, dtype=bool)
-    active = numpy.flatnonzero(_possible(unknowns))
-    smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
-    for _ in range(_MOST_STEPS):
-        if not len(active):
-            break
-        step = _Step(constants[active], omegas[active], unknowns[active], lanes)
-        unknowns[active] += step.step
-        size = numpy.abs(step.step).max(axis=1)
-        inside = _possible(unknowns[active]) & (unknowns[active, 0] > smallest[active])
-        small = inside & (size <= tolerance[active] * numpy.abs(unknowns[active]).max(axis=1))
-        ended = active[small]
-        converged[ended] = True
-        last_step[ended] = step.step[small]
-        sensitivity[ended], by_omega[ended] = step.inverse[small], step.by_omega[small]
-        half_maps[ended], residual[ended] = step.half_map[small], step.residual[small]
-        trivial[ended] = step.trivial[small]
-        active = active[inside & ~small]
-    unknowns[~converged] = numpy.nan
-    (a, b), (c, d) = half_maps.transpose(1, 2, 0)
+    converged, last = _iterated(constants, omegas, unknowns, tolerance, lanes)
+    (a, b), (c, d) = last["half_map"].transpose(1, 2, 0)
     trace, determinant = a + d, a * d - b * c
     discriminant = trace**2 / 4 - determinant
     root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
@@ -133,15 +104,45 @@ def corrected(
         multiplier_slow=slow,
         log_multiplier_slow=log_slow,
         log_multiplier_fast=log_fast,
-        trivial_multiplier_defect=abs(trivial**2 - 1),
-        dperiod_domega=2 * by_omega[:, 2],
-        dgamma_bar_0_domega=by_omega[:, 0],
-        dv_0_domega=by_omega[:, 1],
+        trivial_multiplier_defect=abs(last["trivial"] ** 2 - 1),
+        dperiod_domega=2 * last["by_omega"][:, 2],
+        dgamma_bar_0_domega=last["by_omega"][:, 0],
+        dv_0_domega=last["by_omega"][:, 1],
         converged=converged,
-        residual=residual,
-        last_step=last_step,
-        sensitivity=sensitivity,
+        residual=last["residual"],
+        last_step=last["step"],
+        sensitivity=last["inverse"],
     )
+
+
+def _iterated(
+    constants: Any, omegas: Any, unknowns: Any, tolerance: Any, lanes: BatchTaylor
+) -> tuple[Any, dict[str, Any]]:
+    """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
+
+    The stopping rule is not that of `newton`: each run ends by its own step, and leaves.
+    """
+    import numpy
+
+    count = len(omegas)
+    last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
+    converged = numpy.zeros(count, dtype=bool)
+    active = numpy.flatnonzero(_possible(unknowns))
+    smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
+    for _ in range(_MOST_STEPS):
+        if not len(active):
+            break
+        step = _Step(constants[active], omegas[active], unknowns[active], lanes)
+        unknowns[active] += step.step
+        size = numpy.abs(step.step).max(axis=1)
+        inside = _possible(unknowns[active]) & (unknowns[active, 0] > smallest[active])
+        small = inside & (size <= tolerance[active] * numpy.abs(unknowns[active]).max(axis=1))
+        converged[active[small]] = True
+        for name, values in last.items():
+            values[active[small]] = getattr(step, name)[small]
+        active = active[inside & ~small]
+    unknowns[~converged] = numpy.nan
+    return converged, last
 
 
 def _possible(unknowns: Any) -> Any:
@@ -179,7 +180,7 @@ class _Step:
     def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> None:
         import numpy
 
-        flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=_VARIATIONS)
+        flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=VARIATIONS)
         beta, gamma, v = flights.states.T
         ops = shifted(numpy)
         field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
@@ -215,11 +216,11 @@ def _inverse(matrices: Any) -> Any:
     try:
         return numpy.linalg.inv(matrices)
     except numpy.linalg.LinAlgError:
-        found = numpy.full_like(matrices, numpy.nan)
+        inverses = numpy.full_like(matrices, numpy.nan)
         for index, matrix in enumerate(matrices):
             if numpy.isfinite(matrix).all() and numpy.linalg.matrix_rank(matrix) == 3:
-                found[index] = numpy.linalg.inv(matrix)
-        return found
+                inverses[index] = numpy.linalg.inv(matrix)
+        return inverses
 
 
 def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: BatchTaylor) -> tuple[Any, Any]:
@@ -227,21 +228,21 @@ def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: B
     import numpy
 
     beta_max, divergence = numpy.full(len(omegas), numpy.nan), numpy.full(len(omegas), numpy.nan)
-    found = numpy.flatnonzero(converged)
-    if len(found):
-        states = unknowns[found]
+    solved = numpy.flatnonzero(converged)
+    if len(solved):
+        states = unknowns[solved]
         flights = lanes(
-            constants[found],
-            omegas[found],
+            constants[solved],
+            omegas[solved],
             _starts(states),
             states[:, 2],
             shifted=True,
             divergence=True,
-            events=(_EXTREME,),
+            events=(EXTREME,),
         )
-        divergence[found] = flights.divergence
-        largest = numpy.zeros(len(found))
+        divergence[solved] = flights.divergence
+        largest = numpy.zeros(len(solved))
         for _, run, _, (beta, _, _) in flights.crossings:
             largest[run] = max(largest[run], abs(beta))
-        beta_max[found] = largest
+        beta_max[solved] = largest
     return beta_max, divergence

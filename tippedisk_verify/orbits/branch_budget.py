@@ -27,9 +27,9 @@ TWINS = 5
 #: one beyond half of that 7e-5: a branch has thousands of numbers. The half-width is 17 times the error in the median.
 TWIN_FACTOR = 3.5
 _EVERY = 4  # nodes between those where rounding is measured
-#: Of the constants that a twin moves up, and as many down: they then err by half a place, as rounding makes them.
+#: The share of the constants that a twin moves up; as many move down. They then err by half a place, as by rounding.
 _SHARE_MOVED = 1 / 8
-_START_SHIFT = 1e-5  # of the distance to the nearer end: so little that Newton's iteration ends after one step
+_START_SHIFT = 1e-5  # of the distance to the nearer end; Newton's iteration then ends after one step
 #: What the slope for a moved start may be off, as a factor: the start's effect is linear but for parts of 1e-5.
 _SLOPE = 2
 _UNIT = 2.0**-53
@@ -86,19 +86,19 @@ class BranchBudget:
 
         for _ in range(TWINS):
             moved = constants * bits(constants.shape)
-            found = corrected(moved, omegas, Guess(*guess), self._lanes, tolerance=1e-5)
-            guess = numpy.stack((found.gamma_bar_0, found.v_0, found.period / 2))
+            cycles = corrected(moved, omegas, Guess(*guess), self._lanes, tolerance=1e-5)
+            guess = numpy.stack((cycles.gamma_bar_0, cycles.v_0, cycles.period / 2))
             for name, known in values.items():
-                known.append(getattr(found, name))
+                known.append(getattr(cycles, name))
         spreads = {name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
         slopes: dict[str, list[Any]] = {name: [] for name in _BEFORE}
         away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
         for index in range(3):
             guess = start.copy()
             guess[index] += away[index]
-            found = corrected(constants, omegas, Guess(*guess), self._lanes, tolerance=1e-5, whole=False)
+            cycles = corrected(constants, omegas, Guess(*guess), self._lanes, tolerance=1e-5, whole=False)
             for name in _BEFORE:
-                slopes[name].append(numpy.abs(getattr(found, name) - getattr(nodes, name)[every]) / away[index])
+                slopes[name].append(numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every]) / away[index])
         return self._s[every], spreads, slopes
 
 

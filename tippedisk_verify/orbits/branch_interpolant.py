@@ -120,7 +120,7 @@ class BranchInterpolant:
         solved = 0
         while solved < count:
             ahead = slice(solved, min(solved + _GROUP, count))
-            found = corrected(
+            group = corrected(
                 self._constants,
                 omegas[ahead],
                 self._guess(omegas[ahead], known),
@@ -128,11 +128,11 @@ class BranchInterpolant:
                 whole=False,
                 tolerance=3e-8,
             )
-            good = int(numpy.argmin(numpy.append(found.converged, False)))
+            good = int(numpy.argmin(numpy.append(group.converged, False)))
             if not good:
                 known = self._between(known, omegas[solved])
                 continue
-            rows[solved : solved + good] = self._rows(found)[:good]
+            rows[solved : solved + good] = self._rows(group)[:good]
             known = numpy.concatenate((known, rows[solved : solved + good]))
             solved += good
         # Once more, so that the derivatives are those at the cycle and not at the last guess.
@@ -164,11 +164,11 @@ class BranchInterpolant:
             raise NoSuchCycleError(f"the family of limit cycles could not be followed to {omega:.10g} rad/s")
         steps = begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP)
         speeds = self.omega_h + numpy.exp(steps)
-        found = corrected(self._constants, speeds, self._guess(speeds, known), self._lanes, whole=False)
-        good = int(numpy.argmin(numpy.append(found.converged, False)))
+        cycles = corrected(self._constants, speeds, self._guess(speeds, known), self._lanes, whole=False)
+        good = int(numpy.argmin(numpy.append(cycles.converged, False)))
         if not good:
             raise NoSuchCycleError(f"the family of limit cycles could not be followed to {omega:.10g} rad/s")
-        return numpy.concatenate((known, self._rows(found)[:good]))
+        return numpy.concatenate((known, self._rows(cycles)[:good]))
 
     def _guess(self, omegas: Any, known: Any) -> Guess:
         """From the one-harmonic law, then along what is known, in variables that are straight close to Omega_h."""
@@ -264,9 +264,9 @@ class BranchInterpolant:
     def _analytic(self, cycles: Cycles) -> dict[str, Any]:
         """Those of the cycles' numbers that are interpolated, made analytic up to the Hopf point."""
         below = self.omega_crit - cycles.omega
-        found = {name: getattr(cycles, name) ** 2 / below for name in _SQUARED}
-        found["half_multiplier"] = (1 - cycles.half_multiplier) / below
-        return found | {"period": cycles.period, "log_multipliers": cycles.log_multipliers}
+        scaled = {name: getattr(cycles, name) ** 2 / below for name in _SQUARED}
+        scaled["half_multiplier"] = (1 - cycles.half_multiplier) / below
+        return scaled | {"period": cycles.period, "log_multipliers": cycles.log_multipliers}
 
     @cached_property
     def _truncation(self) -> dict[str, tuple[Any, Any]]:
@@ -320,8 +320,8 @@ class BranchInterpolant:
         square, ratio, period = (ratios @ self._scaled_values[name] for name in ("gamma_bar_0", "v_0", "period"))
         size = numpy.sqrt(square * (self.omega_crit - speeds))
         guess = Guess(size, ratio * size, period / 2)
-        found = corrected(self._constants, speeds, guess, self._lanes, tolerance=self._resolved(speeds))
-        return averaged(self.parameters, found, self._lanes)
+        cycles = corrected(self._constants, speeds, guess, self._lanes, tolerance=self._resolved(speeds))
+        return averaged(self.parameters, cycles, self._lanes)
 
     @cached_property
     def _scaled_values(self) -> dict[str, Any]:
@@ -334,18 +334,18 @@ class BranchInterpolant:
 
     def limit_cycles(self, omegas: Sequence[float]) -> list[LimitCycle]:
         """`cycles` as the result objects that single speeds give. Raises NoSuchCycleError if one has not converged."""
-        found = self.cycles(omegas)
-        if not found.converged.all():
-            lost = found.omega[~found.converged][0]
+        solved = self.cycles(omegas)
+        if not solved.converged.all():
+            lost = solved.omega[~solved.converged][0]
             raise NoSuchCycleError(f"the iteration has not converged at {lost:.10g} rad/s")
-        widths = self.half_widths(found)
+        widths = self.half_widths(solved)
         cycles = []
-        for index, omega in enumerate(found.omega.tolist()):
+        for index, omega in enumerate(solved.omega.tolist()):
             measured = {
-                name: Measured(Fraction(float(getattr(found, name)[index])), Fraction(float(widths[name][index])))
+                name: Measured(Fraction(float(getattr(solved, name)[index])), Fraction(float(widths[name][index])))
                 for name in _NUMBERS
             }
-            defect = float(found.trivial_multiplier_defect[index])
+            defect = float(solved.trivial_multiplier_defect[index])
             slow = measured["multiplier_slow"]
             certain = abs(slow.value - 1) > slow.uncertainty
             cycles.append(
@@ -354,7 +354,7 @@ class BranchInterpolant:
                     **measured,
                     trivial_multiplier_defect=Measured.of(defect, 2 * defect + 2 * _UNIT),
                     stable=bool(slow.value < 1) if certain else None,
-                    residuals=(float(found.residual[index]),),
+                    residuals=(float(solved.residual[index]),),
                     parameters=self.parameters,
                     engine="lanes",
                     precision=DOUBLE.name,

@@ -119,14 +119,14 @@ def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: i
 def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
     for halvings in range(_FEWEST_HALVINGS + 1):
         try:
-            found = here
+            cycle = here
             parts = 2**halvings
             begin = here.omega.value
             for part in range(1, parts + 1):
                 omega = begin + (target - begin) * part / parts
-                guess = _predicted(found, omega)
-                found = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
-            return found
+                guess = _predicted(cycle, omega)
+                cycle = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
+            return cycle
         except NoSuchCycleError:
             if halvings == _FEWEST_HALVINGS:
                 raise

@@ -51,10 +51,10 @@ __all__ = [
 #: is twice what rounding does there.
 TWINS = 5
 TWIN_FACTOR = 4
-#: Of the next wider arithmetic the error is none of the values whose spread measures it. With so many twins, and the
+#: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
 #: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
 TWINS_OF_WIDER = 8
-#: Of the step at which a chord iteration stands still, its ratio being at least 1/2 there.
+#: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
 _STANDING = 4
 
 
@@ -159,8 +159,8 @@ def half_widths_by_wider_run(
 ) -> dict[str, Measured]:
     """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
 
-    ``doubt`` is what the wider iteration leaves undecided of state and period; the other numbers move with the state:
-    by how much, the two runs show.
+    ``doubt`` is what the wider iteration leaves undecided of state and period. The two runs show how far the other
+    numbers move with the state.
     """
     measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
     unknowns = [name for name in doubt if name != "period"]
@@ -176,7 +176,7 @@ def half_widths_by_wider_run(
 
 
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
-    """Of multipliers that are lost in rounding, what is known of their logarithms.
+    """Bounds for the logarithms of multipliers that are lost in rounding.
 
     The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
     """

@@ -21,10 +21,10 @@ __all__ = ["EXTREME", "RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_m
 
 #: The next crossing of the section.
 RETURNS = Event("returns", SECTION.function, direction=-1)
-#: beta too: with four, heyoka differentiates in reverse, with less work.
-VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 #: Where beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
+#: beta too: with four, heyoka differentiates in reverse, with less work.
+VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
@@ -88,10 +88,10 @@ class HalfFlights:
         rounding: Rounding | None = None,
     ) -> Result:
         """To the next crossing, without derivatives."""
-        asked = (divergence, events)
-        if asked not in self._plain:
-            self._plain[asked] = self._request(state, divergence=divergence, events=(self.returns, *events))
-        return self._flown(self._plain[asked].starting_at(self._start(state), rounding))
+        key = (divergence, events)
+        if key not in self._plain:
+            self._plain[key] = self._request(state, divergence=divergence, events=(self.returns, *events))
+        return self._flown(self._plain[key].starting_at(self._start(state), rounding))
 
     def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> HalfMap:
         """The map and its derivatives at ``state``."""

@@ -110,8 +110,8 @@ def heteroclinic(
     derivative, budget = None, {}
     if method == "manifolds":
         near = bisect_omega_h(parameters, engine, confirm=False).omega_h
-        found = splitting_zero(parameters, near.value, engine, digits)
-        omega_h, derivative, budget = found.omega_h, found.derivative, found.budget
+        zero = splitting_zero(parameters, near.value, engine, digits)
+        omega_h, derivative, budget = zero.omega_h, zero.derivative, zero.budget
     elif method == "limit-cycles":
         omega_h, _ = limit_of_cycles(parameters, engine, digits)
     else:

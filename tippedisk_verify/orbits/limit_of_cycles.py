@@ -68,12 +68,12 @@ class PeriodContinuation:
         precision = resolving(self.parameters, self.law.omega_h, ahead, 12)
         half_period, guess = self.law.at(ahead, self.here, precision)
         try:
-            found = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
+            point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
             raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
-        law = PeriodLaw(self.parameters, self.here, found, precision)
+        law = PeriodLaw(self.parameters, self.here, point, precision)
         self.change, self.law = abs(law.omega_h - self.law.omega_h), law
-        self.here, self.solved = found, self.solved + 1
+        self.here, self.solved = point, self.solved + 1
         if self.solved > _MOST_CYCLES:
             raise Shortfall(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
 

@@ -11,16 +11,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import Engine, Event, Request, Status
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import Precision, bits, checked_digits
+from tippedisk_verify.model.precision import Precision, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.cycles import Cycle
@@ -38,8 +37,7 @@ __all__ = [
     "cycle_above",
     "cycle_at",
     "cycle_near",
-    "omega_h_beside",
-    "passage_times",
+    "resolved_omega_h",
     "with_speed",
 ]
 
@@ -106,7 +104,7 @@ def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: i
     except NoSuchCycleError:
         omega_h = None
         with suppress(NoConnectionError, Shortfall):
-            omega_h = omega_h_beside(parameters, speed, engine)
+            omega_h = resolved_omega_h(parameters, speed, engine)
         if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
             raise
         if speed < omega_h:  # the reason in double may be off by more than the distance
@@ -117,7 +115,7 @@ def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: i
         return cycle_near(parameters, speed, omega_h, engine, digits=digits)
 
 
-def omega_h_beside(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
+def resolved_omega_h(parameters: Parameters, speed: Fraction, engine: Engine) -> Fraction:
     """Omega_h [rad/s] to six digits of its distance from the speed, if they are so close. Raises as its methods do."""
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     if abs(speed - near) > _NEXT_TO_OMEGA_H:
@@ -187,14 +185,14 @@ def _shot(
 
 
 def with_speed(cycle: _C, omega_h: Measured, above: Fraction, room: Fraction) -> _C:
-    """The cycle ``above`` Omega_h (a rotating one below it), with what the uncertainty of the speed does to it added to every half-width.
+    """The cycle ``above`` Omega_h (a rotating one: below it), its half-widths with what the speed's own does to them.
 
-    ``room`` is Omega_crit - Omega_h [rad/s], for rotating cycles their fold's distance from Omega_h. With d the distance to the nearer end of the branch, close to which the
-    numbers follow powers and logarithms of d, the logarithms of the multipliers change by at most about 2 / d of
-    themselves per unit of speed, and so do the sensitivities, but for the middle of the branch, where those may vanish
-    and change by what the number itself is to the square of the room. beta_max is the connection's own, plus what
-    changes in proportion to Omega - Omega_h, or to its power -lambda_s / lambda_u if that is less than 1; towards
-    Omega_crit it falls like a square root.
+    ``room`` is Omega_crit - Omega_h [rad/s], for rotating cycles their fold's distance from Omega_h. With d the
+    distance to the nearer end of the branch, close to which the numbers follow powers and logarithms of d, the
+    logarithms of the multipliers change by at most about 2 / d of themselves per unit of speed, and so do the
+    sensitivities, but for the middle of the branch, where those may vanish and change by what the number itself is to
+    the square of the room. beta_max is the connection's own, plus what changes in proportion to Omega - Omega_h, or to
+    its power -lambda_s / lambda_u if that is less than 1; towards Omega_crit it falls like a square root.
     """
     uncertainty = omega_h.uncertainty
     changes: dict[str, Measured] = {"omega": Measured(cycle.omega.value, uncertainty)}
@@ -223,42 +221,3 @@ def with_speed(cycle: _C, omega_h: Measured, above: Fraction, room: Fraction) ->
     steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
     widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
     return replace(cycle, **changes)  # type: ignore[type-var]
-
-
-def passage_times(cycle: LimitCycle, engine: Engine, distance: Fraction) -> tuple[Any, Any]:
-    """(time of one passage, time of one flight) [s]: within ``distance`` of a saddle, and outside, twice a period each.
-
-    The distance is sqrt(cos(beta)^2 + 2 (1 + sin(gamma))), for small values that of the angles to the nearest saddle
-    [rad]. Raises NoSuchCycleError if the cycle does not come that near.
-    """
-    held = cycle.gamma_bar_0.uncertainty
-    precision = bits(max(113, 40 + math.ceil(-math.log2(held.numerator) + math.log2(held.denominator))))
-    result = engine(
-        Request(
-            cycle.parameters,
-            cycle.omega.value,
-            (0, cycle.gamma_bar_0.value, cycle.v_0.value),
-            cycle.period.value / 2,
-            shifted=True,
-            precision=precision,
-            events=(_rim(distance),),
-            domain="none",
-        )
-    )
-    times = [record.time for record in result.events]
-    if result.status is not Status.REACHED or len(times) != 2:
-        raise NoSuchCycleError(f"the cycle does not pass the saddles within {float(distance):g}")
-    leaves, enters = times
-    return leaves + (result.time - enters), enters - leaves
-
-
-@lru_cache(maxsize=8)
-def _rim(distance: Fraction) -> Event:
-    """Where the orbit crosses a saddle's neighbourhood; kept, so that engines keep what they build for it."""
-    square = float(distance) ** 2
-
-    def function(ops: Any, constants: Any, omega: Any, beta: Any, gamma: Any, v: Any) -> Any:
-        cosine = ops.cos(beta)
-        return cosine * cosine + 2 * (1 + ops.sin(gamma)) - square
-
-    return Event(f"rim {float(distance):g}", function, terminal=False)

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Engine, Request, Status, Variation
+from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.orbits.half_map import VARIATIONS
 from tippedisk_verify.orbits.newton import NewtonIteration
 
 __all__ = ["PeriodPoint", "cycle_at_half_period", "lengthened"]
 
-_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 _MOST_STEPS = 15
 
 
@@ -69,7 +69,7 @@ def cycle_at_half_period(
                 duration,
                 shifted=True,
                 precision=precision,
-                variations=_VARIATIONS,
+                variations=VARIATIONS,
                 domain="none",
             )
         )

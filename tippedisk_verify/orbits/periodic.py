@@ -17,8 +17,8 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.equations import checked_speed, field, shifted
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
@@ -47,11 +47,9 @@ __all__ = [
     "limit_cycle",
     "measured_cycle",
     "shoot",
-    "shoot_full_period",
 ]
 
 _MOST_STEPS = 25
-_UNCONVERGED = f"the shooting iteration has not converged after {_MOST_STEPS} steps"
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 _NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
@@ -74,7 +72,8 @@ def converged(flights: HalfFlights, guess: Sequence[float]) -> Shot:
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = abs(state[0]) + abs(state[1]) / 10
     # Round-off of half a period: some hundred ulps of the state.
-    iteration = NewtonIteration(_MOST_STEPS, NoSuchCycleError(_UNCONVERGED), small=1e-15 * scale, near=1e-12 * scale)
+    failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+    iteration = NewtonIteration(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     here = flights.map(state)
     while not iteration.converged(size := _size(here.residual)):
         step = newton_step(here.matrix, here.residual)
@@ -137,54 +136,6 @@ def _size(residual: Sequence[Any]) -> float:
     return abs(float(residual[0])) + abs(float(residual[1])) / 10
 
 
-def shoot_full_period(
-    parameters: Parameters,
-    omega: Any,
-    state: Sequence[float],
-    period: float,
-    engine: Engine,
-) -> tuple[tuple[float, float, float], float, tuple[float, ...]]:
-    """The paper's own form, without the symmetry: periodicity residual r_p and anchor r_a = beta_bar_0, four unknowns.
-
-    ``state`` is (beta_bar, gamma_bar, v); returns the state and period found and the residual of each step.
-    Raises NoSuchCycleError as `shoot` does.
-    """
-    import numpy
-
-    unknown = numpy.array([*map(float, state), float(period)])
-    scale = abs(unknown[1]) + abs(unknown[2]) / 10
-    iteration = NewtonIteration(_MOST_STEPS, NoSuchCycleError(_UNCONVERGED), small=1e-14 * scale, near=1e-11 * scale)
-    rates = field(shifted(math), parameters.at(DOUBLE), DOUBLE.number(omega), parameters.friction)
-    while True:
-        start = unknown[:3]
-        result = engine(
-            Request(
-                parameters,
-                omega,
-                start.tolist(),
-                unknown[3],
-                shifted=True,
-                variations=("beta", "gamma", "v"),
-                domain="none",
-            )
-        )
-        if result.status is not Status.REACHED:
-            raise NoSuchCycleError(f"the orbit could not be followed for a period: {result.status.value}")
-        residual = numpy.array([*(result.state - start), unknown[0]])
-        if iteration.converged(float(abs(residual[0]) + abs(residual[1]) + abs(residual[2]) / 10)):
-            beta_bar, gamma_bar, v, period = unknown.tolist()
-            return (beta_bar, gamma_bar, v), period, tuple(iteration.sizes)
-        matrix = numpy.zeros((4, 4))
-        matrix[:3, :3] = result.derivatives - numpy.eye(3)
-        matrix[:3, 3] = rates(*result.state.tolist())
-        matrix[3, 0] = 1.0
-        unknown = unknown - numpy.linalg.solve(matrix, residual)
-        if not numpy.isfinite(unknown).all() or unknown[3] <= 0:
-            raise NoSuchCycleError("the shooting iteration left the finite numbers: start closer to the cycle")
-        if abs(unknown[1]) + abs(unknown[2]) / 10 < scale / 5:
-            raise NoSuchCycleError("the shooting iteration falls onto the equilibrium: start closer to the cycle")
-
-
 # ------------------------------------------------------------------------------------------------ with uncertainties
 def limit_cycle(
     parameters: Parameters,
@@ -200,9 +151,8 @@ def limit_cycle(
     Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles part slowly.
     Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not); a wider
     arithmetic measures the error only where the budget in double is too wide for the digits. ``precision`` fixes the
-    arithmetic, and then the digits are what it gives. Raises
-    InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not
-    reached.
+    arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
+    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
     value = checked_speed(omega)
     checked_digits(digits)

@@ -19,7 +19,7 @@ from tippedisk_verify.orbits.limit_of_cycles import resolving
 from tippedisk_verify.orbits.near_connection import (
     DOUBLE_SHOOTS,
     checked_distance,
-    omega_h_beside,
+    resolved_omega_h,
     with_speed,
 )
 from tippedisk_verify.orbits.newton import NewtonIteration
@@ -51,7 +51,7 @@ def rotating_cycle(
             if cycle.stable:
                 return cycle
         with suppress(Shortfall, NoConnectionError):
-            omega_h = omega_h_beside(parameters, speed, engine)
+            omega_h = resolved_omega_h(parameters, speed, engine)
             if 0 < omega_h - speed < DOUBLE_SHOOTS:
                 return _beside(parameters, speed, omega_h, engine, digits)
     return of_family(RotatingFamily(parameters, engine), speed, stable=stable, digits=digits)

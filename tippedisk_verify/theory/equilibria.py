@@ -29,7 +29,6 @@ __all__ = [
     "eigenvalue_discs",
     "equilibrium",
     "is_stable",
-    "left_eigenvector",
     "linearization",
     "location",
     "right_eigenvector",
@@ -117,11 +116,6 @@ def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any,
     return eigenvalue, matrix.omega, eigenvalue * eigenvalue
 
 
-def left_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any, Any]:
-    """Row vector y with y A = lambda y, not normalised; from the last two columns."""
-    return (eigenvalue - matrix.A33) * eigenvalue, matrix.A32, eigenvalue
-
-
 def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
     """A33 [1/s] at inverted spinning, which the paper gives as lambda_3 up to O(eps) (Eq. closed_la3)."""
     return Fraction(linearization(parameters, Fraction(1)).A33)
@@ -189,18 +183,18 @@ def _candidates(matrix: Linearization, ctx: Any) -> list[Any]:
     """Approximate eigenvalues, by the Durand-Kerner iteration for all three at once."""
     constant = abs(matrix.A32 * matrix.omega)
     size = max(abs(matrix.A33), ctx.sqrt(abs(matrix.A31)), ctx.cbrt(constant))  # none is larger than twice this
-    found = [size * ctx.mpc("0.4", "0.9") ** n for n in range(3)]  # neither real nor conjugate to one another
+    values = [size * ctx.mpc("0.4", "0.9") ** n for n in range(3)]  # neither real nor conjugate to one another
     for _ in range(1000):  # far from the eigenvalues each step gains a factor only
         settled = True
-        for n, value in enumerate(found):
-            first, second = (other for m, other in enumerate(found) if m != n)
+        for n, value in enumerate(values):
+            first, second = (other for m, other in enumerate(values) if m != n)
             apart = (value - first) * (value - second)
             step = -_defect(matrix, value)[0] / apart if apart else ctx.eps * size
-            found[n] = value - step
+            values[n] = value - step
             settled &= bool(abs(step) <= 64 * ctx.eps * abs(value))
         if settled:
             break
-    return found
+    return values
 
 
 def _disjoint(discs: list[tuple[Any, Any]]) -> bool:

@@ -96,8 +96,8 @@ def omega_crit_decimal(parameters: Parameters, digits: int) -> Fraction:
 
     30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
     """
-    found = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
-    return Fraction(found.decimals()[0])
+    speed = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
+    return Fraction(speed.decimals()[0])
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from tippedisk_verify.model.equations import Ops
+
 __all__ = ["Jet", "coordinate_sine"]
 
 
@@ -99,7 +101,7 @@ class Jet:
         return Jet([[(j + 1) * row[j + 1] for j in range(len(row) - 1)] for row in self.c[: self.degree]])
 
 
-def coordinate_sine(ops: Any, angle: Any, degree: int, axis: int) -> tuple[Jet, Jet]:
+def coordinate_sine(ops: Ops, angle: Any, degree: int, axis: int) -> tuple[Jet, Jet]:
     """Jets of the sine and cosine of one coordinate (axis 0: beta, 1: gamma)."""
     sine, cosine = ops.sin(angle), ops.cos(angle)
     cycle = (sine, cosine, -sine, -cosine)

@@ -43,7 +43,7 @@ def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) 
     """T [s] of that limit cycle, from gamma' = -Omega cos(beta) on its level. Raises as `limit_speed` does."""
     parameters.refuse_smooth("the Melnikov integral is")
     _checked(digits)
-    found = []
+    periods = []
     for working in _working(digits):
         ctx, constants, largest = _prepared(parameters, gamma_bar_0, working)
         omega = _speed(parameters, gamma_bar_0, working)
@@ -52,15 +52,15 @@ def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) 
             _, cosine, weight = _on_level(ctx, constants, largest, x)
             return -weight / cosine
 
-        found.append(2 * ctx.quad(slowness, [-ctx.pi / 2, 0, ctx.pi / 2]) / omega)
-    return _measured(found[0], found[1], digits)
+        periods.append(2 * ctx.quad(slowness, [-ctx.pi / 2, 0, ctx.pi / 2]) / omega)
+    return _measured(periods[0], periods[1], digits)
 
 
 def _measured(rough: Any, sharp: Any, digits: int) -> Measured:
-    found = Measured.compared(fraction(rough), fraction(sharp), Fraction(2) ** (1 - _working(digits)[0]))
-    if found.uncertainty > abs(found.value) / 10**digits:
+    measured = Measured.compared(fraction(rough), fraction(sharp), Fraction(2) ** (1 - _working(digits)[0]))
+    if measured.uncertainty > abs(measured.value) / 10**digits:
         raise Shortfall("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
-    return found
+    return measured
 
 
 def _working(digits: int) -> tuple[int, int]:

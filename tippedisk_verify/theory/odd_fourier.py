@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy
 
-__all__ = ["Samples", "double_operators", "motion", "operators"]
+__all__ = ["OddSeries", "Samples", "double_operators", "motion", "operators"]
 
 
 def operators(count: int, ctx: Any = None) -> tuple[Any, Any]:
@@ -66,6 +66,28 @@ def _amplitudes(values: Any) -> tuple[Any, Any]:
     n = len(values)
     angles = numpy.outer(2 * numpy.arange(n // 2) + 1, numpy.pi * numpy.arange(n) / n)
     return numpy.cos(angles) @ values * 2 / n, numpy.sin(angles) @ values * 2 / n
+
+
+class OddSeries:
+    """The trigonometric polynomial through values at the points of half a period, in mpmath."""
+
+    def __init__(self, values: Any, ctx: Any) -> None:
+        n = len(values)
+        # Amplitudes in the working precision: the tail matters, and double would bury it.
+        table = [ctx.sin(ctx.pi * j / n) for j in range(2 * n)]
+        self._odd, self._ctx = range(1, n, 2), ctx
+        self.sines, self.cosines = (
+            [sum(table[(k * j + turn) % (2 * n)] * value for j, value in enumerate(values)) * 2 / n for k in self._odd]
+            for turn in (0, n // 2)
+        )
+
+    def __call__(self, angle: Any, order: int = 0) -> Any:
+        """The value at an angle, or its first or second derivative."""
+        ctx, total = self._ctx, self._ctx.mpf(0)
+        for k, a, b in zip(self._odd, self.cosines, self.sines, strict=True):
+            c, s = ctx.cos(k * angle), ctx.sin(k * angle)
+            total += (a * c + b * s, k * (b * c - a * s), -k * k * (a * c + b * s))[order]
+        return total
 
 
 def motion(beta: Any, frequency: Any, omega: Any, matrices: tuple[Any, Any], sin: Any) -> tuple[Any, Any]:

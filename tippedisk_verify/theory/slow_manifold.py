@@ -19,7 +19,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.equations import checked_speed, terms
+from tippedisk_verify.model.equations import Ops, checked_speed, terms
 from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -36,7 +36,6 @@ __all__ = [
     "compiled",
     "critical_manifold",
     "first_correction",
-    "invariance_residual",
     "invariance_residuals",
     "orders",
     "reduced_equilibrium",
@@ -59,12 +58,12 @@ POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
 )
 
 
-def critical_manifold(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
+def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
     """h_c [rad/s], the v of pure rolling, gamma_y = 0 (Eq. critical_manifold_tippdisk)."""
     return constants.e * omega * ops.sin(beta) * ops.cos(gamma) / (constants.r + constants.e * ops.sin(gamma))
 
 
-def first_correction(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
+def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
     """h_1 [rad/m], the paper's formula below Eq. slow_manifold_tippdisk; singular at sin(beta) = 0."""
     rolling = critical_manifold(ops, constants, omega, beta, gamma)
     sin_b, cos_b, sin_g, cos_g = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
@@ -77,7 +76,7 @@ def first_correction(ops: Any, constants: Constants, omega: Any, beta: Any, gamm
     return (by_beta * rolling - by_gamma * omega * cos_b - inertial) / rate
 
 
-def slow_manifold(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1) -> Any:
+def slow_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int = 1) -> Any:
     """v [rad/s] on the slow manifold, truncated at ``order`` 0 or 1 (Eq. slow_manifold_tippdisk); arrays welcome."""
     surface = critical_manifold(ops, constants, omega, beta, gamma)
     if order == 0:
@@ -85,7 +84,7 @@ def slow_manifold(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: 
     return surface + constants.epsilon * first_correction(ops, constants, omega, beta, gamma)
 
 
-def attraction_rate(ops: Any, constants: Constants, beta: Any, gamma: Any) -> Any:
+def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> Any:
     """d(v')/d(v) of the friction term [1/s]: -M^-1 (mu m g / epsilon) rho^2 sin^2(beta), negative, 0 where flat."""
     here = terms(ops, constants, 0, beta, gamma, 0)
     return -constants.mu * constants.m * constants.g * here.direction**2 / here.mass / constants.epsilon
@@ -168,7 +167,7 @@ def _fast(c: Constants, omega: Any, sin_b: Any, cos_b: Any, sin_g: Any, cos_g: A
     )
 
 
-def _jets(ops: Any, c: Constants, omega: Any, beta: Any, gamma: Any, degree: int) -> _Fast:
+def _jets(ops: Ops, c: Constants, omega: Any, beta: Any, gamma: Any, degree: int) -> _Fast:
     return _fast(c, omega, *coordinate_sine(ops, beta, degree, 0), *coordinate_sine(ops, gamma, degree, 1))
 
 
@@ -191,7 +190,7 @@ def _expanded(
     return series
 
 
-def orders(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
     """[h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...], in the arithmetic of the arguments.
 
     Raises InputError for an order below 0 or above 40.
@@ -200,24 +199,22 @@ def orders(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
     return [jet.value for jet in _expanded(_jets(ops, constants, omega, beta, gamma, highest), highest)]
 
 
-def invariance_residual(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, order: int) -> Any:
-    """epsilon (dh/dx) f - g [m rad/s^3] of the series truncated at ``order``: of size epsilon^(order + 1)."""
-    return invariance_residuals(ops, constants, omega, beta, gamma, order)[-1]
+def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
+    """epsilon (dh/dx) f - g [m rad/s^3] of the series truncated at each order up to ``highest``, from one expansion.
 
-
-def invariance_residuals(ops: Any, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """`invariance_residual` of each truncation up to ``highest``, from one expansion."""
+    Of the order n it is of size epsilon^(n + 1).
+    """
     _checked_order(highest)
     fast = _jets(ops, constants, omega, beta, gamma, highest + 1)
     series = _expanded(fast, highest)
-    found = []
+    residuals = []
     for order in range(highest + 1):
         surface = _summed(series[: order + 1], constants.epsilon)
         v = surface.value
         moved = surface.by_beta().value * v - surface.by_gamma().value * fast.drift.value
         inertial = fast.q0.value + fast.q1.value * v + fast.q2.value * v * v
-        found.append(constants.epsilon * (moved - inertial) + fast.rate.value * (v - fast.rolling.value))
-    return found
+        residuals.append(constants.epsilon * (moved - inertial) + fast.rate.value * (v - fast.rolling.value))
+    return residuals
 
 
 def _summed(series: list[Jet], epsilon: Any) -> Jet:

@@ -13,19 +13,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from types import SimpleNamespace
 from typing import Any
 
 import numpy
 
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.model.equations import checked_speed, field, jacobian
+from tippedisk_verify.model.equations import Ops, checked_speed, field, jacobian, shifted
 from tippedisk_verify.model.exact import quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.harmonic_balance import slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
-from tippedisk_verify.theory.odd_fourier import Samples, double_operators, motion, operators
+from tippedisk_verify.theory.odd_fourier import OddSeries, Samples, double_operators, motion, operators
 
 __all__ = ["BalancedCycle", "approximate_cycle", "balanced_cycle"]
 
@@ -77,7 +78,7 @@ def balanced_cycle(
     if harmonics is not None and not (isinstance(harmonics, int) and 1 <= harmonics <= _MOST_HARMONICS):
         raise InputError(f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}")
     checked_digits(digits)
-    start = _found(parameters, speed, harmonics)
+    start = _followed(parameters, speed, harmonics)
     count = start.harmonics
     while True:
         cycle, missing = _sharpened(parameters, speed, start, digits)
@@ -99,24 +100,16 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
 
     Raises NoSuchCycleError as `balanced_cycle` does.
     """
-    guess = _found(parameters, omega, None)
+    guess = _followed(parameters, omega, None)
     gamma, v = motion(guess.beta, guess.frequency, float(omega), double_operators(guess.harmonics), numpy.sin)
     return float(gamma[0]), float(v[0])
 
 
 # ------------------------------------------------------------------------------------------ the discrete problem
-class _Shifted:
-    """sin and cos of beta and gamma from the shifted angles, which need no pi."""
-
-    def __init__(self, sin: Any, cos: Any) -> None:
-        self.sin = cos
-        self.cos = lambda angle: -sin(angle)
+_DOUBLE_OPS = shifted(numpy)
 
 
-_DOUBLE_OPS = _Shifted(numpy.sin, numpy.cos)
-
-
-def _residual(constants: Any, omega: Any, guess: Samples, matrices: tuple[Any, Any], ops: Any, sin: Any) -> Any:
+def _residual(constants: Any, omega: Any, guess: Samples, matrices: tuple[Any, Any], ops: Ops, sin: Any) -> Any:
     """v' minus the acceleration at the points [rad/s^2]."""
     gamma, v = motion(guess.beta, guess.frequency, omega, matrices, sin)
     rate = field(ops, constants, omega, "linear")(guess.beta, gamma, v)[2]
@@ -140,7 +133,10 @@ def _derivatives(constants: Constants, omega: float, guess: Samples) -> tuple[An
 
 # ------------------------------------------------------------------------------------------------ double precision
 def _newton(parameters: Parameters, omega: float, guess: Samples) -> Samples:
-    """Newton's method at fixed Omega; the first point stays at beta_bar = 0."""
+    """Newton's method at fixed Omega; the first point stays at beta_bar = 0.
+
+    The stopping rules here are not those of shooting: the two methods share nothing, so that their agreement tells.
+    """
     constants = parameters.at(DOUBLE)
     amplitude = abs(guess.beta).max()
     best = math.inf
@@ -228,7 +224,7 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
     raise NoSuchCycleError(_unconverged(guess.harmonics))
 
 
-def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> Samples:
+def _followed(parameters: Parameters, target: Fraction, harmonics: int | None) -> Samples:
     """Follow the branch from the Hopf point until it reaches the speed, then settle there.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
@@ -267,7 +263,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> S
         before = before.resampled(here.guess.harmonics)
         ahead = before.towards(here, 1 + length)
         try:
-            found = _on_plane(parameters, ahead, _difference(here, before))
+            ahead = _on_plane(parameters, ahead, _difference(here, before))
         except NoSuchCycleError:
             # Too long a step, or too few harmonics for what the cycle has become: mend both.
             length /= 2
@@ -276,7 +272,7 @@ def _found(parameters: Parameters, target: Fraction, harmonics: int | None) -> S
             if harmonics is None and here.guess.harmonics < _MOST_HARMONICS // 4:
                 here = here.resampled(here.guess.harmonics * 3 // 2)
             continue
-        before, here = here, _grown(found, harmonics)
+        before, here = here, _grown(ahead, harmonics)
         left = abs(here.omega - float(target))
         if here.guess.frequency < birth.guess.frequency / _LONG and abs(here.omega - before.omega) < _STANDING * left:
             raise NoSuchCycleError(f"{nowhere}: the branch ends near {here.omega:.8g} rad/s, in ever longer periods")
@@ -331,7 +327,7 @@ def _tools(parameters: Parameters, omega: Fraction, digits: int) -> tuple[Any, C
     ctx = bits(bits_for_digits(digits)).context
     constants = parameters.within(ctx)
     sin, cos = (numpy.frompyfunc(function, 1, 1) for function in (ctx.sin, ctx.cos))
-    return ctx, constants, quotient(ctx, omega), _Shifted(sin, cos), sin
+    return ctx, constants, quotient(ctx, omega), shifted(SimpleNamespace(sin=sin, cos=cos)), sin
 
 
 def _factored(parameters: Parameters, omega: float, guess: Samples) -> Any:
@@ -352,32 +348,16 @@ def _corrected(system: Any, residual: Any, ctx: Any) -> Any:
     return numpy.array([scale * ctx.mpf(part) for part in step], dtype=object)
 
 
-def _measured(parameters: Parameters, omega: Fraction, found: Samples, digits: int) -> tuple[BalancedCycle, float]:
+def _measured(parameters: Parameters, omega: Fraction, balanced: Samples, digits: int) -> tuple[BalancedCycle, float]:
     """The cycle's numbers with their errors: a Newton step with twice the harmonics in an arithmetic with more digits.
 
     The rounded equations have a root of their own, on which the iteration settles: only more digits show how far off.
     """
     ctx, constants, speed, ops, sin = _tools(parameters, omega, digits + 30)
-    sharp = Samples(numpy.array([ctx.mpf(value) for value in found.beta], dtype=object), ctx.mpf(found.frequency))
-    matrices = operators(sharp.harmonics, ctx)
+    sharp = Samples(numpy.array([ctx.mpf(value) for value in balanced.beta], dtype=object), ctx.mpf(balanced.frequency))
     count = sharp.harmonics
     n = 2 * count
-    # Amplitudes in the working precision: the tail matters, and double would bury it.
-    table = [ctx.sin(ctx.pi * j / n) for j in range(2 * n)]
-    odd = range(1, n, 2)
-    sines = [sum(table[k * j % (2 * n)] * value for j, value in enumerate(sharp.beta)) * 2 / n for k in odd]
-    cosines = [
-        sum(table[(k * j + n // 2) % (2 * n)] * value for j, value in enumerate(sharp.beta)) * 2 / n for k in odd
-    ]
-
-    def series(angle: Any, order: int = 0) -> Any:
-        """The cycle's beta_bar at an angle, or its first or second derivative."""
-        total = ctx.mpf(0)
-        for k, a, b in zip(odd, cosines, sines, strict=True):
-            c, s = ctx.cos(k * angle), ctx.sin(k * angle)
-            total += (a * c + b * s, k * (b * c - a * s), -k * k * (a * c + b * s))[order]
-        return total
-
+    series = OddSeries(sharp.beta, ctx)
     fine = Samples(numpy.array([series(ctx.pi * j / (2 * n)) for j in range(2 * n)], dtype=object), sharp.frequency)
     double = Samples(numpy.array([float(value) for value in fine.beta]), float(fine.frequency))
     double.beta[0] = 0.0
@@ -387,13 +367,12 @@ def _measured(parameters: Parameters, omega: Fraction, found: Samples, digits: i
     )
     better = Samples(fine.beta - numpy.concatenate(([ctx.mpf(0)], step[1:])), fine.frequency - step[0])
     better_gamma, better_v = motion(better.beta, better.frequency, speed, twice, sin)
-    gamma, v = motion(sharp.beta, sharp.frequency, speed, matrices, sin)
+    gamma, v = motion(sharp.beta, sharp.frequency, speed, operators(count, ctx), sin)
     at = max(range(n), key=lambda j: abs(sharp.beta[j])) * ctx.pi / n
     for _ in range(6 + digits.bit_length()):
         at -= series(at, 1) / series(at, 2)
     beta_error = max(abs(part) for part in step[1:])
-    frequency_error = abs(step[0])
-    relative = frequency_error / sharp.frequency
+    relative = abs(step[0]) / sharp.frequency
     if relative > _WORTHLESS:  # the estimate is the leading term of something small, or nothing
         raise NoSuchCycleError(_unconverged(count))
 
@@ -408,10 +387,8 @@ def _measured(parameters: Parameters, omega: Fraction, found: Samples, digits: i
         return Measured.of(value, 2 * error + abs(value) * (relative + left + 8 * ctx.eps))
 
     period = 2 * ctx.pi / sharp.frequency
-    sizes = [
-        float(ctx.log10(ctx.hypot(a, b) + ctx.mpf(10) ** (-3 * digits - 300)))
-        for a, b in zip(cosines, sines, strict=True)
-    ]
+    smallest = ctx.mpf(10) ** (-3 * digits - 300)
+    sizes = [float(ctx.log10(ctx.hypot(a, b) + smallest)) for a, b in zip(series.cosines, series.sines, strict=True)]
     cycle = BalancedCycle(
         omega=omega,
         harmonics=count,

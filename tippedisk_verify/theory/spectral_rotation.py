@@ -219,7 +219,7 @@ def _count_for(start: _Samples, digits: int) -> int:
 
 # --------------------------------------------------------------------------------------------- the first guess
 def _rolling(parameters: Parameters, omega: float, lean: float, count: int) -> _Samples:
-    """A rotation of the rolling disk, which conserves (r + e sin gamma) sin beta, with beta_bar = lean at the bottom."""
+    """A rotation of the rolling disk, which conserves (r + e sin gamma) sin beta; beta_bar = lean at the bottom."""
     r, e = float(parameters.r), float(parameters.e)
     gamma = numpy.linspace(0.0, 2 * math.pi, 4001)  # gamma_bar, from the top
     beta = numpy.arccos((r - e) * math.cos(lean) / (r + e * numpy.cos(gamma)))

@@ -32,7 +32,7 @@ from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 __all__ = ["ARITHMETICS", "DEFAULT", "Arithmetic", "arithmetic_named"]
 
 #: Integrators are built where these names are looked up.
-_BUILDERS = ("tippedisk_verify.flow.integrator.heyoka_module", "tippedisk_verify.flow.lanes.heyoka_module")
+_BUILDERS = ("tippedisk_verify.flow.compiled.heyoka_module", "tippedisk_verify.flow.lanes.heyoka_module")
 _KINDS = {float: "double", numpy.longdouble: "extended"}
 
 

@@ -47,9 +47,8 @@ def proved_state(
 ) -> ProvedState:
     """The state after ``duration`` seconds from the exact (beta_bar, gamma_bar, v), each to ``digits`` decimals.
 
-    The inputs are whatever `model.exact.exact` takes. Raises InputError for input that makes no sense.
+    For the linear law. The inputs are whatever `model.exact.exact` takes; raises InputError for what makes no sense.
     """
-    parameters.refuse_smooth("motions are proved")
     if len(state) != 3:
         raise InputError("a state has three components: beta_bar, gamma_bar, v")
     speed, start, span = exact(omega), [exact(part) for part in state], exact(duration)
@@ -59,18 +58,18 @@ def proved_state(
         with working_precision(bits):
             model = Model(ball_constants(parameters), ball(speed))
             flight = carry(model, [ball(part) for part in start], ball(span))
-            found = _measured(flight)
-        if found is not None:
-            widest = max(part.uncertainty for part in found)
+            end = _measured(flight)
+        if end is not None:
+            widest = max(part.uncertainty for part in end)
             if widest <= wanted:
-                return ProvedState(flight.status, bits, flight.steps, found, flight.upright)
+                return ProvedState(flight.status, bits, flight.steps, end, flight.upright)
             lacking = math.ceil(widest / wanted).bit_length() + 4
         else:
             lacking = bits  # how much more it takes cannot be told from a run that broke off
         if flight.status is Status.STEP_LIMIT or bits + lacking > most_bits:
             break
         bits += lacking
-    status = flight.status if found is None else Status.TOO_WIDE
+    status = flight.status if end is None else Status.TOO_WIDE
     return ProvedState(status, bits, flight.steps)
 
 
