@@ -12,6 +12,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.parameters import Parameters
@@ -28,8 +30,6 @@ _FELT = 256  # where a rounding of Omega moves T by so many of T's own, it is wo
 
 def constants_rounding(parameters: Parameters) -> Any:
     """(6,) by how much of itself each of the field's constants in double differs from its exact value."""
-    import numpy
-
     exact = parameters.rational()
     names = PARAMETERS[1:]
     return numpy.array(
@@ -42,8 +42,6 @@ def constants_rounding(parameters: Parameters) -> Any:
 
 def averaged(parameters: Parameters, cycles: Cycles, lanes: BatchTaylor) -> Cycles:
     """The cycles, with period, gamma_bar_0 and v_0 without most of their round-off where they feel it."""
-    import numpy
-
     felt = numpy.abs(cycles.dperiod_domega) * cycles.omega > _FELT * numpy.abs(cycles.period)
     which = numpy.flatnonzero(cycles.converged & felt)
     if not len(which):

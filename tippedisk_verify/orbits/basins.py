@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
@@ -50,8 +52,6 @@ class Basins:
 
     def fractions(self) -> dict[str, tuple[float, float]]:
         """For each outcome its share of the plane and two standard errors, those of unstratified sampling at most."""
-        import numpy
-
         count = self.outcome.size
         shares = {}
         for index, name in enumerate(OUTCOMES):
@@ -88,8 +88,6 @@ def basins(
     With an ``executor`` portions run on it, in any order; the result does not depend on it. Raises InputError for a
     count, duration, seed or speed that makes no sense.
     """
-    import numpy
-
     speed = checked_speed(omega)
     if not isinstance(count, int) or not 1 <= count <= _MOST_STATES:
         raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
@@ -141,8 +139,6 @@ def classified_lanes(
     states: Any, parameters: Parameters, omega: Fraction, duration: float, amplitude: float | None
 ) -> Any:
     """Outcomes, as indices into `OUTCOMES`, of one portion of states (n, 3)."""
-    import numpy
-
     constants, speed = field_constants(parameters), float(omega)
     stable = is_stable(linearization(parameters, omega))
     outcome = numpy.full(len(states), OUTCOMES.index("undecided"), dtype=numpy.int8)

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.equations import acceleration, shifted
@@ -74,8 +76,6 @@ def corrected(
     multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after
     which it ends.
     """
-    import numpy
-
     omegas = numpy.asarray(omegas, dtype=float)
     count = len(omegas)
     tolerance = numpy.broadcast_to(tolerance, count)
@@ -122,8 +122,6 @@ def _iterated(
 
     The stopping rule is not that of `newton`: each run ends by its own step, and leaves.
     """
-    import numpy
-
     count = len(omegas)
     last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
     converged = numpy.zeros(count, dtype=bool)
@@ -147,23 +145,17 @@ def _iterated(
 
 def _possible(unknowns: Any) -> Any:
     """Which runs may go on: on the right side of the section, within the well, and forward in time."""
-    import numpy
-
     gamma_bar, v, half_period = unknowns.T
     inside = (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0) & (half_period > 0) & (half_period < _LONGEST)
     return inside & numpy.isfinite(unknowns).all(axis=1)
 
 
 def _starts(unknowns: Any) -> Any:
-    import numpy
-
     return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
 
 
 def _errors(flights: BatchResult, unknowns: Any) -> Any:
     """How far S of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
-    import numpy
-
     beta, gamma, v = flights.states.T
     return numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
 
@@ -178,8 +170,6 @@ class _Step:
     """One Newton step of every run that is still under way."""
 
     def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> None:
-        import numpy
-
         flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=VARIATIONS)
         beta, gamma, v = flights.states.T
         ops = shifted(numpy)
@@ -211,8 +201,6 @@ class _Step:
 
 
 def _inverse(matrices: Any) -> Any:
-    import numpy
-
     try:
         return numpy.linalg.inv(matrices)
     except numpy.linalg.LinAlgError:
@@ -225,8 +213,6 @@ def _inverse(matrices: Any) -> Any:
 
 def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: BatchTaylor) -> tuple[Any, Any]:
     """beta_max and the integral of the divergence over half a period."""
-    import numpy
-
     beta_max, divergence = numpy.full(len(omegas), numpy.nan), numpy.full(len(omegas), numpy.nan)
     solved = numpy.flatnonzero(converged)
     if len(solved):

@@ -16,6 +16,8 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
 
@@ -54,8 +56,6 @@ class BranchBudget:
 
     def half_widths(self, cycles: Cycles, s: Any) -> dict[str, Any]:
         """(n,) half-widths of the measured numbers of n cycles at the abscissas ``s``."""
-        import numpy
-
         s_known, spreads, slopes = self._sources
         last = numpy.abs(cycles.last_step).T
         widths = {}
@@ -70,8 +70,6 @@ class BranchBudget:
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """On some nodes, in rising s: the spread of each number, and its change with the start."""
-        import numpy
-
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
         nodes, omegas = self._nodes, self._nodes.omega[every]
@@ -108,8 +106,6 @@ def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) ->
     Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
     multiplier may be at most.
     """
-    import numpy
-
     size = numpy.abs(half)
     with numpy.errstate(divide="ignore", invalid="ignore"):
         log_slow = 2 * numpy.log(size)
@@ -125,7 +121,5 @@ def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) ->
 
 def largest_nearby(values: Any) -> Any:
     """The largest of three neighbours."""
-    import numpy
-
     padded = numpy.pad(values, 1, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

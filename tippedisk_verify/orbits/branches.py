@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -47,8 +49,6 @@ class Branch:
     @classmethod
     def of(cls, cycles: Iterable[LimitCycle]) -> Branch:
         """The arrays of these cycles."""
-        import numpy
-
         kept = tuple(cycles)
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
         numbers = {name: [getattr(cycle, name) for cycle in kept] for name in names}

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, raise_unless_usable
@@ -98,8 +100,6 @@ class LimitCycle:
         the first under the point symmetry. Next to Omega_h the flight is in as many bits as its start needs. Raises
         InputError for a count below 2, ArithmeticError where the engine gives up.
         """
-        import numpy
-
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         times = numpy.linspace(0.0, float(self.period), count)

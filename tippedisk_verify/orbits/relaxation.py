@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Parameters
@@ -44,8 +46,6 @@ def relaxation(
     margin: float = 0.35,
 ) -> Relaxation:
     """From the critical manifold and ``distance`` [rad/s] above it, beta at least ``margin`` [rad] from lying flat."""
-    import numpy
-
     constants, speed = parameters.at(DOUBLE), float(omega)
     beta, gamma = numpy.meshgrid(
         numpy.linspace(margin, math.pi - margin, rows),

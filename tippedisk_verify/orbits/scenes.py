@@ -12,6 +12,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any, Literal
 
+import numpy
+
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.exact import PI, Exact, exact, shown
@@ -152,8 +154,6 @@ def compute(
 
     Raises InputError if the panel needs an Omega_h that is not given, Shortfall if an integration fails.
     """
-    import numpy
-
     omega = scene.omega(parameters, omega_h)
     if omega.value <= 0:
         raise InputError(f"scene {scene.name}: its speed {float(omega):g} rad/s is not positive")
@@ -231,8 +231,6 @@ def section_amplitudes(times: Any, result: Result) -> Any:
 
     Neighbouring samples enclose a crossing; Newton's method on the dense output (its slope is v) locates it.
     """
-    import numpy
-
     if result.dense is None:
         raise InputError("section amplitudes need dense output")
     offset = result.samples[1:, 0] - math.pi / 2
