@@ -27,6 +27,7 @@ from tippedisk_verify.flow.system import (
     parameter_names,
     system_of,
 )
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
@@ -43,14 +44,14 @@ class BatchResult:
     as not finished: the Taylor engine, one at a time, can do it.
     """
 
-    states: Any  #: (n, 3) final (beta, gamma, v)
+    states: Array  #: (n, 3) final (beta, gamma, v)
     derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
-    divergence: Any = None  #: (n,) integral of div f along the orbit [1]
+    divergence: Array | None = None  #: (n,) integral of div f along the orbit [1]
     crossings: tuple[tuple[str, int, float, tuple[float, float, float]], ...] = ()  #: event, run, time [s], state
     finished: Any = None  #: (n,) whether the final time was reached
 
 
-def field_constants(parameters: Parameters) -> Any:
+def field_constants(parameters: Parameters) -> Array:
     """The field's constants in double as an array: (r, e, a, b, g, k), or traction and epsilon instead of k."""
     constants = parameters.at(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])

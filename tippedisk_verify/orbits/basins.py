@@ -20,6 +20,7 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
 from tippedisk_verify.flow.lanes import field_constants
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
@@ -46,8 +47,8 @@ class Basins:
     omega: Fraction  #: [rad/s]
     duration: float  #: [s]
     v: float  #: [rad/s] of every initial state
-    beta: Any  #: (rows, columns) [rad]
-    gamma: Any  #: (rows, columns) [rad]
+    beta: Array  #: (rows, columns) [rad]
+    gamma: Array  #: (rows, columns) [rad]
     outcome: Any  #: (rows, columns) index into `OUTCOMES`
 
     def fractions(self) -> dict[str, tuple[float, float]]:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
 
 __all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
@@ -51,10 +52,10 @@ class BranchBudget:
     ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
     """
 
-    def __init__(self, constants: Any, nodes: Cycles, s: Any, room: Any, lanes: BatchTaylor) -> None:
+    def __init__(self, constants: Array, nodes: Cycles, s: Array, room: Array, lanes: BatchTaylor) -> None:
         self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
 
-    def half_widths(self, cycles: Cycles, s: Any) -> dict[str, Any]:
+    def half_widths(self, cycles: Cycles, s: Array) -> dict[str, Any]:
         """(n,) half-widths of the measured numbers of n cycles at the abscissas ``s``."""
         s_known, spreads, slopes = self._sources
         last = numpy.abs(cycles.last_step).T
@@ -100,7 +101,7 @@ class BranchBudget:
         return self._s[every], spreads, slopes
 
 
-def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) -> dict[str, Any]:
+def multiplier_widths(half: Array, both: Array, half_width: Array, both_width: Array) -> dict[str, Any]:
     """Half-widths of the multipliers' numbers from those of the half map's multiplier and of the logarithms' sum.
 
     Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
@@ -119,7 +120,7 @@ def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) ->
     }
 
 
-def largest_nearby(values: Any) -> Any:
+def largest_nearby(values: Array) -> Any:
     """The largest of three neighbours."""
     padded = numpy.pad(values, 1, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)
