@@ -268,15 +268,14 @@ class _Attempt:
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
                     middle = [part.mid() for part in verdict.image]
+                elif verdict.failed is not None:
+                    outcome = self.not_followed(verdict.failed)
+                    wanted = self.bits + 64
                 else:
-                    if verdict.failed is not None:
-                        outcome = self.not_followed(verdict.failed)
-                        wanted = self.bits + 64
-                    else:
-                        outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
-                        wanted = self.bits + _shortage(verdict.residual, radii)
-                        if all(part.is_finite() for part in verdict.image):
-                            middle = [part.mid() for part in verdict.image]
+                    outcome = self.ended(Status.NOT_INCLUDED, f"in {self.bits} bits")
+                    wanted = self.bits + _shortage(verdict.residual, radii)
+                    if all(part.is_finite() for part in verdict.image):
+                        middle = [part.mid() for part in verdict.image]
             if wanted > self.most_bits:
                 return outcome
             self.bits = wanted

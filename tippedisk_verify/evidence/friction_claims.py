@@ -117,7 +117,7 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
     found = basins(parameters, omega, count=_STATES)
     shares = found.fractions()
-    flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
+    flat, inverted = shares["lies flat"], shares["inverted spinning"]
     text = (
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
         f" {100 * flat[0]:.0f} % lie flat"

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from threading import RLock
 from typing import Any, Literal, get_args
+
+import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
@@ -103,16 +105,15 @@ class Baseline:
         constants = request.parameters.at(DOUBLE)
         ops = shifted(math) if request.shifted else math
         if request.domain != "none" and ops.sin(start[0]) <= 0:
-            return Result(Status.FLAT, 0.0, _array(start), 0)
+            return Result(Status.FLAT, 0.0, numpy.array(start), 0)
         if not duration:
-            none = None if request.times is None else _array([start] * len(request.times))
-            return Result(Status.REACHED, 0.0, _array(start), 0, samples=none)
+            none = None if request.times is None else numpy.array([start] * len(request.times))
+            return Result(Status.REACHED, 0.0, numpy.array(start), 0, samples=none)
         return self._integrate(request, ops, constants, omega, start, duration)
 
     def _integrate(
         self, request: Request, ops: Ops, constants: Constants, omega: float, start: list[float], duration: float
     ) -> Result:
-        import numpy
         from scipy.integrate import solve_ivp
 
         vector_field = field(ops, constants, omega, request.friction)
@@ -159,8 +160,6 @@ class Baseline:
         return self._result(request, solution, watched, initial, times)
 
     def _result(self, request: Request, solution: Any, watched: list[Event], initial: Any, times: Any) -> Result:
-        import numpy
-
         records = [
             EventRecord(event.name, float(when), state[:3].copy())
             for event, times_of, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
@@ -187,17 +186,9 @@ class Baseline:
         )
 
     def _end(self, request: Request) -> Any:
-        import numpy
-
         result = self(replace(request, times=None))
         parts = [result.state] if result.derivatives is None else [result.state, result.derivatives.ravel()]
         return numpy.concatenate(parts)
-
-
-def _array(values: Sequence[Any]) -> Any:
-    import numpy
-
-    return numpy.array(values)
 
 
 def _event(
@@ -223,8 +214,6 @@ def _with_variations(
     request: Request, constants: Constants, omega: float, vector_field: Any, slope: Any, initial: Any
 ) -> tuple[Callable[[float, Any], Any], Any]:
     """The first-order variational system beside the flow: Y' = (df/dx) Y + df/dp."""
-    import numpy
-
     names = request.variations
     inputs = [name for name in names if name not in STATE_VARIATIONS]
     forced: list[tuple[int, Any]] = [(names.index(name), _stepped(request, constants, omega, name)) for name in inputs]
@@ -271,8 +260,6 @@ def _stepped(request: Request, constants: Constants, omega: float, name: str) ->
 
 def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, Any]:
     """Status, and the time and full state of a terminal event if one ended the run."""
-    import numpy
-
     if solution.status == 1:
         for event, times, states in zip(watched, solution.t_events, solution.y_events, strict=True):
             if event.terminal and len(times):

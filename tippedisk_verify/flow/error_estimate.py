@@ -20,6 +20,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.precision import Precision
@@ -53,8 +55,6 @@ def budgeted(
     Infinite where the runs do not end alike: rounding decides what happens. A twin that ends unlike the other two is
     left out; at least one must be like them, if there are any.
     """
-    import numpy
-
     alike = [twin for twin in twins if _alike(result, twin)]
     if result.status is Status.NON_FINITE or not _alike(result, check) or (twins and not alike):
         return undecided()
@@ -93,8 +93,6 @@ def budgeted(
 
 def undecided() -> ErrorEstimate:
     """What is said where rounding decides what happens."""
-    import numpy
-
     return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
 
 
@@ -120,8 +118,6 @@ def _alike(result: Result, other: Result) -> bool:
 
 def _widened(values: Any, wider: Precision) -> Any:
     """An array in a wider arithmetic, exactly."""
-    import numpy
-
     if wider.kind == "extended":
         return values.astype(numpy.longdouble)
     return wider.array(values.ravel().tolist()).reshape(values.shape)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.compiled import Compiled
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, EventRecord, Request, Result, Status
 from tippedisk_verify.flow.recording import Recording, copied, is_native, native_array
@@ -218,8 +220,6 @@ class Integrator(Compiled):
 
     def _on_grid(self, request: Request, duration: Any, early: Sequence[list[Any]]) -> tuple[Any, Any, int, Any]:
         """Through the sample times that have no row yet; heyoka wants the present time in front."""
-        import numpy
-
         stepper = self._stepper
         times = request.times if is_native(request.times, self.precision) else self.precision.array(request.times)
         times, now = times[len(early) :], stepper.time

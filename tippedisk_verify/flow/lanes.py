@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 from weakref import proxy
 
+import numpy
+
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
 from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
@@ -25,6 +27,7 @@ from tippedisk_verify.flow.system import (
     parameter_names,
     system_of,
 )
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
@@ -41,17 +44,15 @@ class BatchResult:
     as not finished: the Taylor engine, one at a time, can do it.
     """
 
-    states: Any  #: (n, 3) final (beta, gamma, v)
+    states: Array  #: (n, 3) final (beta, gamma, v)
     derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
-    divergence: Any = None  #: (n,) integral of div f along the orbit [1]
+    divergence: Array | None = None  #: (n,) integral of div f along the orbit [1]
     crossings: tuple[tuple[str, int, float, tuple[float, float, float]], ...] = ()  #: event, run, time [s], state
     finished: Any = None  #: (n,) whether the final time was reached
 
 
-def field_constants(parameters: Parameters) -> Any:
+def field_constants(parameters: Parameters) -> Array:
     """The field's constants in double as an array: (r, e, a, b, g, k), or traction and epsilon instead of k."""
-    import numpy
-
     constants = parameters.at(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.friction)[1:]])
 
@@ -92,8 +93,6 @@ class BatchTaylor:
         from pi/2. ``events`` are recorded and end nothing; a start on the surface is no crossing.
         Raises InputError for what is no array of numbers, if the shapes do not match, or if an event is terminal.
         """
-        import numpy
-
         names = parameter_names(checked_friction(friction))
         try:
             given = (numpy.asarray(part, dtype=float) for part in (constants, omegas, states, durations))
@@ -165,8 +164,6 @@ class _Batch:
         shift: bool,
         friction: Friction,
     ) -> None:
-        import numpy
-
         hy = heyoka_module()
         smooth = friction == "smooth"
         # The smooth law changes its branch at sliding reversals and where the disk lies flat: of two events at the same
@@ -209,8 +206,6 @@ class _Batch:
         self._reached = hy.taylor_outcome.time_limit
 
     def run(self, pars: Any, states: Any, durations: Any, max_steps: int) -> BatchResult:
-        import numpy
-
         count, width, stepper = len(durations), self._width, self._stepper
         final = numpy.empty((len(stepper.state), count))
         finished = numpy.empty(count, dtype=bool)
@@ -242,8 +237,6 @@ class _Batch:
         )
 
     def _propagated(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
-        import numpy
-
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
@@ -271,8 +264,6 @@ class _Batch:
 
     def _on_edge(self, states: Any) -> bool:
         """Whether an event function is zero to the last bit in one of the lanes."""
-        import numpy
-
         if not self._events:
             return False
         pars = self._stepper.pars
@@ -280,8 +271,6 @@ class _Batch:
         return any(bool((value == 0).any()) for value in event_values(self._events, ops, constants, pars[0], states))
 
     def _singly(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
-        import numpy
-
         final = numpy.empty((len(self._stepper.state), size))
         finished = numpy.empty(size, dtype=bool)
         first = self._first

@@ -12,6 +12,8 @@ from operator import neg
 from threading import Lock
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.precision import Precision
 
@@ -70,8 +72,6 @@ class Recording:
 
     def kept(self, request: Request, finished: bool) -> tuple[Any, Any]:
         """Samples and continuous output of the run, now that it is over; None for what was not asked for."""
-        import numpy
-
         self.take()
         if finished:
             # The last time and the duration, rounded from different numbers, may lie a rounding of a double apart.
@@ -82,8 +82,6 @@ class Recording:
         return samples, self._dense() if request.dense else None
 
     def _dense(self) -> Callable[[Sequence[Any]], Any]:
-        import numpy
-
         # A run that has taken no step stands at its start.
         starts, series = self._starts or [self._from], self._series or [[[part] for part in self._start]]
         array, key = self._precision.array, None if self._forward else neg

@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
 from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
 from tippedisk_verify.flow.system import constants_of
@@ -133,20 +135,14 @@ class FrictionSigns:
         self.from_surface: list[bool] = []
 
     def _slip(self, stepper: Any, states: Any) -> Any:
-        import numpy
-
         return SLIDING_REVERSAL.function(*self._setting(stepper), *states) + numpy.zeros(len(states[0]))
 
     def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
-        import numpy
-
         constants = constants_of(stepper.pars, self._friction)
         return shifted(numpy) if self._shift else numpy, constants, stepper.pars[0]
 
     def begin(self, stepper: Any, durations: Any) -> None:
         """On the surface the sign a moment later decides."""
-        import numpy
-
         states = stepper.state[:3].copy()
         ops, constants, omega = self._setting(stepper)
         slip = self._slip(stepper, states)
@@ -182,8 +178,6 @@ class FrictionSigns:
 
     def kept(self, stepper: Any) -> Any:
         """Which lanes were on the right branch all the time."""
-        import numpy
-
         right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -_LEFT_OVER * 2.0**-52
         right[list(self._doubtful)] = False
         return right
@@ -197,8 +191,6 @@ class Pieces:
         self._forward = forward
 
     def __call__(self, times: Any) -> Any:
-        import numpy
-
         rows = []
         for time in times:
             chosen = self._parts[-1][1]

@@ -12,6 +12,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import budgeted, parted, twins_needed, undecided
@@ -126,8 +128,6 @@ class Taylor:
 
 def _outside(result: Result, shift: bool) -> bool:
     """Whether the end or a sample has sin(beta) <= 0."""
-    import numpy
-
     if not result.status.usable or result.status is Status.FLAT:
         return False
     angles = [result.state[0], *(() if result.samples is None else result.samples[:, 0])]

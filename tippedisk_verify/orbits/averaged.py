@@ -12,8 +12,11 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.system import PARAMETERS
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.batch_shooting import Cycles, flight_errors
 
@@ -26,10 +29,8 @@ _MOVED = 2.0**-20  # of the constants: far above rounding, and little beside the
 _FELT = 256  # where a rounding of Omega moves T by so many of T's own, it is worth it
 
 
-def constants_rounding(parameters: Parameters) -> Any:
+def constants_rounding(parameters: Parameters) -> Array:
     """(6,) by how much of itself each of the field's constants in double differs from its exact value."""
-    import numpy
-
     exact = parameters.rational()
     names = PARAMETERS[1:]
     return numpy.array(
@@ -42,8 +43,6 @@ def constants_rounding(parameters: Parameters) -> Any:
 
 def averaged(parameters: Parameters, cycles: Cycles, lanes: BatchTaylor) -> Cycles:
     """The cycles, with period, gamma_bar_0 and v_0 without most of their round-off where they feel it."""
-    import numpy
-
     felt = numpy.abs(cycles.dperiod_domega) * cycles.omega > _FELT * numpy.abs(cycles.period)
     which = numpy.flatnonzero(cycles.converged & felt)
     if not len(which):
@@ -55,7 +54,7 @@ def averaged(parameters: Parameters, cycles: Cycles, lanes: BatchTaylor) -> Cycl
     by_omega = numpy.stack([getattr(cycles, f"d{name}_domega")[which] for name in names], axis=1) * halves
     omegas, inverse = cycles.omega[which], cycles.sensitivity[which]
 
-    def steps(constants: Any, speeds: Any, starts: Any) -> Any:
+    def steps(constants: Array, speeds: Array, starts: Array) -> Any:
         return -(inverse @ flight_errors(constants, speeds, starts, lanes)[:, :, None])[:, :, 0]
 
     away = numpy.zeros_like(solved)

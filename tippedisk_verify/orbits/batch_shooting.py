@@ -11,8 +11,11 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import acceleration, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.orbits.half_map import EXTREME, VARIATIONS
@@ -32,32 +35,32 @@ _LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "half_map": (2, 2), 
 class Guess:
     """Where to start: (n,) arrays."""
 
-    gamma_bar_0: Any  #: [rad]
-    v_0: Any  #: [rad/s]
-    half_period: Any  #: [s]
+    gamma_bar_0: Array  #: [rad]
+    v_0: Array  #: [rad/s]
+    half_period: Array  #: [s]
 
 
 @dataclass(frozen=True)
 class Cycles:
     """n limit cycles as (n,) arrays of doubles; NaN where none was found."""
 
-    omega: Any  #: [rad/s]
-    period: Any  #: T [s]
-    gamma_bar_0: Any  #: [rad]
-    v_0: Any  #: [rad/s]
-    beta_max: Any  #: [rad]
-    half_multiplier: Any  #: of the half map, the larger one; of a complex pair its modulus, signed [1]
-    multiplier_slow: Any  #: its square [1]
-    log_multiplier_slow: Any
-    log_multiplier_fast: Any
-    trivial_multiplier_defect: Any
-    dperiod_domega: Any  #: [s^2/rad]
-    dgamma_bar_0_domega: Any  #: [s]
-    dv_0_domega: Any  #: [1]
+    omega: Array  #: [rad/s]
+    period: Array  #: T [s]
+    gamma_bar_0: Array  #: [rad]
+    v_0: Array  #: [rad/s]
+    beta_max: Array  #: [rad]
+    half_multiplier: Array  #: of the half map, the larger one; of a complex pair its modulus, signed [1]
+    multiplier_slow: Array  #: its square [1]
+    log_multiplier_slow: Array
+    log_multiplier_fast: Array
+    trivial_multiplier_defect: Array
+    dperiod_domega: Array  #: [s^2/rad]
+    dgamma_bar_0_domega: Array  #: [s]
+    dv_0_domega: Array  #: [1]
     converged: Any  #: whether Newton's iteration ended
-    residual: Any  #: |S(flow) - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
-    last_step: Any  #: (n, 3) the last Newton step, of (gamma_bar_0, v_0, T / 2): derivatives were taken before it
-    sensitivity: Any  #: (n, 3, 3) d(gamma_bar_0, v_0, tau) / d(end of the flight), what an error in the flow does
+    residual: Array  #: |S(flow) - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
+    last_step: Array  #: (n, 3) the last Newton step, of (gamma_bar_0, v_0, T / 2): derivatives were taken before it
+    sensitivity: Array  #: (n, 3, 3) d(gamma_bar_0, v_0, tau) / d(end of the flight), what an error in the flow does
 
     @property
     def log_multipliers(self) -> Any:
@@ -74,8 +77,6 @@ def corrected(
     multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after
     which it ends.
     """
-    import numpy
-
     omegas = numpy.asarray(omegas, dtype=float)
     count = len(omegas)
     tolerance = numpy.broadcast_to(tolerance, count)
@@ -116,14 +117,12 @@ def corrected(
 
 
 def _iterated(
-    constants: Any, omegas: Any, unknowns: Any, tolerance: Any, lanes: BatchTaylor
+    constants: Array, omegas: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor
 ) -> tuple[Any, dict[str, Any]]:
     """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
 
     The stopping rule is not that of `newton`: each run ends by its own step, and leaves.
     """
-    import numpy
-
     count = len(omegas)
     last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
     converged = numpy.zeros(count, dtype=bool)
@@ -145,30 +144,24 @@ def _iterated(
     return converged, last
 
 
-def _possible(unknowns: Any) -> Any:
+def _possible(unknowns: Array) -> Any:
     """Which runs may go on: on the right side of the section, within the well, and forward in time."""
-    import numpy
-
     gamma_bar, v, half_period = unknowns.T
     inside = (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0) & (half_period > 0) & (half_period < _LONGEST)
     return inside & numpy.isfinite(unknowns).all(axis=1)
 
 
-def _starts(unknowns: Any) -> Any:
-    import numpy
-
+def _starts(unknowns: Array) -> Array:
     return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
 
 
-def _errors(flights: BatchResult, unknowns: Any) -> Any:
+def _errors(flights: BatchResult, unknowns: Array) -> Array:
     """How far S of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
-    import numpy
-
     beta, gamma, v = flights.states.T
     return numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
 
 
-def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> Any:
+def flight_errors(constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor) -> Array:
     """(n, 3) errors at the end of half a period from (gamma_bar_0, v_0, T / 2), as `Cycles.sensitivity` takes them."""
     flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True)
     return _errors(flights, unknowns) * _BACK
@@ -177,9 +170,7 @@ def flight_errors(constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor
 class _Step:
     """One Newton step of every run that is still under way."""
 
-    def __init__(self, constants: Any, omegas: Any, unknowns: Any, lanes: BatchTaylor) -> None:
-        import numpy
-
+    def __init__(self, constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor) -> None:
         flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=VARIATIONS)
         beta, gamma, v = flights.states.T
         ops = shifted(numpy)
@@ -210,9 +201,7 @@ class _Step:
         self.half_map = -numpy.stack((rows[:, 1, 1:3], rows[:, 2, 1:3] + v_rate[:, None] * flight), axis=1)
 
 
-def _inverse(matrices: Any) -> Any:
-    import numpy
-
+def _inverse(matrices: Array) -> Any:
     try:
         return numpy.linalg.inv(matrices)
     except numpy.linalg.LinAlgError:
@@ -223,10 +212,10 @@ def _inverse(matrices: Any) -> Any:
         return inverses
 
 
-def _turned(constants: Any, omegas: Any, unknowns: Any, converged: Any, lanes: BatchTaylor) -> tuple[Any, Any]:
+def _turned(
+    constants: Array, omegas: Array, unknowns: Array, converged: Any, lanes: BatchTaylor
+) -> tuple[Array, Array]:
     """beta_max and the integral of the divergence over half a period."""
-    import numpy
-
     beta_max, divergence = numpy.full(len(omegas), numpy.nan), numpy.full(len(omegas), numpy.nan)
     solved = numpy.flatnonzero(converged)
     if len(solved):

@@ -16,7 +16,10 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
 
 __all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
@@ -49,13 +52,11 @@ class BranchBudget:
     ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
     """
 
-    def __init__(self, constants: Any, nodes: Cycles, s: Any, room: Any, lanes: BatchTaylor) -> None:
+    def __init__(self, constants: Array, nodes: Cycles, s: Array, room: Array, lanes: BatchTaylor) -> None:
         self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
 
-    def half_widths(self, cycles: Cycles, s: Any) -> dict[str, Any]:
+    def half_widths(self, cycles: Cycles, s: Array) -> dict[str, Any]:
         """(n,) half-widths of the measured numbers of n cycles at the abscissas ``s``."""
-        import numpy
-
         s_known, spreads, slopes = self._sources
         last = numpy.abs(cycles.last_step).T
         widths = {}
@@ -70,8 +71,6 @@ class BranchBudget:
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """On some nodes, in rising s: the spread of each number, and its change with the start."""
-        import numpy
-
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
         nodes, omegas = self._nodes, self._nodes.omega[every]
@@ -102,14 +101,12 @@ class BranchBudget:
         return self._s[every], spreads, slopes
 
 
-def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) -> dict[str, Any]:
+def multiplier_widths(half: Array, both: Array, half_width: Array, both_width: Array) -> dict[str, Any]:
     """Half-widths of the multipliers' numbers from those of the half map's multiplier and of the logarithms' sum.
 
     Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
     multiplier may be at most.
     """
-    import numpy
-
     size = numpy.abs(half)
     with numpy.errstate(divide="ignore", invalid="ignore"):
         log_slow = 2 * numpy.log(size)
@@ -123,9 +120,7 @@ def multiplier_widths(half: Any, both: Any, half_width: Any, both_width: Any) ->
     }
 
 
-def largest_nearby(values: Any) -> Any:
+def largest_nearby(values: Array) -> Any:
     """The largest of three neighbours."""
-    import numpy
-
     padded = numpy.pad(values, 1, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

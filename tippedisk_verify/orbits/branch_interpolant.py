@@ -17,8 +17,11 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -58,13 +61,13 @@ _SQUARED = {"gamma_bar_0": 1, "v_0": -1, "beta_max": 1}
 class Values:
     """Interpolated numbers at n speeds as (n,) arrays, and their half-widths under the same names."""
 
-    omega: Any  #: [rad/s]
-    period: Any  #: T [s]
-    gamma_bar_0: Any  #: [rad]
-    v_0: Any  #: [rad/s]
-    beta_max: Any  #: [rad]
-    log_multiplier_slow: Any
-    log_multiplier_fast: Any
+    omega: Array  #: [rad/s]
+    period: Array  #: T [s]
+    gamma_bar_0: Array  #: [rad]
+    v_0: Array  #: [rad/s]
+    beta_max: Array  #: [rad]
+    log_multiplier_slow: Array
+    log_multiplier_fast: Array
     uncertainty: dict[str, Any]
 
 
@@ -108,8 +111,6 @@ class BranchInterpolant:
 
     # -------------------------------------------------------------------------------------------- the nodes
     def _solve(self, top: float, bottom: float, count: int) -> None:
-        import numpy
-
         angles = (2 * numpy.arange(count) + 1) * numpy.pi / (2 * count)
         omegas = self.omega_h + numpy.exp((top + bottom) / 2 + (top - bottom) / 2 * numpy.cos(angles))
         # The speed is what was rounded: s follows from it, so that no error is left in the abscissa.
@@ -141,23 +142,17 @@ class BranchInterpolant:
         if not self.nodes.converged.all():
             raise NoSuchCycleError("the family of limit cycles could not be followed")
 
-    def _resolved(self, omegas: Any) -> Any:
+    def _resolved(self, omegas: Array) -> Array:
         """The relative step after which only rounding is left: it grows as Omega_h comes near."""
-        import numpy
-
         return 1e-11 * numpy.maximum(1.0, 1e-4 / (omegas - self.omega_h))
 
-    def _rows(self, cycles: Cycles) -> Any:
+    def _rows(self, cycles: Cycles) -> Array:
         """What predictions are made from: s, gamma_bar_0, v_0 and the half period."""
-        import numpy
-
         s = numpy.log(cycles.omega - self.omega_h)
         return numpy.stack((s, cycles.gamma_bar_0, cycles.v_0, cycles.period / 2), axis=1)
 
-    def _between(self, known: Any, omega: float) -> Any:
+    def _between(self, known: Array, omega: float) -> Array:
         """More known cycles on the way to a node that was not reached; the last of them is halfway there."""
-        import numpy
-
         target = math.log(omega - self.omega_h)
         begin = known[-1, 0] if len(known) else math.log(self.omega_crit - self.omega_h)
         if abs(target - begin) < 1e-3:
@@ -170,10 +165,8 @@ class BranchInterpolant:
             raise NoSuchCycleError(f"the family of limit cycles could not be followed to {omega:.10g} rad/s")
         return numpy.concatenate((known, self._rows(cycles)[:good]))
 
-    def _guess(self, omegas: Any, known: Any) -> Guess:
+    def _guess(self, omegas: Array, known: Array) -> Guess:
         """From the one-harmonic law, then along what is known, in variables that are straight close to Omega_h."""
-        import numpy
-
         if not len(known):
             constants = self.parameters.at(DOUBLE)
             starts = [start for omega in omegas.tolist() if (start := section_start(constants, omega))]
@@ -197,16 +190,12 @@ class BranchInterpolant:
     # -------------------------------------------------------------------------------------------- the errors
     @cached_property
     def _budget(self) -> BranchBudget:
-        import numpy
-
         omegas = self.nodes.omega
         room = numpy.minimum(omegas - self.omega_h, self.omega_crit - omegas)
         return BranchBudget(self._constants, self.nodes, self._s, room, self._lanes)
 
-    def half_widths(self, cycles: Cycles) -> dict[str, Any]:
+    def half_widths(self, cycles: Cycles) -> dict[str, Array]:
         """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays."""
-        import numpy
-
         widths = self._budget.half_widths(cycles, numpy.log(cycles.omega - self.omega_h))
         half, both = widths.pop("half_multiplier"), widths.pop("log_multipliers")
         return widths | multiplier_widths(cycles.half_multiplier, cycles.log_multipliers, half, both)
@@ -214,8 +203,6 @@ class BranchInterpolant:
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
         """Interpolated numbers, each with a half-width that holds the truth. Raises InputError outside the bounds."""
-        import numpy
-
         speeds = self._checked(omegas)
         ratios = self._ratios(speeds)
         values: dict[str, Any] = {}
@@ -252,8 +239,6 @@ class BranchInterpolant:
     @cached_property
     def _scaled(self) -> dict[str, tuple[Any, Any]]:
         """Node values of what is analytic up to the Hopf point, with their half-widths."""
-        import numpy
-
         nodes, below = self.nodes, self.omega_crit - self.nodes.omega
         widths = self._budget.half_widths(nodes, self._s)
         for name in _SQUARED:
@@ -274,8 +259,6 @@ class BranchInterpolant:
 
         There it is about as wrong as anywhere between them. Abscissas, rising, and the largest of three neighbours.
         """
-        import numpy
-
         middles = (self._s[1:] + self._s[:-1])[::-1] / 2
         speeds = self.omega_h + numpy.exp(middles)
         ratios, solved = self._ratios(speeds), self._analytic(self._solved_at(speeds))
@@ -285,9 +268,7 @@ class BranchInterpolant:
             for name, distance in away.items()
         }
 
-    def _checked(self, omegas: Sequence[float]) -> Any:
-        import numpy
-
+    def _checked(self, omegas: Sequence[float]) -> Array:
         speeds = numpy.atleast_1d(numpy.asarray(omegas, dtype=float))
         outside = speeds[~((speeds >= self.lowest) & (speeds <= self.highest))]
         if len(outside):
@@ -296,10 +277,8 @@ class BranchInterpolant:
             )
         return speeds
 
-    def _ratios(self, speeds: Any) -> Any:
+    def _ratios(self, speeds: Array) -> Any:
         """Barycentric weights of every node for every speed, (n, nodes); each row sums to 1."""
-        import numpy
-
         away = numpy.log(speeds - self.omega_h)[:, None] - self._s
         hit = away == 0
         with numpy.errstate(divide="ignore", invalid="ignore"):
@@ -313,9 +292,7 @@ class BranchInterpolant:
         """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
         return self._solved_at(self._checked(omegas))
 
-    def _solved_at(self, speeds: Any) -> Cycles:
-        import numpy
-
+    def _solved_at(self, speeds: Array) -> Cycles:
         ratios = self._ratios(speeds)
         square, ratio, period = (ratios @ self._scaled_values[name] for name in ("gamma_bar_0", "v_0", "period"))
         size = numpy.sqrt(square * (self.omega_crit - speeds))
@@ -363,9 +340,7 @@ class BranchInterpolant:
         return cycles
 
 
-def _extrapolated(s_known: Any, columns: Sequence[Any], s: Any, degree: int) -> list[Any]:
-    import numpy
-
+def _extrapolated(s_known: Array, columns: Sequence[Any], s: Array, degree: int) -> list[Any]:
     powers = numpy.vander(s_known - s[0], min(degree, len(s_known) - 1) + 1)
     coefficients = numpy.linalg.lstsq(powers, numpy.stack(columns, axis=1), rcond=None)[0]
     return list((numpy.vander(s - s[0], powers.shape[1]) @ coefficients).T)

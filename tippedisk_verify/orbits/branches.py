@@ -8,9 +8,12 @@ from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -34,21 +37,19 @@ class Branch:
     """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers."""
 
     cycles: tuple[LimitCycle, ...]
-    omega: Any  #: [rad/s]
-    period: Any  #: T [s]
-    gamma_bar_0: Any  #: [rad]
-    v_0: Any  #: [rad/s]
-    beta_max: Any  #: [rad]
-    multiplier_slow: Any
-    log_multiplier_slow: Any
-    log_multiplier_fast: Any
+    omega: Array  #: [rad/s]
+    period: Array  #: T [s]
+    gamma_bar_0: Array  #: [rad]
+    v_0: Array  #: [rad/s]
+    beta_max: Array  #: [rad]
+    multiplier_slow: Array
+    log_multiplier_slow: Array
+    log_multiplier_fast: Array
     uncertainty: Mapping[str, Any]  #: the half-widths (n,), under the same names
 
     @classmethod
     def of(cls, cycles: Iterable[LimitCycle]) -> Branch:
         """The arrays of these cycles."""
-        import numpy
-
         kept = tuple(cycles)
         names = [item.name for item in fields(cls) if item.name not in ("cycles", "uncertainty")]
         numbers = {name: [getattr(cycle, name) for cycle in kept] for name in names}

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
+import numpy
+
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, raise_unless_usable
@@ -50,8 +52,6 @@ class Cycle:
         as many bits as its start needs. Raises InputError for a count below 2, ArithmeticError where the engine gives
         up.
         """
-        import numpy
-
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         times = numpy.linspace(0.0, float(self.period), count)
@@ -130,8 +130,6 @@ class LimitCycle(Cycle):
 
     def _states(self, times: Any, engine: Engine) -> Any:
         """The second half is the image of the first under the point symmetry."""
-        import numpy
-
         half = float(self.period) / 2
         dense = self._flown((0, self.gamma_bar_0.value, self.v_0.value), self.period.value / 2, engine)
         states = dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
@@ -173,8 +171,6 @@ class RotatingCycle(Cycle):
 
     def _states(self, times: Any, engine: Engine) -> Any:
         """From gamma = pi/2 on, over a whole turn."""
-        import numpy
-
         whole = float(self.period)
         dense = self._flown((self.beta_bar_top.value, 0, self.v_top.value), self.period.value, engine)
         return dense(numpy.minimum(times, whole * (1 - 2.0**-52))).astype(float).T

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
+import numpy
+
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
@@ -51,8 +53,6 @@ class Heteroclinic:
         From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
         second. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
         """
-        import numpy
-
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)

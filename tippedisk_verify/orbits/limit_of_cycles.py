@@ -11,6 +11,8 @@ import math
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient
@@ -46,8 +48,6 @@ class PeriodContinuation:
 
     def nearest(self, above: Fraction) -> tuple[float, float]:
         """(gamma_bar_0, v_0) at Omega_h + ``above``, interpolated in logarithms between cycles found in double."""
-        import numpy
-
         distances = [float(fraction(point.omega) - self.law.omega_h) for point in self._points]
         known = [k for k, distance in enumerate(distances) if distance > 0][::-1]
         at = math.log(float(above))

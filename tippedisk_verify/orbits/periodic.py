@@ -71,8 +71,8 @@ def converged(flights: HalfFlights, guess: Sequence[float]) -> Shot:
     """`shoot` for any section: from a guess of the two coordinates on it."""
     state = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = abs(state[0]) + abs(state[1]) / 10
-    # Round-off of half a period: some hundred ulps of the state.
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MOST_STEPS} steps")
+    # Round-off of half a period: some hundred ulps of the state.
     iteration = NewtonIteration(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     here = flights.map(state)
     while not iteration.converged(size := _size(here.residual)):
@@ -104,6 +104,8 @@ def _by_secants(
     flights: HalfFlights, state: tuple[Any, Any], here: HalfMap, residuals: list[float]
 ) -> tuple[Any, Any] | None:
     """On from a state close to the cycle without further derivatives, until rounding is left; None if that is slow.
+
+    The stopping rule is not that of `newton`: secants are given up as soon as they gain less than a factor of 8.
 
     Broyden's update keeps the derivative current (C. G. Broyden, Math. Comp. 19, 1965): a flight without variational
     equations takes a third of the time of one with them.

@@ -9,6 +9,8 @@ from __future__ import annotations
 from threading import Lock
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Status
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -51,8 +53,6 @@ class ReducedFlow:
     def _run(
         self, constants: Constants, omega: float, start: tuple[float, float], duration: float, times: Any
     ) -> tuple[Status, Any, Any]:
-        import numpy
-
         stepper = self._stepper
         values = (omega, *(getattr(constants, name) for name in self._names[1:]), constants.epsilon)
         stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters

@@ -12,7 +12,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
+from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -27,10 +30,10 @@ _SHARE = 0.2  # of the time in which the distance falls by e
 class Relaxation:
     """Rates [1/s] on a grid of states at which neighbours in v fall together, positive where they do."""
 
-    beta: Any  #: (rows, columns) [rad]
-    gamma: Any  #: (rows, columns) [rad]
-    measured: Any  #: (rows, columns), NaN where the flight did not end
-    closed_form: Any  #: (rows, columns) -d(v')/d(v), the mean over the flight's two ends
+    beta: Array  #: (rows, columns) [rad]
+    gamma: Array  #: (rows, columns) [rad]
+    measured: Array  #: (rows, columns), NaN where the flight did not end
+    closed_form: Array  #: (rows, columns) -d(v')/d(v), the mean over the flight's two ends
 
 
 def relaxation(
@@ -44,8 +47,6 @@ def relaxation(
     margin: float = 0.35,
 ) -> Relaxation:
     """From the critical manifold and ``distance`` [rad/s] above it, beta at least ``margin`` [rad] from lying flat."""
-    import numpy
-
     constants, speed = parameters.at(DOUBLE), float(omega)
     beta, gamma = numpy.meshgrid(
         numpy.linspace(margin, math.pi - margin, rows),

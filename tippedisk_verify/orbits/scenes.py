@@ -12,6 +12,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any, Literal
 
+import numpy
+
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.exact import PI, Exact, exact, shown
@@ -152,8 +154,6 @@ def compute(
 
     Raises InputError if the panel needs an Omega_h that is not given, Shortfall if an integration fails.
     """
-    import numpy
-
     omega = scene.omega(parameters, omega_h)
     if omega.value <= 0:
         raise InputError(f"scene {scene.name}: its speed {float(omega):g} rad/s is not positive")
@@ -231,8 +231,6 @@ def section_amplitudes(times: Any, result: Result) -> Any:
 
     Neighbouring samples enclose a crossing; Newton's method on the dense output (its slope is v) locates it.
     """
-    import numpy
-
     if result.dense is None:
         raise InputError("section amplitudes need dense output")
     offset = result.samples[1:, 0] - math.pi / 2
@@ -249,12 +247,12 @@ def section_amplitudes(times: Any, result: Result) -> Any:
 
 def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
     wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
-    when, built = _flat_time(result, request, engine, omega)
+    when, built = _flat_time(request, engine, omega)
     reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
     return Ending("flat", reason, time=when, wells_passed=wells), built
 
 
-def _flat_time(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
+def _flat_time(request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
     plain = replace(request, times=None, dense=False)
     if engine.measures_error:
@@ -262,12 +260,10 @@ def _flat_time(result: Result, request: Request, engine: Engine, omega: Measured
         error = timed.error.time if timed.error is not None else math.inf
         if not math.isfinite(error):
             raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
-        built = timed.built
     else:
         # The change under a hundredfold looser tolerance overstates the error about a hundredfold.
         plain = replace(plain, tolerance=None)
         timed = engine(plain)
         error = abs(float(engine(replace(plain, tolerance=1e-11)).time) - float(timed.time))
-        built = timed.built
     moved = engine(replace(plain, omega=omega.value + omega.uncertainty))
-    return Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15), built
+    return Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15), timed.built

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.exact import Exact, fraction, quotient
@@ -118,8 +120,6 @@ class SplittingFunction:
 
     def _flight_time(self, near: Fraction, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
-        import numpy
-
         start = [float(curve.at(saddle.context.mpf(float(self.start)))) for curve in saddle.unstable_curve]
         state = (start[0], Exact(fraction(start[1]), Fraction(-1)), start[2])
         times = numpy.arange(0, _LONGEST, 0.01)
