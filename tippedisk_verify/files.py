@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
-import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +16,6 @@ from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     "alone",
-    "checksum",
     "csv_text",
     "output_file",
     "output_folder",
@@ -86,11 +83,6 @@ def _write_beside(path: Path, content: bytes) -> Path:
 def remains_of(path: Path) -> list[Path]:
     """What an interrupted `write_bytes` of this path left beside it."""
     return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8)) if path.parent.is_dir() else []
-
-
-def checksum(content: object) -> str:
-    """A short hash of what JSON can hold, by which a file's own damage is told from its content."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def printable(text: str) -> str:

@@ -25,13 +25,14 @@ from tests.dask_cluster import changed_package, surroundings
 from tests.problems import paper_rates
 from tests.stress.runs import LONGEST
 from tests.stress.strikes import Struck, ended_by
+from tippedisk_verify.checksums import read_checked
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.checking import check, recomputed, stored_entries
 from tippedisk_verify.evidence.reference.entries import as_doubles, case_of, trimmed
 from tippedisk_verify.evidence.reference.generation import computed, generate, pieces_of
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
-from tippedisk_verify.evidence.reference.manifest import SETS, faults_in_files, write_manifest
+from tippedisk_verify.evidence.reference.manifest import LARGEST, SETS, faults_in_files, write_manifest
 from tippedisk_verify.evidence.reference.store import Store, data_folder, reference, stored
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -245,7 +246,7 @@ def _survives(tmp_path: Path, kills: int, seed: int) -> None:
             if not any(part.startswith(".") for part in Path(name).parts):
                 assert content == expected[name], name
         for piece in broken.glob(".work/*.json"):
-            json.loads(piece.read_text())
+            assert read_checked(piece, LARGEST) is not None
         if (broken / "manifest.json").exists():
             shutil.rmtree(broken)
     generate(broken, only=_QUICK)

@@ -6,9 +6,7 @@ columns of their own.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import os
 import platform
 from collections.abc import Callable, Iterator, Mapping
@@ -17,6 +15,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
+from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.equations import checked_speed
@@ -195,8 +194,7 @@ class Plan:
     def key(self) -> str:
         """A hash of all that is asked for."""
         fixed = [_text(getattr(self.parameters, name)) for name in SYMBOLS]
-        text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return digest([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
 
 
 def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:

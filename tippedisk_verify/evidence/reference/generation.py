@@ -9,7 +9,6 @@ the same bytes on the same machine.
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import shutil
@@ -19,12 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.checksums import digest, read_checked, write_checked
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.evidence.reference.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.evidence.reference.kinds import KINDS, kind_named
 from tippedisk_verify.evidence.reference.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
 from tippedisk_verify.evidence.reference.store import data_folder
-from tippedisk_verify.files import alone, checksum, output_folder, read_text, remains_of, write_text
+from tippedisk_verify.files import alone, output_folder, read_text, remains_of
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -49,8 +49,8 @@ class Piece:
     def key(self) -> str:
         """A name made from everything that the result depends on."""
         asked = [[item.id, dict(item.inputs), list(item.readings)] for item in self.items]
-        text = json.dumps([origin(kind_named.__module__), FORMAT, self.kind, self.set, asked], sort_keys=True)
-        return f"{self.kind}-{self.set}-{hashlib.sha256(text.encode()).hexdigest()[:24]}"
+        everything = [origin(kind_named.__module__), FORMAT, self.kind, self.set, asked]
+        return f"{self.kind}-{self.set}-{digest(everything)[:24]}"
 
 
 def pieces_of(kind: Kind, set_name: str) -> list[Piece]:
@@ -67,27 +67,13 @@ def computed(piece: Piece, folder: Path, key: str) -> list[dict[str, Any]]:
     if piece.key != key:
         raise Shortfall("the code, or a numerical package, has changed since this run began: start it again")
     path = folder / f"{key}.json"
-    if path.exists():
-        found = _kept(path, piece)
-        if found is not None:  # otherwise damaged by something else than us: our own writes are whole
-            return found
+    kept: list[dict[str, Any]] | None = read_checked(path, LARGEST)
+    if kept is not None:
+        return kept
     kind = kind_named(piece.kind)
     entries = [answered(kind, item) for item in piece.items]
-    write_text(path, json.dumps({"entries": entries, "checksum": checksum(entries)}))
+    write_checked(path, entries)
     return entries
-
-
-def _kept(path: Path, piece: Piece) -> list[dict[str, Any]] | None:
-    """What an earlier run has left, if it is what such a run leaves."""
-    try:
-        kept = json.loads(read_text(path, LARGEST))
-        entries = kept["entries"] if kept["checksum"] == checksum(kept["entries"]) else []
-        whole = [entry["id"] for entry in entries] == [item.id for item in piece.items] and all(
-            isinstance(entry["quantities"], dict) and entry["quantities"] for entry in entries
-        )
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return None
-    return entries if whole else None
 
 
 def generate(

@@ -5,13 +5,13 @@ Whoever reads values reads them through `sound_files`: one turned bit of a disk 
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 from tippedisk_verify import __version__
+from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_bytes, write_text
 
@@ -46,11 +46,11 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> Path
     will be.
     """
     files: dict[str, dict[str, Any]] = {
-        path.relative_to(folder).as_posix(): {"sha256": _hash(read_bytes(path, LARGEST)), "bytes": path.stat().st_size}
+        path.relative_to(folder).as_posix(): {"sha256": digest(read_bytes(path, LARGEST)), "bytes": path.stat().st_size}
         for path in _files(folder)
     }
     for name, text in (ahead or {}).items():
-        files.setdefault(name, {"sha256": None, "bytes": 0})["becoming"] = _hash(text.encode())
+        files.setdefault(name, {"sha256": None, "bytes": 0})["becoming"] = digest(text.encode())
     content = {"format": FORMAT, "generator": f"tippedisk-verify {__version__}", "command": COMMAND, "files": files}
     return write_text(folder / _NAME, _text(content))
 
@@ -146,7 +146,7 @@ def _sound(folder: Path, name: str, expected: Any) -> bytes | str | None:
     if not hashes or path.stat().st_size > LARGEST:
         return f"{said} has been changed"
     content = read_bytes(path, LARGEST)
-    return content if _hash(content) in hashes else f"{said} has been changed: its SHA-256 is not the manifest's"
+    return content if digest(content) in hashes else f"{said} has been changed: its SHA-256 is not the manifest's"
 
 
 def _files(folder: Path) -> list[Path]:
@@ -159,9 +159,4 @@ def _files(folder: Path) -> list[Path]:
 
 def _text(content: dict[str, Any]) -> str:
     """With the hash of everything before it as its last entry."""
-    own = _hash(json.dumps(content, sort_keys=True).encode())
-    return json.dumps({**content, "sha256": own}, indent=1) + "\n"
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+    return json.dumps({**content, "sha256": digest(content)}, indent=1) + "\n"
