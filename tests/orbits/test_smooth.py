@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy
 import pytest
 
+from tippedisk_verify.audit.switching_order import switching_order
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.evidence.switching_order import switching_order
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.lanes import BatchTaylor

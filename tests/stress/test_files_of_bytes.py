@@ -15,11 +15,11 @@ import pytest
 from tests.stress.nonsense import Ran, assert_refused, ran
 from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.evidence.reference.checking import check
-from tippedisk_verify.evidence.reference.generation import values_csv
-from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
-from tippedisk_verify.evidence.reference.store import Store, data_folder
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.reference_values.checking import check
+from tippedisk_verify.reference_values.generation import values_csv
+from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
+from tippedisk_verify.reference_values.store import Store, data_folder
 from tippedisk_verify.sweep.plan import Plan, here
 from tippedisk_verify.sweep.running import swept
 

@@ -25,18 +25,18 @@ _COSTS = ("growth", "overhead", "start-up")
 @plain_options
 def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
     """Run time against error: six initial-value problems, a period solve, the paper's branch of limit cycles."""
-    from tippedisk_verify.evidence.bench.branch_race import race
-    from tippedisk_verify.evidence.bench.methods import METHODS
-    from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named
-    from tippedisk_verify.evidence.bench.race import machine, raced
-    from tippedisk_verify.evidence.bench.ratios import ratios
+    from tippedisk_verify.bench.branch_race import race
+    from tippedisk_verify.bench.methods import METHODS
+    from tippedisk_verify.bench.problems import PROBLEMS, problem_named
+    from tippedisk_verify.bench.race import machine, raced
+    from tippedisk_verify.bench.ratios import ratios
     from tippedisk_verify.model.parameters import PRINTED
 
     names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
     problems = [problem_named(name) for name in names if name not in ("branch", *_COSTS)]
     methods = METHODS
     if peers:
-        from tippedisk_verify.evidence.bench.peers import peer_methods
+        from tippedisk_verify.bench.peers import peer_methods
 
         methods = (*METHODS, *peer_methods())
     folder = alone_in(out)
@@ -73,18 +73,18 @@ def _costs(names: list[str]) -> dict[str, Any]:
     """How cost grows, and what starting costs, where they were asked for by name: each takes a minute."""
     found: dict[str, Any] = {}
     if "growth" in names:
-        from tippedisk_verify.evidence.bench.growth import break_even, digits_growth, epsilon_growth
+        from tippedisk_verify.bench.growth import break_even, digits_growth, epsilon_growth
 
         by_epsilon = epsilon_growth()
         full, *reduced = by_epsilon
         found["growth"] = [growth.json() for growth in (*digits_growth(), *by_epsilon)]
         found["break_even_epsilon"] = {one.what: break_even(full, one) for one in reduced}
     if "overhead" in names:
-        from tippedisk_verify.evidence.bench.overhead import overheads
+        from tippedisk_verify.bench.overhead import overheads
 
         found["overhead"] = [overhead.json() for overhead in overheads()]
     if "start-up" in names:
-        from tippedisk_verify.evidence.bench.startup import start_up
+        from tippedisk_verify.bench.startup import start_up
 
         found["start_up"] = start_up().json()
     return found

@@ -30,10 +30,10 @@ def conformance(context: click.Context) -> None:
 @plain_options
 def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str, ...], levels: str | None) -> int:
     """Write an answer sheet: inputs only, easiest first."""
-    from tippedisk_verify.evidence.conformance.sheet import questions as asked
-    from tippedisk_verify.evidence.conformance.sheet import sheet_csv, sheet_json
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.conformance.sheet import questions as asked
+    from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
     from tippedisk_verify.files import output_file, write_text
+    from tippedisk_verify.reference_values.store import stored
 
     target = output_file(file)
     if target.suffix.lower() not in (".csv", ".json"):
@@ -51,7 +51,7 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
 
 def _refuse_filled_in(target: Path, store: Any) -> None:
     """What somebody has filled in is not written over, nor what cannot be read: it may be answers with a mistake."""
-    from tippedisk_verify.evidence.conformance.sheet import read_answers
+    from tippedisk_verify.conformance.sheet import read_answers
 
     if not target.exists() or not target.stat().st_size:
         return
@@ -88,12 +88,12 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
     whatever the grades: a poor one is a result.
     """
-    from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
-    from tippedisk_verify.evidence.conformance.grading import graded, levels_of
-    from tippedisk_verify.evidence.conformance.pages import Report, html_page, print_report
-    from tippedisk_verify.evidence.conformance.sheet import read_answers
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.conformance.diagnosis import diagnosed
+    from tippedisk_verify.conformance.grading import graded, levels_of
+    from tippedisk_verify.conformance.pages import Report, html_page, print_report
+    from tippedisk_verify.conformance.sheet import read_answers
     from tippedisk_verify.files import output_file, printable, write_text
+    from tippedisk_verify.reference_values.store import stored
 
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")

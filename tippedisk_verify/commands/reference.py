@@ -28,8 +28,8 @@ def reference(context: click.Context) -> None:
 @plain_options
 def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, ...], jobs: int | None) -> int:
     """Make the reference files; what an interrupted run has computed is taken up again."""
-    from tippedisk_verify.evidence.reference.generation import generate as made
-    from tippedisk_verify.evidence.reference.manifest import SETS
+    from tippedisk_verify.reference_values.generation import generate as made
+    from tippedisk_verify.reference_values.manifest import SETS
 
     if not out:
         raise InputError("--out needs the name of a folder")
@@ -50,7 +50,7 @@ def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, .
 @plain_options
 def prove(common: Common, prefixes: tuple[str, ...], data: str, jobs: int | None) -> int:
     """Prove values by ball arithmetic (those whose id starts with PREFIX), and write enclosures and statements."""
-    from tippedisk_verify.evidence.reference.proofs import prove as proved
+    from tippedisk_verify.reference_values.proofs import prove as proved
 
     if not data or not Path(data).is_dir():
         raise InputError(f"--data needs a folder with reference files, not '{data[:100]}'")
@@ -72,8 +72,8 @@ def prove(common: Common, prefixes: tuple[str, ...], data: str, jobs: int | None
 @plain_options
 def check(common: Common, data: str | None, everything: bool, sample: int, seed: int, jobs: int | None) -> int:
     """Hold the files against their hashes and schema, and numbers against their other roads."""
-    from tippedisk_verify.evidence.reference.checking import check as checked
-    from tippedisk_verify.evidence.reference.store import data_folder
+    from tippedisk_verify.reference_values.checking import check as checked
+    from tippedisk_verify.reference_values.store import data_folder
 
     folder = data_folder() if data is None else Path(data)
     with progress(common, 0) as advance, processes(jobs, needed=bool(sample) or everything) as pool:
@@ -95,7 +95,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
 @plain_options
 def listed(common: Common, prefix: str) -> int:
     """The ids that start with PREFIX, such as printed/linear/limit-cycle."""
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.reference_values.store import stored
 
     found = stored().matching(prefix)
     if not found:
@@ -118,7 +118,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
     each parameter or input.
     """
     from tippedisk_verify.commands.quantities import heading
-    from tippedisk_verify.evidence.reference.store import reference as value_of
+    from tippedisk_verify.reference_values.store import reference as value_of
 
     found = [value_of(id_) for id_ in ids]
     if common.json:

@@ -21,7 +21,7 @@ __all__ = ["COMMANDS"]
 @plain_options
 def stress(common: Common, only: tuple[str, ...], quick: bool, listed: bool, jobs: int | None) -> int:
     """Extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."""
-    from tippedisk_verify.evidence.stress.battery import cases_named, outcome_of
+    from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)
     if listed:

@@ -48,14 +48,14 @@ def verify(
     if more and not only:
         raise InputError(f"'{more[0][:40]}' stands alone: name claims with --only")
     checked_jobs(jobs)
+    from tippedisk_verify.audit.catalogue import selected
     from tippedisk_verify.cache import Cache, default_folder
-    from tippedisk_verify.evidence.catalogue import selected
 
     if listing:
         if out is not None or only or fresh:
             raise InputError("--list stands alone")
         return _listed(common)
-    from tippedisk_verify.evidence.claims import Finding
+    from tippedisk_verify.audit.claims import Finding
     from tippedisk_verify.report.results import results_json, summary
     from tippedisk_verify.report.work import AuditJob, run, tasks_for
 
@@ -169,7 +169,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
 
 
 def _listed(common: Common) -> int:
-    from tippedisk_verify.evidence.catalogue import selected
+    from tippedisk_verify.audit.catalogue import selected
 
     claims = selected(())
     if common.json:
@@ -186,8 +186,8 @@ def _print_claims(order: Any, sets: Sequence[str], findings: Sequence[tuple[Any,
     from rich.markup import escape
     from rich.table import Table
 
-    from tippedisk_verify.evidence.claim_proofs import proof_of
-    from tippedisk_verify.evidence.claims import sets_with
+    from tippedisk_verify.audit.claim_proofs import proof_of
+    from tippedisk_verify.audit.claims import sets_with
     from tippedisk_verify.report.results import shown, summary, totals
 
     colours = {"holds": "green", "holds-for": "yellow", "does-not-follow": "red", "undecided": "magenta"}

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from tippedisk_verify.evidence.bench.methods import METHODS
-from tippedisk_verify.evidence.bench.problems import problem_named
-from tippedisk_verify.evidence.bench.race import Score, machine, raced
-from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.bench.methods import METHODS
+from tippedisk_verify.bench.problems import problem_named
+from tippedisk_verify.bench.race import Score, machine, raced
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import pyplot
 

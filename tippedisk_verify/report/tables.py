@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.evidence.bench.race import Score
+from tippedisk_verify.bench.race import Score
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.orbits.basins import Basins
