@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tippedisk_verify.audit import connection_claims, friction_claims, local_claims, manifold_claims
+from tippedisk_verify.audit import balance_claims, connection_claims, friction_claims, linear_claims, manifold_claims
 from tippedisk_verify.audit.catalogue import CLAIMS
 from tippedisk_verify.audit.claims import Audit, Claim, Verdict, examined
 from tippedisk_verify.flow import baseline
@@ -64,7 +64,7 @@ def follows(place: Any, name: str, function: Callable[..., Any]) -> Plant:
 
 def linearizes(change: Callable[[Any, Parameters], Any]) -> Plant:
     """Another linearisation."""
-    return follows(local_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p))
+    return follows(linear_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p))
 
 
 def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
@@ -167,10 +167,10 @@ PLANTS: dict[str, Plant] = {
     "inverted_stable_above": linearizes(lambda matrix, p: matrix._replace(A33=-matrix.A33)),
     "inverted_unstable_below": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6))),
     "noninverted_unstable": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6), A32=-matrix.A32)),
-    "expansion_mass": follows(local_claims, "printed", _with("mass", (2, 0, 0), 2)),
-    "expansion_gyroscopic": follows(local_claims, "printed", expansion.derived),
-    "expansion_gravity": follows(local_claims, "printed", expansion.derived),
-    "expansion_friction": follows(local_claims, "printed", _with("friction", (2, 0, 1), -1)),
+    "expansion_mass": follows(balance_claims, "printed", _with("mass", (2, 0, 0), 2)),
+    "expansion_gyroscopic": follows(balance_claims, "printed", expansion.derived),
+    "expansion_gravity": follows(balance_claims, "printed", expansion.derived),
+    "expansion_friction": follows(balance_claims, "printed", _with("friction", (2, 0, 1), -1)),
     "kappa_1": follows(harmonic_balance, "kappa_1", _consistent(harmonic_balance.kappa_1)),
     "kappa_2": follows(harmonic_balance, "kappa_2", _consistent(harmonic_balance.kappa_2)),
     "delta": follows(harmonic_balance, "delta", _consistent(harmonic_balance.delta)),

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 from tippedisk_verify.audit import (
+    balance_claims,
     connection_claims,
     friction_claims,
     global_claims,
-    local_claims,
+    linear_claims,
     manifold_claims,
+    table_claims,
 )
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
@@ -18,16 +20,20 @@ from tippedisk_verify.errors import InputError
 __all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "home_of", "selected"]
 
 _HOMES = {
-    "Model, linear analysis and harmonic balance": (local_claims.__name__, local_claims.LOCAL_CLAIMS),
-    "Slow manifold": (manifold_claims.__name__, manifold_claims.MANIFOLD_CLAIMS),
-    "Heteroclinic connection": (connection_claims.__name__, connection_claims.CONNECTION_CLAIMS),
-    "Limit cycles and trajectories": (global_claims.__name__, global_claims.GLOBAL_CLAIMS),
-    "Friction laws and attraction": (friction_claims.__name__, friction_claims.FRICTION_CLAIMS),
+    "Model, linear analysis and harmonic balance": (
+        (table_claims.__name__, table_claims.TABLE_CLAIMS),
+        (linear_claims.__name__, linear_claims.LINEAR_CLAIMS),
+        (balance_claims.__name__, balance_claims.BALANCE_CLAIMS),
+    ),
+    "Slow manifold": ((manifold_claims.__name__, manifold_claims.MANIFOLD_CLAIMS),),
+    "Heteroclinic connection": ((connection_claims.__name__, connection_claims.CONNECTION_CLAIMS),),
+    "Limit cycles and trajectories": ((global_claims.__name__, global_claims.GLOBAL_CLAIMS),),
+    "Friction laws and attraction": ((friction_claims.__name__, friction_claims.FRICTION_CLAIMS),),
 }
 #: What the claims are about, in the order of the paper.
 GROUPS: tuple[str, ...] = tuple(_HOMES)
-CLAIMS: tuple[Claim, ...] = tuple(claim for _, claims in _HOMES.values() for claim in claims)
-_PLACE = {claim.name: (group, home) for group, (home, claims) in _HOMES.items() for claim in claims}
+_PLACE = {claim.name: (group, home) for group, homes in _HOMES.items() for home, claims in homes for claim in claims}
+CLAIMS: tuple[Claim, ...] = tuple(claim for homes in _HOMES.values() for _, claims in homes for claim in claims)
 
 
 def group_of(name: str) -> str:
