@@ -22,11 +22,14 @@ ALLOWED = {
     "certified": {"errors", "model", "certified"},
     "audit": {"errors", "model", "theory", "flow", "orbits", "audit"},
     "reference_values": {
-        *("errors", "files", "checksums", "fingerprint"),
+        *("errors", "files", "checksums", "fingerprint", "parallel"),
         *("model", "theory", "flow", "orbits", "certified", "reference_values"),
     },
     "conformance": {"errors", "files", "web", "model", "theory", "reference_values", "conformance"},
-    "bench": {"errors", "cache", "interrupts", "model", "theory", "flow", "orbits", "bench"},
+    "bench": {
+        *("errors", "cache", "interrupts", "fingerprint", "parallel", "__version__"),
+        *("model", "theory", "flow", "orbits", "bench"),
+    },
     "stress": {"errors", "model", "theory", "flow", "orbits", "stress"},
     "figures": {"errors", "files", "model", "theory", "flow", "orbits", "audit", "bench", "figures"},
     "report": {

@@ -14,6 +14,8 @@ from typing import Any
 
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
+from tippedisk_verify.fingerprint import processor
+from tippedisk_verify.parallel import usable_cores
 
 __all__ = ["Score", "machine", "raced"]
 
@@ -201,16 +203,10 @@ def machine() -> dict[str, Any]:
     from tippedisk_verify.model.precision import heyoka_module
 
     hy = heyoka_module()
-    name = platform.processor() or platform.machine()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
     return {
-        "processor": name,
+        "processor": processor(),
         "cores": os.cpu_count(),
-        "usable_cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "usable_cores": usable_cores(),
         "simd_lanes": int(hy.recommended_simd_size()),
         "python": platform.python_version(),
         "heyoka": hy.__version__,

@@ -8,7 +8,7 @@ from tippedisk_verify.commands.common import (
     Common,
     alone_in,
     common_options,
-    print_json,
+    print_result,
     processes,
     progress,
     speed,
@@ -52,11 +52,9 @@ def basin(
 
         save(draw_basins(found), folder, "basins")
         write_basins(found, folder)
-    if common.json:
-        print_json(found.json())
-    elif not common.quiet:
-        for name, (share, error) in found.fractions().items():
-            click.echo(f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %")
+    shares = found.fractions().items()
+    lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)
+    print_result(common, found.json(), lines)
     return 0
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_measured, case_of, disagreements
 from tippedisk_verify.reference_values.generation import values_csv
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
@@ -89,37 +90,32 @@ def check(
         raise InputError(f"the sample must not be negative, not {sample}")
     if not (folder / "manifest.json").is_file():
         raise InputError(f"no reference data in {folder}: there is no manifest.json")
-    faults = faults_in_files(folder)
     files = sum(1 for path in folder.rglob("*") if path.is_file())
-    if faults:  # what was changed is known; its numbers need no second look
-        return CheckReport(files, 0, 0, tuple(faults))
-    try:
-        faults = _faults_in_form(folder)
-        entries = [] if faults else stored_entries(folder)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
-        # With hashes that fit: someone has written a manifest for files that are not of this program's making.
-        faults, entries = [f"the files are not reference data: {printable(str(fault))[:160]}"], []
-    if not faults and not entries:
-        faults = ["there are no reference values"]
+    entries, faults = _sound_entries(folder)
     if faults:
         return CheckReport(files, 0, 0, tuple(faults))
     faults = [fault for entry in entries for fault in _beyond_proofs(entry)]
     numbers = sum(len(entry.quantities) * len(entry.item.readings) for entry in entries)
     chosen = _chosen(entries, sample, seed)
     redone = 0
-    if executor is None:
-        for entry in chosen:
-            count, found = recomputed(entry)
-            redone += count
-            faults += found
-            advance(entry.item.id, 1)
-    else:
-        for done in as_completed([executor.submit(recomputed, entry) for entry in chosen]):
-            count, found = done.result()
-            redone += count
-            faults += found
-            advance("", 1)
+    for entry, (count, wrong) in as_done(recomputed, chosen, executor):
+        redone += count
+        faults += wrong
+        advance(entry.item.id, 1)
     return CheckReport(files, numbers, redone, tuple(faults))
+
+
+def _sound_entries(folder: Path) -> tuple[list[StoredEntry], list[str]]:
+    """The folder's entries, or what is wrong with its files: numbers of a changed file need no second look."""
+    if faults := faults_in_files(folder):
+        return [], faults
+    try:
+        faults = _faults_in_form(folder)
+        entries = [] if faults else stored_entries(folder)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
+        # With hashes that fit: someone has written a manifest for files that are not of this program's making.
+        return [], [f"the files are not reference data: {printable(str(fault))[:160]}"]
+    return entries, faults if faults or entries else ["there are no reference values"]
 
 
 def _beyond_proofs(entry: StoredEntry) -> list[str]:
@@ -151,13 +147,13 @@ def recomputed(entry: StoredEntry) -> tuple[int, list[str]]:
         case, values = case_of(entry.item, reading), entry.values(reading)
         for road in kind.roads[1:]:
             try:
-                found = road.compute(case, values)
+                answers = road.compute(case, values)
             except (ArithmeticError, RuntimeError, ValueError) as fault:
                 faults.append(f"{entry.item.id} from {reading} by {road.name}: {fault}")
                 continue
-            count += len(found)
+            count += len(answers)
             faults += [
-                f"{entry.item.id} from {reading} by {road.name}: {line}" for line in disagreements(values, found)
+                f"{entry.item.id} from {reading} by {road.name}: {line}" for line in disagreements(values, answers)
             ]
     return count, faults
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from tippedisk_verify.files import alone, output_folder, read_text, remains_of
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
@@ -76,6 +78,10 @@ def computed(piece: Piece, folder: Path, key: str) -> list[dict[str, Any]]:
     return entries
 
 
+def _computed(job: tuple[Piece, Path, str]) -> list[dict[str, Any]]:
+    return computed(*job)
+
+
 def generate(
     out: Path,
     *,
@@ -126,27 +132,16 @@ def _generate(
     executor: Executor | None,
     advance: Advance,
 ) -> list[Path]:
-    results: dict[tuple[str, str], list[list[dict[str, Any]]]] = {}
-    waiting: dict[Future[list[dict[str, Any]]], tuple[Piece, int]] = {}
-    for kind in kinds:
-        for set_name in sets:
-            pieces = pieces_of(kind, set_name)
-            results[kind.name, set_name] = [[] for _ in pieces]
-            for place, piece in enumerate(pieces):
-                if executor is None:
-                    results[kind.name, set_name][place] = computed(piece, work, piece.key)
-                    advance(piece.items[0].id, len(piece.items))
-                else:
-                    waiting[executor.submit(computed, piece, work, piece.key)] = piece, place
-    for done in as_completed(waiting):
-        piece, place = waiting[done]
-        results[piece.kind, piece.set][place] = done.result()
+    jobs = {
+        (kind, name): [(piece, work, piece.key) for piece in pieces_of(kind, name)] for kind in kinds for name in sets
+    }
+    entries = {}
+    for (piece, _, key), answers in as_done(_computed, itertools.chain(*jobs.values()), executor):
+        entries[key] = answers
         advance(piece.items[0].id, len(piece.items))
     texts = {
-        f"{set_name}/{kind_name}.json": file_text(
-            kind_named(kind_name), set_name, [entry for piece_done in pieces_done for entry in piece_done]
-        )
-        for (kind_name, set_name), pieces_done in results.items()
+        f"{name}/{kind.name}.json": file_text(kind, name, [entry for _, _, key in pieces for entry in entries[key]])
+        for (kind, name), pieces in jobs.items()
     }
     whole = _others(folder, kinds, sets) | texts
     for set_name in sets:

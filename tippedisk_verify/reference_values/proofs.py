@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, output_folder
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import as_measured
 from tippedisk_verify.reference_values.generation import file_text, values_csv
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
@@ -75,20 +76,20 @@ def proved_entry(entry: dict[str, Any]) -> Proof:
 def _equilibrium(parameters: Parameters, inputs: dict[str, str]) -> Proof:
     from tippedisk_verify.certified.closed_forms import proved_equilibrium
 
-    found = proved_equilibrium(parameters, inputs["Omega"], inputs["equilibrium"], _DIGITS)
+    proved = proved_equilibrium(parameters, inputs["Omega"], inputs["equilibrium"], _DIGITS)
     enclosures = {}
-    for place, value in enumerate(found.eigenvalues, start=1):
+    for place, value in enumerate(proved.eigenvalues, start=1):
         enclosures[f"lambda_{place}_re"], enclosures[f"lambda_{place}_im"] = value.re, value.im
     command = f"certify equilibria --parameters {parameters.name} --omega {inputs['Omega']} --digits {_DIGITS}"
-    return Proof(found.statement, command, enclosures)
+    return Proof(proved.statement, command, enclosures)
 
 
 def _hopf(parameters: Parameters, names: Sequence[str]) -> Proof:
     from tippedisk_verify.certified.closed_forms import proved_hopf
 
-    found = proved_hopf(parameters, _DIGITS)
-    enclosures = {name: getattr(found, name) for name in names if isinstance(getattr(found, name, None), Measured)}
-    return Proof(found.statement, f"certify hopf --parameters {parameters.name} --digits {_DIGITS}", enclosures)
+    proved = proved_hopf(parameters, _DIGITS)
+    enclosures = {name: getattr(proved, name) for name in names if isinstance(getattr(proved, name, None), Measured)}
+    return Proof(proved.statement, f"certify hopf --parameters {parameters.name} --digits {_DIGITS}", enclosures)
 
 
 def _connection(parameters: Parameters) -> Proof:
@@ -98,13 +99,13 @@ def _connection(parameters: Parameters) -> Proof:
 
     # As the command does it: the stored value has too few digits for so short an interval.
     near = heteroclinic(parameters, default_engine(), digits=_OMEGA_H_DIGITS + 5).omega_h.value
-    found = prove_connection(parameters, near, _OMEGA_H_DIGITS)
-    if not found.proved or found.omega_h is None:
-        raise Shortfall(found.statement)
+    proof = prove_connection(parameters, near, _OMEGA_H_DIGITS)
+    if not proof.proved or proof.omega_h is None:
+        raise Shortfall(proof.statement)
     names = ("lambda_u", "lambda_s", "lambda_ss")
-    enclosures = {"omega_h": found.omega_h, **dict(zip(names, found.saddle_eigenvalues, strict=True))}
+    enclosures = {"omega_h": proof.omega_h, **dict(zip(names, proof.saddle_eigenvalues, strict=True))}
     command = f"certify heteroclinic --parameters {parameters.name} --digits {_OMEGA_H_DIGITS}"
-    return Proof(found.statement, command, enclosures)
+    return Proof(proof.statement, command, enclosures)
 
 
 def _cycle(parameters: Parameters, entry: dict[str, Any]) -> Proof:
@@ -112,12 +113,12 @@ def _cycle(parameters: Parameters, entry: dict[str, Any]) -> Proof:
 
     omega, told = entry["inputs"]["Omega"], entry["quantities"]
     guess = (told["gamma_bar_0"]["value"], told["v_0"]["value"])
-    found = prove_cycle(parameters, omega, guess, digits=_DIGITS)
-    if not found.proved:
-        raise Shortfall(f"{entry['id']}: {found.statement}")
-    numbers = found.numbers()
+    proof = prove_cycle(parameters, omega, guess, digits=_DIGITS)
+    if not proof.proved:
+        raise Shortfall(f"{entry['id']}: {proof.statement}")
+    numbers = proof.numbers()
     command = f"certify orbit --parameters {parameters.name} --omega {omega} --digits {_DIGITS}"
-    return Proof(found.statement, command, {name: numbers[name] for name in _CYCLE if name in numbers})
+    return Proof(proof.statement, command, {name: numbers[name] for name in _CYCLE if name in numbers})
 
 
 def _with_proof(entry: dict[str, Any], proof: Proof) -> dict[str, Any]:
@@ -128,12 +129,12 @@ def _with_proof(entry: dict[str, Any], proof: Proof) -> dict[str, Any]:
         if enclosure is None:
             quantities[name] = quantity
             continue
-        found = {**quantity, "grade": "proved", "enclosure": enclosure.json()}
-        if not as_measured(quantity).contains(as_measured(found["enclosure"])):
+        told = enclosure.json()
+        if not as_measured(quantity).contains(as_measured(told)):
             raise Shortfall(f"{entry['id']}/{name} does not contain its enclosure: it is wrong, or claims too much")
-        quantities[name] = found
-    told = {"statement": proof.statement, "command": f"tippedisk-verify {proof.command}"}
-    return {**entry, "proof": told, "quantities": quantities}
+        quantities[name] = {**quantity, "grade": "proved", "enclosure": told}
+    source = {"statement": proof.statement, "command": f"tippedisk-verify {proof.command}"}
+    return {**entry, "proof": source, "quantities": quantities}
 
 
 def prove(
@@ -186,19 +187,13 @@ def _prove(
 def _proofs(
     wanted: dict[str, dict[str, Any]], executor: Executor | None, advance: Callable[[str, int], None]
 ) -> dict[str, Proof]:
-    found = {}
-    if executor is None:
-        for id_, entry in wanted.items():
-            found[id_] = proved_entry(entry)
-            advance(id_, 1)
-        return found
+    proofs = {}
     # Omega_h takes longest.
-    order = sorted(wanted, key=lambda id_: "/heteroclinic/" not in id_)
-    waiting = {executor.submit(proved_entry, wanted[id_]): id_ for id_ in order}
-    for done in as_completed(waiting):
-        found[waiting[done]] = done.result()
-        advance(waiting[done], 1)
-    return found
+    order = sorted(wanted.values(), key=lambda entry: "/heteroclinic/" not in entry["id"])
+    for entry, proof in as_done(proved_entry, order, executor):
+        proofs[entry["id"]] = proof
+        advance(entry["id"], 1)
+    return proofs
 
 
 def _write(folder: Path, documents: dict[str, dict[str, Any]], changed: dict[str, dict[str, Any]]) -> None:
