@@ -16,7 +16,10 @@ Answer = TypeVar("Answer")
 def as_done(
     function: Callable[[Job], Answer], jobs: Iterable[Job], executor: Executor | None
 ) -> Iterator[tuple[Job, Answer]]:
-    """Each job with its answer: in order in this process if there is no executor, else as they are done."""
+    """Each job with its answer: in order in this process if there is no executor, else as they are done.
+
+    An executor is given each job as soon as ``jobs`` has it.
+    """
     if executor is None:
         for job in jobs:
             yield job, function(job)

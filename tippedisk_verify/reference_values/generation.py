@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,16 +131,22 @@ def _generate(
     executor: Executor | None,
     advance: Advance,
 ) -> list[Path]:
-    jobs = {
-        (kind, name): [(piece, work, piece.key) for piece in pieces_of(kind, name)] for kind in kinds for name in sets
-    }
+    keys: dict[tuple[Kind, str], list[str]] = {(kind, name): [] for kind in kinds for name in sets}
+
+    def jobs() -> Iterator[tuple[Piece, Path, str]]:
+        """One by one: where the questions of the last kinds are put takes minutes, and the first need not wait."""
+        for (kind, name), so_far in keys.items():
+            for piece in pieces_of(kind, name):
+                so_far.append(piece.key)
+                yield piece, work, piece.key
+
     entries = {}
-    for (piece, _, key), answers in as_done(_computed, itertools.chain(*jobs.values()), executor):
+    for (piece, _, key), answers in as_done(_computed, jobs(), executor):
         entries[key] = answers
         advance(piece.items[0].id, len(piece.items))
     texts = {
-        f"{name}/{kind.name}.json": file_text(kind, name, [entry for _, _, key in pieces for entry in entries[key]])
-        for (kind, name), pieces in jobs.items()
+        f"{name}/{kind.name}.json": file_text(kind, name, [entry for key in of_kind for entry in entries[key]])
+        for (kind, name), of_kind in keys.items()
     }
     whole = _others(folder, kinds, sets) | texts
     for set_name in sets:
