@@ -46,15 +46,16 @@ class Run:
         return asdict(self)
 
 
-def _largest(found: Sequence[float], truths: Sequence[Fraction]) -> float:
-    return max(abs(float(Fraction(a) - b)) for a, b in zip(found, truths, strict=True))
+def _largest(periods: Sequence[float], truths: Sequence[Fraction]) -> float:
+    """The largest error."""
+    return max(abs(float(Fraction(period) - truth)) for period, truth in zip(periods, truths, strict=True))
 
 
 def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda text, step: None) -> list[Run]:
     """The paper's sets of speeds: all at once, one by one, by SciPy's DOP853, and heyoka's batch doing nothing else."""
     import numpy
 
-    taylor, lanes = Taylor(), BatchTaylor()
+    taylor, scipy, lanes = Taylor(), Baseline("DOP853"), BatchTaylor()
     omega_h = bisect_omega_h(parameters, taylor).omega_h.value
     sets = paper_sets(parameters, omega_h)
     speeds = numpy.array([sets.start, *sets.increasing, *sets.decreasing])
@@ -78,31 +79,43 @@ def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda te
     guesses = [(cycles.gamma_bar_0[k] * 1.001, cycles.v_0[k] * 1.001) for k in sample]
 
     def singly(engine: Engine) -> list[float]:
-        return [
-            2 * float(shoot(parameters, Fraction(speeds[k]), guess, engine).map.time)
-            for k, guess in zip(sample, guesses, strict=True)
+        shots = [
+            shoot(parameters, Fraction(speeds[k]), guess, engine) for k, guess in zip(sample, guesses, strict=True)
         ]
+        return [2 * float(shot.map.time) for shot in shots]
 
     def truth(k: int) -> Fraction:
         guess = (cycles.gamma_bar_0[k], cycles.v_0[k])
         return limit_cycle(parameters, Fraction(speeds[k]), taylor, guess=guess, precision=EXTENDED).period.value
 
-    scipy = Baseline("DOP853")
     truths = [truth(k) for k in sample]
     # Closest to Omega_h they are hardest; of the cycles solved together those are in the sample too.
     closest = numpy.argsort(speeds)[:_CLOSEST]
-    together_truths = [*truths, *(truth(k) for k in closest)]
-    error = {
-        "taylor": _largest(singly(taylor), truths),
-        "scipy": _largest(singly(scipy), truths),
-        "lanes": _largest([*cycles.period[sample], *cycles.period[closest]], together_truths),
-    }
-    jobs: dict[str, tuple[Callable[[], Any], int]] = {
-        "lanes": (together, len(speeds)),
-        "bare": (bare, len(speeds)),
-        "taylor": (lambda: singly(taylor), _SAMPLE),
-        "scipy": (lambda: singly(scipy), _SAMPLE),
-    }
+    of_all = _largest([*cycles.period[sample], *cycles.period[closest]], [*truths, *(truth(k) for k in closest)])
+    by_taylor, by_scipy = _largest(singly(taylor), truths), _largest(singly(scipy), truths)
+    seconds = _interleaved(
+        {
+            "lanes": (together, len(speeds)),
+            "bare": (bare, len(speeds)),
+            "taylor": (lambda: singly(taylor), _SAMPLE),
+            "scipy": (lambda: singly(scipy), _SAMPLE),
+        },
+        advance,
+    )
+    width = f"{lanes.width} lanes"
+    few = f"{_SAMPLE} of 801"
+    return [
+        Run("heyoka batch, one variational half period a cycle", width, None, seconds["bare"], "bare"),
+        Run("801 cycles together, with half-widths", width, of_all, seconds["lanes"], "converged"),
+        Run("taylor shooting, one by one", few, by_taylor, seconds["taylor"], "converged"),
+        Run("scipy-DOP853 shooting", f"{few}, tolerance 1e-13", by_scipy, seconds["scipy"], "converged"),
+    ]
+
+
+def _interleaved(
+    jobs: dict[str, tuple[Callable[[], object], int]], advance: Callable[[str, int], None]
+) -> dict[str, float]:
+    """Median seconds of each job for one of the cycles that it does."""
     times: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(_REPEATS):
         for name, (job, count) in jobs.items():
@@ -110,13 +123,4 @@ def race(parameters: Parameters, advance: Callable[[str, int], None] = lambda te
             job()
             times[name].append((time.perf_counter() - begin) / count)
             advance(name, 1)
-    seconds = {name: statistics.median(values) for name, values in times.items()}
-    width = f"{lanes.width} lanes"
-    return [
-        Run("heyoka batch, one variational half period a cycle", width, None, seconds["bare"], "bare"),
-        Run("801 cycles together, with half-widths", width, error["lanes"], seconds["lanes"], "converged"),
-        Run("taylor shooting, one by one", f"{_SAMPLE} of 801", error["taylor"], seconds["taylor"], "converged"),
-        Run(
-            "scipy-DOP853 shooting", f"{_SAMPLE} of 801, tolerance 1e-13", error["scipy"], seconds["scipy"], "converged"
-        ),
-    ]
+    return {name: statistics.median(values) for name, values in times.items()}

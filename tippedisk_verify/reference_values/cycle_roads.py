@@ -108,31 +108,39 @@ def _full_period(case: Case, known: Values) -> Values:
             value + fraction(step) for value, step in zip((gamma_bar, v, period), change, strict=True)
         )
     slope = ctx.lu_solve(matrix, ctx.matrix([-rows[i][3] for i in range(3)]))
-    found = {
+    turns = [abs(record.state[0] - precision.number(_QUARTER)) for record in result.events]
+    numbers = {
         "period": period,
         "gamma_bar_0": gamma_bar,
         "v_0": v,
         "dperiod_domega": fraction(slope[2]),
         "dgamma_bar_0_domega": fraction(slope[0]),
         "dv_0_domega": fraction(slope[1]),
+        "beta_max": fraction(max(turns)),
+        **_multipliers(rows, precision.mpf(result.divergence), precision),
     }
-    turns = [abs(record.state[0] - precision.number(_QUARTER)) for record in result.events]
-    found["beta_max"] = fraction(max(turns))
-    # The trace is a sum of entries that may be far larger than the multiplier: its digits are those that are left.
-    divergence = precision.mpf(result.divergence)
+    # Both steps done, what is left is rounding; 35 digits are claimed.
+    return {name: Measured(value, abs(value) / 10**35 + known[name].uncertainty) for name, value in numbers.items()}
+
+
+def _multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -> dict[str, Fraction]:
+    """The multipliers from the monodromy matrix, whose trace they are with 1, and its determinant's logarithm.
+
+    The trace is a sum of entries that may be far larger than the multiplier: nothing is said where too few digits are
+    left.
+    """
+    ctx = precision.context
     slow = sum(rows[i][i] for i in range(3)) - 1
     slow -= ctx.exp(divergence) / slow  # the fast one, some 1e-50, from the product
     lost = fraction(max(abs(entry) for row in rows for entry in row[:3])) * precision.epsilon * 2**20
-    size = abs(fraction(slow))
-    if lost < size / 10**36:
-        logarithm = ctx.log(abs(slow))
-        found |= {
-            "multiplier_slow": fraction(slow),
-            "log_multiplier_slow": fraction(logarithm),
-            "log_multiplier_fast": fraction(divergence - logarithm),
-        }
-    # Both steps done, what is left is rounding; 35 digits are claimed.
-    return {name: Measured(value, abs(value) / 10**35 + known[name].uncertainty) for name, value in found.items()}
+    if lost >= abs(fraction(slow)) / 10**36:
+        return {}
+    logarithm = ctx.log(abs(slow))
+    return {
+        "multiplier_slow": fraction(slow),
+        "log_multiplier_slow": fraction(logarithm),
+        "log_multiplier_fast": fraction(divergence - logarithm),
+    }
 
 
 def _period_from(case: Case, start: list[Any], period: Fraction, precision: Precision) -> Result:
