@@ -111,14 +111,14 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 def output_file(path: str) -> Path:
     """The file to write to. Raises InputError if it cannot be one."""
-    found = Path(path)
+    file = Path(path)
     try:
-        usable = path and "\0" not in path and found.parent.is_dir() and (not found.exists() or found.is_file())
+        usable = path and "\0" not in path and file.parent.is_dir() and (not file.exists() or file.is_file())
     except OSError as fault:
-        raise InputError(f"'{_named(found)}' cannot be written: {fault.strerror or fault}") from None
+        raise InputError(f"'{_named(file)}' cannot be written: {fault.strerror or fault}") from None
     if not usable:
-        raise InputError(f"'{_named(found)}' cannot be written: it needs an existing folder and a file name")
-    return found
+        raise InputError(f"'{_named(file)}' cannot be written: it needs an existing folder and a file name")
+    return file
 
 
 @contextmanager

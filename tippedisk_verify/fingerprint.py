@@ -132,12 +132,12 @@ def _imports(module: str) -> tuple[str, ...]:
     if path is None:
         return ()
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    found: set[str] = set()
+    modules: set[str] = set()
     for name in _named(ast.parse(_text(module)), package):
         parts = name.split(".")
         if parts[0] == _PACKAGE:
-            found.update(".".join(parts[:n]) for n in range(2, len(parts) + 1))
-    return tuple(name for name in sorted(found) if _path(name) is not None)
+            modules.update(".".join(parts[:n]) for n in range(2, len(parts) + 1))
+    return tuple(name for name in sorted(modules) if _path(name) is not None)
 
 
 def _named(tree: ast.AST, package: str) -> Iterator[str]:

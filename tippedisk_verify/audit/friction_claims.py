@@ -101,12 +101,12 @@ def _attractive(audit: Audit, name: str) -> tuple[str, bool | None]:
     said, falling = [], []
     laws: tuple[Friction, ...] = ("linear", "smooth")
     for law in laws:
-        found = relaxation(parameters.with_friction(law), _below(parameters), default_lanes(), distance=0.5)
-        parts = ~(found.measured > 0)
+        grid = relaxation(parameters.with_friction(law), _below(parameters), default_lanes(), distance=0.5)
+        parts = ~(grid.measured > 0)
         falling.append(not parts.any())
-        away = numpy.abs(found.beta - numpy.pi / 2)
+        away = numpy.abs(grid.beta - numpy.pi / 2)
         edge = float(away[parts].min()) if parts.any() else float(away.max())
-        rates = found.measured[away < edge]
+        rates = grid.measured[away < edge]
         said.append(f"{law}: {float(rates.min()):.1f} to {float(rates.max()):.1f} 1/s for |beta - pi/2| < {edge:.2f}")
     return "; ".join(said), all(falling)
 
@@ -115,8 +115,8 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     """A plane of starts at rest above Omega_crit."""
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
-    found = basins(parameters, omega, count=_STATES)
-    shares = found.fractions()
+    plane = basins(parameters, omega, count=_STATES)
+    shares = plane.fractions()
     flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
     text = (
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"

@@ -67,8 +67,8 @@ def _growing_series(audit: Audit, name: str) -> tuple[str, bool | None]:
 
 
 def _order_1_hopf(audit: Audit, name: str) -> tuple[Measured, bool]:
-    found = reduced_omega_crit(audit.linear(name), 1, 15)
-    return found, found.holds(omega_crit(audit.sets[name], 30).value)
+    speed = reduced_omega_crit(audit.linear(name), 1, 15)
+    return speed, speed.holds(omega_crit(audit.sets[name], 30).value)
 
 
 def _slow_variables(audit: Audit, name: str, printed: str) -> tuple[str, bool]:

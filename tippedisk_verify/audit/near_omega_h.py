@@ -64,7 +64,7 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
     cycle = limit_cycle(parameters, Fraction(float(middle)), engine, precision=DOUBLE)
     guess = (float(cycle.gamma_bar_0), float(cycle.v_0), float(middle))
     first = cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine, QUADRUPLE)
-    found = []
+    rows = []
     for point in lengthened(parameters, first, engine, longest=_LONGEST, precision=QUADRUPLE, longest_step=0.4):
         above = fraction(point.omega) - omega_h
         omega, period = float(fraction(point.omega)), 2 * fraction(point.half_period)
@@ -79,15 +79,15 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
             )
         except NoSuchCycleError:
             pass
-        found.append((float(above), float(period), errors, 2 / growth / float(above) * math.ulp(omega) / 2))
+        rows.append((float(above), float(period), errors, 2 / growth / float(above) * math.ulp(omega) / 2))
     power = -float(connection.saddle_eigenvalues[1]) / growth - 1
-    logarithmic = [(above, period + 2 / growth * math.log(above)) for above, period, _, _ in found]
+    logarithmic = [(above, period + 2 / growth * math.log(above)) for above, period, _, _ in rows]
     constant = limit_of_powers(logarithmic[-_FITTED:], power)
     return (
         connection,
         constant,
         [
             Sight(above, period, period + 2 / growth * math.log(above) - constant, *errors, expected)
-            for above, period, errors, expected in found
+            for above, period, errors, expected in rows
         ],
     )

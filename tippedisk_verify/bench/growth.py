@@ -84,14 +84,14 @@ def digits_growth(advance: Callable[[str, int], None] = lambda label, steps: Non
         ),
         "Omega_h": lambda digits: lambda: heteroclinic(PRINTED, engine, digits=digits),
     }
-    found = []
+    growths = []
     for what, job in jobs.items():
         points = []
         for digits in _DIGITS:
             advance(f"{what} at {digits} digits", 0)
             points.append((float(digits), _warm(job(digits), 3, engine)))
-        found.append(Growth(what, "digits", tuple(points), exponent([p for p in points if p[0] >= _BEYOND])))
-    return found
+        growths.append(Growth(what, "digits", tuple(points), exponent([p for p in points if p[0] >= _BEYOND])))
+    return growths
 
 
 def epsilon_growth() -> list[Growth]:

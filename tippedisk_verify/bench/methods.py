@@ -209,16 +209,16 @@ def _odefun(problem: Problem, digits: int) -> Prepared:
         import mpmath
 
         begin = time.perf_counter()
-        found: list[Any] = []
+        samples: list[Any] = []
         with mpmath.workdps(digits):
             constants = Constants(*(mpmath.mpf(v.numerator) / v.denominator for v in problem.parameters.rational()))
             rates = vector_field(mpmath, constants, mpmath.mpf(problem.omega), problem.friction)
             solution = mpmath.odefun(lambda t, y: list(rates(*y)), 0, [mpmath.mpf(part) for part in problem.start])
             for moment in problem.times:
                 if time.perf_counter() - begin > _ODEFUN_SECONDS:
-                    return Outcome(f"unfinished after {_ODEFUN_SECONDS:g} s", found)
-                found.append([+part for part in solution(mpmath.mpf(moment))])
-        return Outcome("reached", found)
+                    return Outcome(f"unfinished after {_ODEFUN_SECONDS:g} s", samples)
+                samples.append([+part for part in solution(mpmath.mpf(moment))])
+        return Outcome("reached", samples)
 
     return Prepared(lambda duration: _at(sampled(), problem, duration), sampled)
 

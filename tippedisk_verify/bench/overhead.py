@@ -92,7 +92,7 @@ def overheads() -> list[Overhead]:
     problem = problem_named("cycle")
     request = problem.request()
     bare = _Bare(request)
-    found = [_compared("trajectory", lambda: engine(request), lambda: bare(problem.start, problem.duration))]
+    measured = [_compared("trajectory", lambda: engine(request), lambda: bare(problem.start, problem.duration))]
 
     period = problem_named("period")
     guess = period.start[1:]
@@ -108,14 +108,14 @@ def overheads() -> list[Overhead]:
     def solve() -> None:
         shoot(period.parameters, period.omega, guess, engine)
 
-    found.append(_compared("Newton iteration for a limit cycle", solve, bare_flights))
+    measured.append(_compared("Newton iteration for a limit cycle", solve, bare_flights))
     speed = period.omega
 
     def measure() -> None:
         limit_cycle(period.parameters, speed, engine, guess=guess)
 
-    found.append(_compared("limit cycle with half-widths, over the same flights", measure, bare_flights))
-    return found
+    measured.append(_compared("limit cycle with half-widths, over the same flights", measure, bare_flights))
+    return measured
 
 
 def _compared(what: str, suite: Callable[[], Any], bare: Callable[[], Any]) -> Overhead:

@@ -175,7 +175,7 @@ _METHODS = (
 
 def peer_methods() -> tuple[Method, ...]:
     """The peers that are installed. Raises InputError if none is."""
-    found = tuple(method for module, method in _METHODS if find_spec(module) is not None)
-    if not found:
+    methods = tuple(method for module, method in _METHODS if find_spec(module) is not None)
+    if not methods:
         raise InputError("no peer is installed: pip install 'tippedisk-verify[peers]'")
-    return found
+    return methods

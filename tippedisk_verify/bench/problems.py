@@ -121,8 +121,8 @@ def _cycle(problem: Problem) -> Truth:
     """(gamma_bar, v, T): one sample."""
     from tippedisk_verify.orbits.periodic import limit_cycle
 
-    found = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
-    sample = (found.gamma_bar_0, found.v_0, found.period)
+    cycle = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
+    sample = (cycle.gamma_bar_0, cycle.v_0, cycle.period)
     return Truth((sample,), float(max(part.uncertainty for part in sample)), ())
 
 

@@ -33,14 +33,14 @@ class Ratio:
 
 def ratios(scores: Sequence[Score], bounds: Iterable[float] = BOUNDS) -> list[Ratio]:
     """By problem and bound; bounds that nobody reaches are left out."""
-    found = []
+    rows = []
     for problem in dict.fromkeys(score.problem for score in scores):
         here = [score for score in scores if score.problem == problem]
         for bound in bounds:
             best = {name: _fastest(here, families, bound) for name, families in _GROUPS.items()}
             if any(best.values()):
-                found.append(_ratio(problem, bound, best))
-    return found
+                rows.append(_ratio(problem, bound, best))
+    return rows
 
 
 def _fastest(scores: Sequence[Score], families: Sequence[str], bound: float) -> Score | None:

@@ -50,13 +50,13 @@ def start_up(repeats: int = 3) -> StartUp:
                 raise subprocess.CalledProcessError(run.returncode, run.args)
         return time.perf_counter() - begin
 
-    found: dict[str, list[float]] = {name: [] for name in StartUp.__dataclass_fields__}
+    times: dict[str, list[float]] = {name: [] for name in StartUp.__dataclass_fields__}
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as both, undoing(partial(shutil.rmtree, both, ignore_errors=True)):
             first, second = f"{both}/first", f"{both}/second"
-            found["python"].append(seconds(["-c", "pass"], first))
-            found["imports"].append(seconds(["-c", _IMPORTS], first))
-            found["bare_builds_cold"].append(seconds(["-c", _BUILDS], first))
-            found["orbit_cold"].append(seconds(_ORBIT, second))
-            found["orbit_cached"].append(seconds(_ORBIT, second))
-    return StartUp(**{name: statistics.median(values) for name, values in found.items()})
+            times["python"].append(seconds(["-c", "pass"], first))
+            times["imports"].append(seconds(["-c", _IMPORTS], first))
+            times["bare_builds_cold"].append(seconds(["-c", _BUILDS], first))
+            times["orbit_cold"].append(seconds(_ORBIT, second))
+            times["orbit_cached"].append(seconds(_ORBIT, second))
+    return StartUp(**{name: statistics.median(values) for name, values in times.items()})

@@ -77,7 +77,7 @@ class Diagnosis:
 
 def diagnosed(grades: Sequence[Grade], store: Store) -> list[Diagnosis]:
     """A diagnosis for the first failing level of each parameter set and friction law, like ones put together."""
-    found: list[Diagnosis] = []
+    diagnoses: list[Diagnosis] = []
     for set_name in dict.fromkeys(store[grade.id].set for grade in grades):
         here = [grade for grade in grades if store[grade.id].set == set_name]
         # What is common to both laws goes with each of them that was answered.
@@ -85,14 +85,14 @@ def diagnosed(grades: Sequence[Grade], store: Store) -> list[Diagnosis]:
         for law in laws or ["both"]:
             group = [grade for grade in here if store[grade.id].friction in (law, "both")]
             if (diagnosis := _first_failure(group, store, set_name, law)) is not None:
-                _add(found, diagnosis)
-    return found
+                _add(diagnoses, diagnosis)
+    return diagnoses
 
 
-def _add(found: list[Diagnosis], new: Diagnosis) -> None:
-    for place, old in enumerate(found):
+def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:
+    for place, old in enumerate(diagnoses):
         if (old.level, old.causes) == (new.level, new.causes):
-            found[place] = Diagnosis(
+            diagnoses[place] = Diagnosis(
                 old.level,
                 tuple(dict.fromkeys((*old.sets, *new.sets))),
                 tuple(dict.fromkeys((*old.frictions, *new.frictions))),
@@ -102,7 +102,7 @@ def _add(found: list[Diagnosis], new: Diagnosis) -> None:
                 old.no_numbers | new.no_numbers,
             )
             return
-    found.append(new)
+    diagnoses.append(new)
 
 
 def _first_failure(group: list[Grade], store: Store, set_name: str, friction: str) -> Diagnosis | None:

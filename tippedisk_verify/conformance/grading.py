@@ -204,11 +204,11 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelG
     for grade in grades:
         if grade.verdict != "no-truth":
             by_level.setdefault(grade.level, []).append(grade)
-    found = []
+    levels = []
     for level in sorted(by_level):
         here = by_level[level]
         digits = [grade.digits for grade in here if math.isfinite(grade.digits)]
-        found.append(
+        levels.append(
             LevelGrade(
                 level=level,
                 asked=counts.get(level, len(here)),
@@ -219,7 +219,7 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelG
                 rounded=sum(grade.verdict == "rounding" for grade in here),
             )
         )
-    return found
+    return levels
 
 
 def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:

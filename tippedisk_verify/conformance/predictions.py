@@ -53,8 +53,8 @@ class _Model:
     def rates(self, omega: float) -> Callable[[float, Any], list[float]]:
         def function(t: float, y: Any) -> list[float]:
             beta, gamma, v = y.tolist()
-            found = self.parts(math, omega, (beta, gamma, v))
-            return [v, found["gamma_rate"], found["v_rate"]]
+            parts = self.parts(math, omega, (beta, gamma, v))
+            return [v, parts["gamma_rate"], parts["v_rate"]]
 
         return function
 
@@ -64,9 +64,9 @@ class _Model:
         rows: list[list[float]] = [[], []]
         for place in range(3):
             moved = [complex(part, _STEP * (n == place)) for n, part in enumerate(state)]
-            found = self.parts(cmath, omega, moved, side)
+            parts = self.parts(cmath, omega, moved, side)
             for row, name in zip(rows, ("gamma_rate", "v_rate"), strict=True):
-                row.append(complex(found[name]).imag / _STEP)
+                row.append(complex(parts[name]).imag / _STEP)
         return rows
 
     def constants(self) -> Constants:
@@ -98,16 +98,16 @@ def predicted(
         return {}
     try:
         model = _Model(alternative, first.set, first.friction)
-        found = _cycle(model, quantities, answers or {}) if compute is None else compute(model, quantities)
+        numbers = _cycle(model, quantities, answers or {}) if compute is None else compute(model, quantities)
     except (ArithmeticError, ValueError, RuntimeError):  # the mistaken model has no such thing
         return {}
-    return {q.id: found[q.name] for q in quantities if q.name in found and math.isfinite(found[q.name])}
+    return {q.id: numbers[q.name] for q in quantities if q.name in numbers and math.isfinite(numbers[q.name])}
 
 
 def _counterparts(
     alternative: Alternative, quantities: Sequence[Quantity], store: Store, truth: Mapping[str, float]
 ) -> dict[str, float]:
-    found = {}
+    counterparts = {}
     for quantity in quantities:
         set_name, friction, kind, entry, name = quantity.id.split("/", 4)
         change = alternative.counterpart
@@ -118,17 +118,17 @@ def _counterparts(
             entry = f"{change['form']}-{entry.split('-', 1)[1]}"
         other = store.get(f"{set_name}/{friction}/{kind}/{entry}/{name}")
         if other is not None:
-            found[quantity.id] = float(other)
-    return found
+            counterparts[quantity.id] = float(other)
+    return counterparts
 
 
 # ------------------------------------------------------------------------------------------ by kind
 def _rhs(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
     omega, state = given["Omega"], [given[name] for name in ("beta", "gamma", "v")]
-    found = {name: float(value) for name, value in model.parts(math, omega, state).items()}
+    values = {name: float(value) for name, value in model.parts(math, omega, state).items()}
     slopes = model.jacobian(omega, state)[1]
-    return found | dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True))
+    return values | dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True))
 
 
 def _eigenvalues(model: _Model, omega: float, gamma: float) -> list[complex]:
@@ -213,21 +213,21 @@ def _trajectory(model: _Model, quantities: Sequence[Quantity]) -> dict[str, floa
         rtol=_TOLERANCE,
         atol=_TOLERANCE,
     )
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     # Before the first sample time solve_ivp returns empty lists.
     for time, state in zip(solution.t, zip(*solution.y, strict=True), strict=True):
         for name, value in zip(("beta", "gamma", "v"), state, strict=True):
-            found[f"{name}@{time:g}"] = float(value)
+            numbers[f"{name}@{time:g}"] = float(value)
     kept = [(t, y) for t, y in zip(solution.t_events[0], solution.y_events[0], strict=True) if t > _START]
     for n, (time, state) in enumerate(kept, start=1):
-        found |= {
+        numbers |= {
             f"crossing_time#{n}": float(time),
             f"crossing_gamma#{n}": float(state[1]),
             f"crossing_v#{n}": float(state[2]),
         }
     if len(solution.t_events[1]):
-        found["flat_time"] = float(solution.t_events[1][0])
-    return found
+        numbers["flat_time"] = float(solution.t_events[1][0])
+    return numbers
 
 
 def _cycle(model: _Model, quantities: Sequence[Quantity], near: Mapping[str, float]) -> dict[str, float]:

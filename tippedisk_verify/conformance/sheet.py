@@ -58,8 +58,8 @@ def placed(name: str) -> tuple[str, dict[str, str]]:
     if "#" in name:
         plain, place = name.split("#", 1)
         return plain, {"n": place}
-    if found := re.fullmatch(r"(h|residual)_(\d+)", name):
-        return name, {"order": found[2]}
+    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
+        return name, {"order": term[2]}
     return name, {}
 
 
@@ -80,16 +80,16 @@ def questions(
                 raise InputError(
                     f"no reference data for {what} '{name!s:.40}': use {', '.join(map(str, sorted(known)))}"
                 )
-    found = [
+    chosen = [
         quantity
         for quantity in store.values()
         if (not sets or quantity.set in sets)
         and (not frictions or quantity.friction in (*frictions, "both"))
         and (not levels or quantity.level in levels)
     ]
-    if not found:
+    if not chosen:
         raise InputError("there is no such question: levels 3 to 5 are for the linear friction law")
-    return found
+    return chosen
 
 
 def _row(store: Store, quantity: Quantity) -> dict[str, str]:
@@ -143,13 +143,13 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
 
 def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
     def first_of_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        unique: dict[str, Any] = {}
         for name, value in pairs:
-            if name in found:
+            if name in unique:
                 answers.repeated.append(printable(name)[:200])
             else:
-                found[name] = value
-        return found
+                unique[name] = value
+        return unique
 
     try:
         # Numbers stay text: a double would lose digits of a fifty-digit answer.

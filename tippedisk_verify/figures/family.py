@@ -35,10 +35,10 @@ def law_rows(parameters: Parameters, speeds: Sequence[float]) -> Rows:
     rows: Rows = []
     for omega in speeds:
         try:
-            found = one_harmonic(parameters.with_friction("linear"), Fraction(omega), "printed")
+            cycle = one_harmonic(parameters.with_friction("linear"), Fraction(omega), "printed")
         except Shortfall:
             continue
-        rows.append((omega, float(found.amplitude), float(found.period)))
+        rows.append((omega, float(cycle.amplitude), float(cycle.period)))
     return rows
 
 

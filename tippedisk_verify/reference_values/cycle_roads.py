@@ -168,8 +168,8 @@ def _balance(case: Case, known: Values) -> Values:
     omega = case.inputs["Omega"]
     if omega - _omega_h(case.parameters, 14).value < _BALANCE_ABOVE:
         return {}
-    found = balanced_cycle(case.parameters, omega, digits=40)
-    return {name: getattr(found, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
+    cycle = balanced_cycle(case.parameters, omega, digits=40)
+    return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
 def _scipy(case: Case, known: Values) -> Values:
@@ -215,8 +215,8 @@ def cycle_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     def plain(moved: Case) -> dict[str, Any]:
         guess = (float(values["gamma_bar_0"]), float(values["v_0"]))
         shot = shoot(moved.parameters, moved.inputs["Omega"], guess, default_engine())
-        found = cycle_numbers(moved.parameters, moved.inputs["Omega"], shot, default_engine(), DOUBLE)
-        return {name: float(value) for name, value in found.items() if name in _NAMES}
+        numbers = cycle_numbers(moved.parameters, moved.inputs["Omega"], shot, default_engine(), DOUBLE)
+        return {name: float(value) for name, value in numbers.items() if name in _NAMES}
 
     return by_differences(plain, Fraction(1, 10**8))(case, values)
 
@@ -232,15 +232,15 @@ def near_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     step = (omega - omega_h.value) / 100
     ahead = cycle_near(case.parameters, omega + step, omega_h.value, default_engine(), digits=10)
     by = _slopes(case.parameters)
-    found: dict[str, dict[str, Any]] = {}
+    condition: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         slope = (getattr(ahead, name).value - value.value) / step
         # Fractions: near Omega_h these exceed a double's range of sense long before its range.
-        found[name] = {"Omega": slope * omega} | {symbol: -slope * part for symbol, part in by.items()}
+        condition[name] = {"Omega": slope * omega} | {symbol: -slope * part for symbol, part in by.items()}
     at_a_distance = _beta_max_slopes(case.parameters, max(omega - omega_h.value, _STEADY))
     for symbol, part in at_a_distance.items():
-        found["beta_max"][symbol] += part
-    return found
+        condition["beta_max"][symbol] += part
+    return condition
 
 
 @lru_cache(maxsize=32)
@@ -259,8 +259,8 @@ def _beta_max_slopes(parameters: Parameters, above: Fraction) -> dict[str, Fract
         return {"beta_max": numbers["beta_max"]}
 
     case = Case(Item("", "", parameters.name, parameters.friction, {}), parameters, {})
-    found = by_differences(plain, Fraction(1, 10**7))(case, {})
-    return {name: Fraction(slope) for name, slope in found["beta_max"].items()}
+    relative = by_differences(plain, Fraction(1, 10**7))(case, {})
+    return {name: Fraction(slope) for name, slope in relative["beta_max"].items()}
 
 
 @lru_cache(maxsize=8)
@@ -270,17 +270,17 @@ def _slopes(parameters: Parameters) -> dict[str, Fraction]:
         slopes = omega_h_slopes(parameters, _omega_h(parameters, 24), default_engine())
         return {name: slope.value * getattr(parameters, name) for name, slope in slopes.items()}
     case = Case(Item("", "", parameters.name, parameters.friction, {}), parameters, {})
-    found = by_differences(lambda moved: {"omega_h": _omega_h(moved.parameters, 12).value}, Fraction(1, 10**5))(
+    relative = by_differences(lambda moved: {"omega_h": _omega_h(moved.parameters, 12).value}, Fraction(1, 10**5))(
         case, {}
     )
-    return {name: Fraction(slope) for name, slope in found["omega_h"].items()}
+    return {name: Fraction(slope) for name, slope in relative["omega_h"].items()}
 
 
 # ------------------------------------------------------------------------------------------ the connection
 def _connection(case: Case, digits: int, method: str) -> Values:
-    found = heteroclinic(case.parameters, default_engine(), digits=digits, method=method)
+    connection = heteroclinic(case.parameters, default_engine(), digits=digits, method=method)
     names = ("lambda_u", "lambda_s", "lambda_ss")
-    return {"omega_h": found.omega_h} | dict(zip(names, found.saddle_eigenvalues, strict=True))
+    return {"omega_h": connection.omega_h} | dict(zip(names, connection.saddle_eigenvalues, strict=True))
 
 
 HETEROCLINIC = (
@@ -304,8 +304,8 @@ def heteroclinic_condition(case: Case, values: Values) -> dict[str, dict[str, An
             for name, slope in slopes.items()
         )
         speed = omega_h + shift
-        found = equilibrium(moved.parameters, speed, "noninverted", 30).eigenvalues
+        eigenvalues = equilibrium(moved.parameters, speed, "noninverted", 30).eigenvalues
         names = ("lambda_u", "lambda_s", "lambda_ss")
-        return {"omega_h": speed} | {n: value.re.value for n, value in zip(names, found, strict=True)}
+        return {"omega_h": speed} | {n: value.re.value for n, value in zip(names, eigenvalues, strict=True)}
 
     return by_differences(plain)(case, values)

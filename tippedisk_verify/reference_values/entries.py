@@ -131,9 +131,9 @@ def trimmed(measured: Measured, digits: int) -> Measured:
 def disagreements(stored: Values, other: Values) -> list[str]:
     """Quantities whose intervals do not meet, said in a line each."""
     return [
-        f"{name}: {stored[name]} and {found} exclude each other"
-        for name, found in other.items()
-        if name in stored and abs(found.value - stored[name].value) > found.uncertainty + stored[name].uncertainty
+        f"{name}: {stored[name]} and {number} exclude each other"
+        for name, number in other.items()
+        if name in stored and abs(number.value - stored[name].value) > number.uncertainty + stored[name].uncertainty
     ]
 
 
@@ -152,10 +152,10 @@ def answered(kind: Kind, item: Item) -> dict[str, Any]:
         values = {name: trimmed(value, kind.digits) for name, value in first.items()}
         by_reading[reading] = values
         for road in kind.roads[1:]:
-            found = road.compute(case, first)
-            if wrong := disagreements(values, found):
+            answers = road.compute(case, first)
+            if wrong := disagreements(values, answers):
                 raise Shortfall(f"{item.id} by {road.name}: {wrong[0]}")
-            for name, other in found.items():
+            for name, other in answers.items():
                 away = abs(other.value - values[name].value)
                 told = distances.setdefault(name, {})
                 told[road.name] = max(told.get(road.name, Fraction(0)), away)

@@ -99,11 +99,11 @@ def _rhs_first(case: Case, known: Values) -> Values:
 
 
 def _rhs_shifted(case: Case, known: Values) -> Values:
-    found = []
+    twice = []
     for working in (_WIDER, _WIDER + 64):
         ctx = bits(working).context
-        found.append(_written_out(case, ctx, shifted(ctx), ctx.pi / 2))
-    return _compared(found[0], found[1], _WIDER)
+        twice.append(_written_out(case, ctx, shifted(ctx), ctx.pi / 2))
+    return _compared(twice[0], twice[1], _WIDER)
 
 
 @lru_cache(maxsize=4)
@@ -124,8 +124,8 @@ def _compiled(law: Any, working: int) -> Any:
 def _rhs_symbolic(case: Case, known: Values) -> Values:
     if case.item.friction == "both":
         return {}
-    found = [_symbolic(case, working) for working in (_WIDER, _WIDER + 64)]
-    return _compared(found[0], found[1], _WIDER)
+    twice = [_symbolic(case, working) for working in (_WIDER, _WIDER + 64)]
+    return _compared(twice[0], twice[1], _WIDER)
 
 
 def _symbolic(case: Case, working: int) -> dict[str, Any]:
@@ -155,10 +155,10 @@ rhs_condition = by_differences(lambda case: _written_out(case, bits(_BITS).conte
 
 # ------------------------------------------------------------------------------------------ equilibria
 def _equilibrium_first(case: Case, known: Values) -> Values:
-    found = equilibrium(case.parameters, case.inputs["Omega"], case.inputs["equilibrium"], _DIGITS)
+    state = equilibrium(case.parameters, case.inputs["Omega"], case.inputs["equilibrium"], _DIGITS)
     return {
         f"lambda_{n}_{part}": getattr(value, part)
-        for n, value in enumerate(found.eigenvalues, start=1)
+        for n, value in enumerate(state.eigenvalues, start=1)
         for part in ("re", "im")
     }
 
@@ -195,9 +195,9 @@ equilibrium_condition = by_differences(lambda case: _eigenvalues(case, _BITS))
 
 # ------------------------------------------------------------------------------------------ Hopf point
 def _hopf_first(case: Case, known: Values) -> Values:
-    found = hopf.hopf_point(case.parameters, _DIGITS)
+    point = hopf.hopf_point(case.parameters, _DIGITS)
     return {
-        name: getattr(found, name)
+        name: getattr(point, name)
         for name in (
             *("omega_crit", "period", "first_lyapunov_coefficient", "transversality"),
             *("amplitude_squared_slope", "period_slope"),
@@ -247,8 +247,8 @@ hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _
 
 # ------------------------------------------------------------------------------------------ harmonic balance
 def _balance_first(case: Case, known: Values) -> Values:
-    found = harmonic_balance.one_harmonic(case.parameters, case.inputs["Omega"], case.inputs["form"], _DIGITS)
-    return {name: getattr(found, name) for name in ("amplitude", "frequency", "period")}
+    cycle = harmonic_balance.one_harmonic(case.parameters, case.inputs["Omega"], case.inputs["form"], _DIGITS)
+    return {name: getattr(cycle, name) for name in ("amplitude", "frequency", "period")}
 
 
 def _balance_floating(case: Case, known: Values) -> Values:
@@ -311,17 +311,17 @@ def _manifold_differences(case: Case, known: Values) -> Values:
     drift = omega * ctx.cos(beta)
     # The friction term is -rate (v - h_0) / epsilon.
     rate = -slow_manifold.attraction_rate(ctx, c, beta, gamma) * c.epsilon
-    found = {"h_0": slow_manifold.critical_manifold(ctx, c, omega, beta, gamma)}
+    numbers = {"h_0": slow_manifold.critical_manifold(ctx, c, omega, beta, gamma)}
     for n in range(1, _HIGHEST + 1):
         right = (still if n == 1 else 0) + q1 * here[n - 1] + drift * by_gamma[n - 1]
         right += sum(q2 * here[i] * here[n - 1 - i] - by_beta[i] * here[n - 1 - i] for i in range(n))
-        found[f"h_{n}"] = right / rate
+        numbers[f"h_{n}"] = right / rate
     for n in range(_HIGHEST + 1):
         v, slope_b, slope_g = (sum(c.epsilon**i * part[i] for i in range(n + 1)) for part in (here, by_beta, by_gamma))
         moved = slope_b * v - slope_g * drift
         acceleration = field(ctx, c, omega, "linear")(beta, gamma, v)[2]
-        found[f"residual_{n}"] = c.epsilon * (moved - acceleration)
-    return {name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in found.items()}
+        numbers[f"residual_{n}"] = c.epsilon * (moved - acceleration)
+    return {name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in numbers.items()}
 
 
 def _quotients(above: list[Any], below: list[Any], step: Any) -> list[Any]:

@@ -81,20 +81,20 @@ def sound_files(folder: Path, among: Collection[str] | None = None) -> dict[str,
     if not (folder / _NAME).exists():
         raise InputError(f"the reference data in {folder} have no {_NAME} that vouches for them: {_REMEDY}")
     files, faults = _manifest_files(folder)
-    found = {}
+    texts = {}
     for name in sorted({*filter(wanted, files), *present}):
         unknown = f"{printable(name)[:200]} is not in the manifest"
         content = _sound(folder, name, files[name]) if name in files else unknown
         if isinstance(content, bytes):
             try:
-                found[name] = content.decode("utf-8-sig")
+                texts[name] = content.decode("utf-8-sig")
             except UnicodeDecodeError:
                 faults.append(f"{name} is not a text file in UTF-8")
         elif content is not None:
             faults.append(content)
     if faults:
         raise InputError(f"the reference data in {folder} are damaged ({faults[0]}): {_REMEDY}")
-    return found
+    return texts
 
 
 def _holds_values(name: str) -> bool:
@@ -151,10 +151,10 @@ def _sound(folder: Path, name: str, expected: Any) -> bytes | str | None:
 
 def _files(folder: Path) -> list[Path]:
     """The data: the files written by hand, and all in the sets' folders but what starts with a dot; sorted."""
-    found = [path for name in STATIC if (path := folder / name).is_file()]
+    paths = [path for name in STATIC if (path := folder / name).is_file()]
     for name in SETS:
-        found += [path for path in (folder / name).glob("*") if path.is_file() and not path.name.startswith(".")]
-    return sorted(found)
+        paths += [path for path in (folder / name).glob("*") if path.is_file() and not path.name.startswith(".")]
+    return sorted(paths)
 
 
 def _text(content: dict[str, Any]) -> str:

@@ -62,20 +62,20 @@ def _run(
 
 def _numbers(result: Result, precision: Precision, shift: bool) -> dict[str, Any]:
     quarter = precision.number(_QUARTER) if shift else precision.number(0)
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     for time, state in zip(_TIMES, result.samples, strict=False):
         place = f"{float(time):g}"
-        found |= {f"beta@{place}": state[0] + quarter, f"gamma@{place}": state[1] + quarter, f"v@{place}": state[2]}
+        numbers |= {f"beta@{place}": state[0] + quarter, f"gamma@{place}": state[1] + quarter, f"v@{place}": state[2]}
     crossings = [record for record in result.events if record.name == _CROSSING.name and record.time > _START]
     for n, record in enumerate(crossings, start=1):
-        found |= {
+        numbers |= {
             f"crossing_time#{n}": record.time,
             f"crossing_gamma#{n}": record.state[1] + quarter,
             f"crossing_v#{n}": record.state[2],
         }
     if result.status is Status.FLAT:
-        found["flat_time"] = result.time
-    return found
+        numbers["flat_time"] = result.time
+    return numbers
 
 
 def _first(case: Case, known: Values) -> Values:
@@ -87,8 +87,8 @@ def _first(case: Case, known: Values) -> Values:
 
 def _shifted(case: Case, known: Values) -> Values:
     """Its own error, with 32 bits more, is far below the half-widths that it is held against."""
-    found = _run(case, bits(_SHIFTED), default_engine(), shift=True)
-    return {name: Measured(fraction(value), known[name].uncertainty) for name, value in found.items()}
+    numbers = _run(case, bits(_SHIFTED), default_engine(), shift=True)
+    return {name: Measured(fraction(value), known[name].uncertainty) for name, value in numbers.items()}
 
 
 def _scipy(case: Case, known: Values) -> Values:

@@ -108,10 +108,10 @@ class Store(Mapping[str, Quantity]):
     def _take(self, document: dict[str, Any]) -> None:
         self.parameters[document["set"]] = document["parameters"]
         for entry in document["entries"]:
-            for name, found in entry["quantities"].items():
-                values: dict[Reading, tuple[str, str]] = {"decimals": (found["value"], found["uncertainty"])}
-                if "from_doubles" in found:
-                    values["doubles"] = (found["from_doubles"]["value"], found["from_doubles"]["uncertainty"])
+            for name, told in entry["quantities"].items():
+                values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
+                if "from_doubles" in told:
+                    values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
                 id_ = f"{entry['id']}/{name}"
                 self._quantities[id_] = Quantity(
                     id=id_,
@@ -120,13 +120,13 @@ class Store(Mapping[str, Quantity]):
                     set=document["set"],
                     friction=entry["id"].split("/")[1],
                     name=name,
-                    unit=found["unit"],
+                    unit=told["unit"],
                     inputs=MappingProxyType(entry["inputs"]),
                     values=values,
-                    grade=found["grade"],
-                    methods=MappingProxyType(found["methods"]),
-                    condition=MappingProxyType(found["condition"]),
-                    proof=MappingProxyType(found["enclosure"] | entry["proof"]) if "enclosure" in found else None,
+                    grade=told["grade"],
+                    methods=MappingProxyType(told["methods"]),
+                    condition=MappingProxyType(told["condition"]),
+                    proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
                 )
 
     def __getitem__(self, id_: str) -> Quantity:
@@ -168,8 +168,8 @@ def reference(id_: str) -> Quantity:
     """
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
-    found = stored().get(id_)
-    if found is None:
+    quantity = stored().get(id_)
+    if quantity is None:
         from difflib import get_close_matches
 
         asked = id_[:200]
@@ -177,4 +177,4 @@ def reference(id_: str) -> Quantity:
         near = near or get_close_matches(asked, list(stored()), 3, 0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
-    return found
+    return quantity

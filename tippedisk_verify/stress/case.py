@@ -68,22 +68,22 @@ class Outcome:
         """Run it. What no case may do, raise something unforeseen, is an outcome too: it never passes."""
         begin = time.perf_counter()
         try:
-            found = case.run()
+            answer = case.run()
         except (InputError, NoSuchCycleError, Shortfall) as said:
-            found = Found(type(said).__name__, note=str(said))
+            answer = Found(type(said).__name__, note=str(said))
         except Exception as fault:  # the battery reports it; nothing is hidden
-            found = Found(f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200])
-        enough = found.outcome != "digits" or (found.digits is not None and found.digits >= case.least)
+            answer = Found(f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200])
+        enough = answer.outcome != "digits" or (answer.digits is not None and answer.digits >= case.least)
         return cls(
             name=case.name,
             says=case.says,
             expected=case.expected(),
-            outcome=found.outcome,
-            digits=found.digits,
-            error=None if found.digits is None else 10.0**-found.digits,
-            honest=found.honest,
-            passed=found.honest and enough and found.outcome in case.may,
-            note=found.note,
+            outcome=answer.outcome,
+            digits=answer.digits,
+            error=None if answer.digits is None else 10.0**-answer.digits,
+            honest=answer.honest,
+            passed=answer.honest and enough and answer.outcome in case.may,
+            note=answer.note,
             seconds=time.perf_counter() - begin,
         )
 

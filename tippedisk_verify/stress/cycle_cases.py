@@ -98,9 +98,9 @@ def _underflow() -> Found:
 
     parameters = PRINTED.changed(epsilon="1e-3")
     mine, sharp = (limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits) for digits in (12, 30))
-    found = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
+    answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
     exponent = float(mine.log_multiplier_fast) / 2.302585092994046
-    return Found(found.outcome, found.digits, found.honest and exponent < -324, f"fast multiplier 1e{exponent:.0f}")
+    return Found(answer.outcome, answer.digits, answer.honest and exponent < -324, f"fast multiplier 1e{exponent:.0f}")
 
 
 def _subcritical() -> Parameters:
@@ -126,8 +126,8 @@ def _subcritical_connection() -> Found:
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
     mine, sharp = (heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30))
-    found = cycle_digits(mine, sharp, ("omega_h",))
-    return Found(found.outcome, found.digits, found.honest, f"Omega_h = {mine.omega_h}")
+    answer = cycle_digits(mine, sharp, ("omega_h",))
+    return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
 
 
 def _extremes(**changes: object) -> Callable[[], Found]:

@@ -152,8 +152,8 @@ def _event_cases() -> list[Case]:
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
 
     def peak() -> tuple[Any, float]:
-        found = engine(Request(PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)))
-        return found.time, float(found.state[0])
+        result = engine(Request(PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)))
+        return result.time, float(result.state[0])
 
     def below(ulps: float) -> Found:
         _, top = peak()
