@@ -13,7 +13,6 @@ from tippedisk_verify.commands.certify_orbit import orbit
 from tippedisk_verify.commands.common import (
     Common,
     common_options,
-    print_json,
     print_result,
     progress,
     speed,
@@ -46,8 +45,8 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None, every_
         print_result(common, {"proved": True, **proved_stability(common.parameters, common.digits).json()})
         return 0
     value = speed(common, omega, below_crit)
-    found = {name: proved_equilibrium(common.parameters, value, name, common.digits) for name in _EQUILIBRIA}
-    print_result(common, {"proved": True, **{name: proof.json() for name, proof in found.items()}})
+    proofs = {name: proved_equilibrium(common.parameters, value, name, common.digits) for name in _EQUILIBRIA}
+    print_result(common, {"proved": True, **{name: proof.json() for name, proof in proofs.items()}})
     return 0
 
 
@@ -88,15 +87,11 @@ def table(common: Common, omega_h: bool) -> int:
         absences = {table_1.name: _absence(common, table_1, low, high)} if missed else {}
         result["omega_h"] = {name: proof.json() for name, proof in proofs.items()}
         result["no_omega_h"] = {name: absence.json() for name, absence in absences.items()}
-        result["proved"] = all(found.proved for found in (*proofs.values(), *absences.values()))
+        result["proved"] = all(proof.proved for proof in (*proofs.values(), *absences.values()))
         excluded = [name for name, absence in absences.items() if absence.proved]
         statements += omega_h_statements(given, study.witness, excluded=excluded)
         result["statements"] = statements
-    if common.json:
-        print_json(result)
-    elif not common.quiet:
-        for statement in statements:
-            click.echo(statement)
+    print_result(common, result, statements)
     return 0 if result["proved"] else 1
 
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tippedisk_verify.evidence.claims import Audit
-from tippedisk_verify.evidence.near_omega_h import Sight, near_omega_h
-from tippedisk_verify.evidence.switching_order import OrderPoint, switching_order
+from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.audit.near_omega_h import Sight, near_omega_h
+from tippedisk_verify.audit.switching_order import OrderPoint, switching_order
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import BLACK, GREEN, grid
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid, pyplot
 from tippedisk_verify.model.parameters import Parameters

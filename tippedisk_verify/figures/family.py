@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, RED, grid
 from tippedisk_verify.model.parameters import Parameters
@@ -35,10 +35,10 @@ def law_rows(parameters: Parameters, speeds: Sequence[float]) -> Rows:
     rows: Rows = []
     for omega in speeds:
         try:
-            found = one_harmonic(parameters.with_friction("linear"), Fraction(omega), "printed")
+            cycle = one_harmonic(parameters.with_friction("linear"), Fraction(omega), "printed")
         except Shortfall:
             continue
-        rows.append((omega, float(found.amplitude), float(found.period)))
+        rows.append((omega, float(cycle.amplitude), float(cycle.period)))
     return rows
 
 

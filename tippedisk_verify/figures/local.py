@@ -7,8 +7,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, grid
 from tippedisk_verify.model.parameters import Parameters
@@ -32,8 +32,8 @@ def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
     speeds = [crit * step / 40 for step in range(1, 81)]
 
     def row(omega: float) -> tuple[float, ...]:
-        found = equilibrium(parameters, omega, "inverted", 12).eigenvalues
-        return (omega, *(float(part) for value in found for part in (value.re, value.im)))
+        eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues
+        return (omega, *(float(part) for value in eigenvalues for part in (value.re, value.im)))
 
     rows = [row(omega) for omega in speeds]
     for before, after in pairwise(rows):

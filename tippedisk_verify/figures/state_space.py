@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.model.precision import DOUBLE
@@ -52,13 +52,13 @@ def _last_turn(panel: Panel) -> Any:
 def _equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]]:
     """(gamma, stable) of the equilibria whose gamma lies in the range drawn."""
     low, high = min(gammas), max(gammas)
-    found = []
+    states = []
     for turn in range(-3, 4):
         for start, stable in ((math.pi / 2, panel.inverted_stable), (-math.pi / 2, panel.noninverted_stable)):
             gamma = start + 2 * math.pi * turn
             if low - 0.2 <= gamma <= high + 0.2:
-                found.append((gamma, stable))
-    return found
+                states.append((gamma, stable))
+    return states
 
 
 def _angle_axis(axis: Any, low: float, high: float) -> None:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from shlex import quote
 from typing import Any
 
-from tippedisk_verify.evidence.catalogue import group_of
-from tippedisk_verify.evidence.claim_proofs import proof_of
-from tippedisk_verify.evidence.claims import Claim, Finding, Verdict, sets_with
+from tippedisk_verify.audit.catalogue import group_of
+from tippedisk_verify.audit.claim_proofs import proof_of
+from tippedisk_verify.audit.claims import Claim, Finding, Verdict, sets_with
 from tippedisk_verify.fingerprint import DRAWING, processor, versions
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
