@@ -20,10 +20,12 @@ from tippedisk_verify.model.parameters import Friction, Parameters
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Request, Result, Status
+    from tippedisk_verify.orbits.basin_boundary import BasinBoundary
     from tippedisk_verify.orbits.basins import Basins
     from tippedisk_verify.orbits.branches import Branch
+    from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
     from tippedisk_verify.orbits.heteroclinic import Heteroclinic
-    from tippedisk_verify.orbits.periodic import LimitCycle
+    from tippedisk_verify.orbits.rotation_fold import RotationFold
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -238,7 +240,7 @@ class Disk(Parameters):
         digits: int = 12,
         engine: Engine | None = None,
     ) -> LimitCycle:
-        """The limit cycle at ``omega``, at Omega_crit - ``below_crit`` or at Omega_h + ``above_het``.
+        """The limit cycle about inverted spinning at ``omega``, Omega_crit - ``below_crit`` or Omega_h + ``above_het``.
 
         Raises InputError unless one of the three is given, NoSuchCycleError where there is no cycle, Shortfall if the
         digits are not reached.
@@ -253,6 +255,42 @@ class Disk(Parameters):
         if below_crit is not None:
             omega = speed_below_crit(self, below_crit, digits)
         return cycle_at(self, omega, self._engine(engine), digits=digits)
+
+    def rotating_cycle(
+        self,
+        omega: object = None,
+        *,
+        below_het: object = None,
+        stable: bool = True,
+        digits: int = 12,
+        engine: Engine | None = None,
+    ) -> RotatingCycle:
+        """The rotating limit cycle at ``omega`` or at Omega_h - ``below_het``: gamma grows by 2 pi a period.
+
+        Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
+        Raises as `limit_cycle` does.
+        """
+        from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
+
+        if (omega is None) == (below_het is None):
+            raise InputError("give the speed with either omega or below_het")
+        if below_het is None:
+            return rotating_cycle(self, omega, self._engine(engine), stable=stable, digits=digits)
+        if not stable:
+            raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
+        return rotating_below(self, below_het, self._engine(engine), digits=digits)
+
+    def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
+        """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
+        from tippedisk_verify.orbits.rotation_fold import rotation_fold
+
+        return rotation_fold(self, self._engine(engine), digits=digits)
+
+    def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
+        """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""
+        from tippedisk_verify.orbits.basin_boundary import BasinBoundary
+
+        return BasinBoundary(self, omega, self._engine(engine))
 
     def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from tippedisk_verify.commands.common import (
@@ -14,6 +16,11 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
 
 __all__ = ["COMMANDS"]
 
@@ -82,16 +89,37 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
     *("omega", "period", "gamma_bar_0", "v_0", "beta_max"),
     *("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "trivial_multiplier_defect"),
     *("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega"),
+    *("beta_bar_0", "beta_bar_top", "v_top", "dbeta_bar_top_domega", "dv_top_domega", "null_vector"),
 )
 @click.command()
 @speed_options
 @click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
+@click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
+@click.option("--unstable", is_flag=True, help="Of the rotating cycles, the unstable one.")
+@click.option("--below-het", metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
+@click.option("--at-fold", is_flag=True, help="Where the stable and the unstable rotating cycles meet.")
 @common_options
-def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: str | None) -> int:
+def orbit(
+    common: Common,
+    omega: str | None,
+    below_crit: str | None,
+    above_het: str | None,
+    rotating: bool,
+    unstable: bool,
+    below_het: str | None,
+    at_fold: bool,
+) -> int:
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
 
+    if rotating:
+        if above_het is not None:
+            raise InputError("--above-het leads to cycles that do not rotate: use --omega, --below-crit or --below-het")
+        print_result(common, _rotating(common, omega, below_crit, unstable, below_het, at_fold))
+        return 0
+    if unstable or at_fold or below_het is not None:
+        raise InputError("--unstable, --below-het and --at-fold belong to --rotating")
     if above_het is not None:
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
@@ -99,36 +127,72 @@ def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: 
     else:
         omega_value = speed(common, omega, below_crit, ("--above-het",))
         cycle = cycle_at(common.parameters, omega_value, default_engine(), digits=common.digits)
-    result = cycle.json()
-    del result["residuals"]  # of interest to who studies the iteration, from Python
-    print_result(common, result)
+    print_result(common, _without_history(cycle))
     return 0
+
+
+def _without_history(cycle: Cycle) -> dict[str, object]:
+    """A cycle as JSON, without its iteration's residuals: they are for whoever studies it, from Python."""
+    entries = cycle.json()
+    del entries["residuals"]
+    return entries
+
+
+def _rotating(
+    common: Common, omega: str | None, below_crit: str | None, unstable: bool, below_het: str | None, at_fold: bool
+) -> dict[str, object]:
+    """A rotating cycle, or the fold of their family, as JSON."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
+    from tippedisk_verify.orbits.rotation_fold import rotation_fold
+
+    parameters, engine, digits = common.parameters, default_engine(), common.digits
+    if sum(given not in (None, False) for given in (omega, below_crit, below_het, at_fold)) != 1:
+        raise InputError("give a rotating cycle's speed with one of --omega, --below-crit, --below-het and --at-fold")
+    if unstable and (below_het is not None or at_fold):
+        raise InputError("--unstable goes with --omega or --below-crit")
+    if at_fold:
+        return rotation_fold(parameters, engine, digits=digits).json()
+    if below_het is not None:
+        return _without_history(rotating_below(parameters, below_het, engine, digits=digits))
+    value = speed(common, omega, below_crit)
+    return _without_history(rotating_cycle(parameters, value, engine, stable=not unstable, digits=digits))
 
 
 @quantities_of("omega", "period", "beta_max", "multiplier_slow")
 @click.command()
 @click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
 @click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
+@click.option("--rotating", is_flag=True, help="The rotating cycles: stable ones, their fold, and unstable ones.")
 @click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
 @common_options
-def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None) -> int:
-    """The family of limit cycles between Omega_h and Omega_crit."""
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: str | None) -> int:
+    """The family of limit cycles between Omega_h and Omega_crit, or of the rotating ones."""
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
+    from tippedisk_verify.orbits import rotating as rotations
     from tippedisk_verify.report.tables import branch_entry, write_branch
 
     if common.digits > 12:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
     if paper_sets and omegas is not None:
         raise InputError("give either --paper-sets or --omegas")
+    if rotating and paper_sets:
+        raise InputError("the paper's sets have no rotating cycles: leave out --paper-sets or --rotating")
     target = None if out is None else output_file(out)
     engine = default_engine()
     speeds = None if omegas is None else omegas.split(",")
-    total = 801 if paper_sets else len(speeds) if speeds else branches.DEFAULT_COUNT
+    family: Iterator[LimitCycle | RotatingCycle]
+    if rotating:
+        total = 2 * len(speeds) if speeds else rotations.DEFAULT_COUNT
+        family = rotations.rotating_branch(common.parameters, engine, speeds)
+    else:
+        total = 801 if paper_sets else len(speeds) if speeds else branches.DEFAULT_COUNT
+        family = branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
     cycles = []
     with progress(common, total) as advance:
-        for cycle in branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds):
+        for cycle in family:
             cycles.append(cycle)
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:

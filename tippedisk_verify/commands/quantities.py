@@ -25,6 +25,13 @@ _QUANTITIES = {
     "period": Quantity("s", "T, the period of the limit cycle (of hopf: its limit at Omega_crit)"),
     "gamma_bar_0": Quantity("rad", "gamma - pi/2 where beta = pi/2 and v < 0"),
     "v_0": Quantity("rad/s", "v = beta' there"),
+    "beta_bar_0": Quantity("rad", "beta - pi/2 of a rotating cycle where gamma = -pi/2; v_0 is v there"),
+    "beta_bar_top": Quantity("rad", "beta - pi/2 of a rotating cycle where gamma = pi/2"),
+    "v_top": Quantity("rad/s", "v there"),
+    "null_vector": Quantity("1/s", "d(v_top)/d(beta_bar_top) along the family, at its fold"),
+    "margin": Quantity(
+        "rad", "distance in beta from the boundary of the basins; positive where the disk keeps standing"
+    ),
     "beta_max": Quantity("rad", "largest |beta - pi/2| on the cycle"),
     "multiplier_slow": Quantity("", "the larger nontrivial Floquet multiplier of a full period"),
     "log_multiplier_slow": Quantity("", "its natural logarithm"),
@@ -33,6 +40,8 @@ _QUANTITIES = {
     "dperiod_domega": Quantity("s^2/rad", "dT/dOmega along the family of cycles"),
     "dgamma_bar_0_domega": Quantity("s", "d(gamma_bar_0)/dOmega"),
     "dv_0_domega": Quantity("", "d(v_0)/dOmega"),
+    "dbeta_bar_top_domega": Quantity("s", "d(beta_bar_top)/dOmega"),
+    "dv_top_domega": Quantity("", "d(v_top)/dOmega"),
     "first_lyapunov_coefficient": Quantity("", "Kuznetsov's l_1, eigenvector of length 1 in (beta, gamma, v)"),
     "transversality": Quantity("1/rad", "d(Re lambda)/dOmega of the critical pair"),
     "amplitude_squared_slope": Quantity("rad s", "limit of beta_max^2 / (Omega_crit - Omega)"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 
@@ -25,10 +26,15 @@ from tippedisk_verify.orbits.near_connection import (
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import converged, cycle_from, measured_cycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily, unstable_top
+from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.splitting import splitting_zero
 from tippedisk_verify.orbits.turn_map import TurnFlights
+from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["rotating_below", "rotating_cycle"]
+__all__ = ["DEFAULT_COUNT", "rotating_below", "rotating_branch", "rotating_cycle"]
+
+DEFAULT_COUNT = 40  #: cycles of the overview of the family
+_DOUBLE_DIGITS = 12
 
 _MOST_STEPS = 12
 
@@ -45,7 +51,7 @@ def rotating_cycle(
     checked_digits(digits)
     if stable:
         with suppress(NoSuchCycleError, NoConnectionError):
-            # Next to Omega_h the saddle's unstable branch leads there, without the rest of the family.
+            # The saddle's unstable branch leads there where the cycle is not next to the fold.
             shot = converged(TurnFlights(parameters, speed, engine, DOUBLE), unstable_top(parameters, speed, engine))
             cycle: RotatingCycle = cycle_from(parameters, speed, shot, engine, digits)
             if cycle.stable:
@@ -93,6 +99,31 @@ def rotating_below(parameters: Parameters, below: object, engine: Engine, *, dig
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
+
+
+def rotating_branch(
+    parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
+) -> Iterator[RotatingCycle]:
+    """The family in double: at each of these speeds [rad/s] the stable cycle, then the unstable one; or an overview.
+
+    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. Raises InputError for
+    speeds that are no positive decimals, NoSuchCycleError where the family has no cycle at a speed.
+    """
+    family = RotatingFamily(parameters, engine)
+    if omegas is not None:
+        for speed in [checked_speed(omega) for omega in omegas]:
+            if speed < family.omega_h:
+                yield of_family(family, speed, stable=True, digits=_DOUBLE_DIGITS)
+            yield of_family(family, speed, stable=False, digits=_DOUBLE_DIGITS)
+        return
+    fold = Fraction(float(rotation_fold(parameters, engine, family=family).omega))
+    half = DEFAULT_COUNT // 2
+    # Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached.
+    below, beyond = family.omega_h - fold, omega_crit(parameters, 20).value + Fraction(1, 2) - fold
+    for n in range(half, 0, -1):
+        yield of_family(family, fold + below * Fraction(n * n, half * half + 1), stable=True, digits=_DOUBLE_DIGITS)
+    for n in range(1, half + 1):
+        yield of_family(family, fold + beyond * Fraction(n * n, half * half), stable=False, digits=_DOUBLE_DIGITS)
 
 
 def _beside(parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int) -> RotatingCycle:

@@ -74,8 +74,9 @@ class RotatingFamily:
 
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
-        omega_h = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-        omega = float(omega_h * _FIRST)
+        #: Where the family begins [rad/s], as double sees it.
+        self.omega_h = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+        omega = float(self.omega_h * _FIRST)
         beta, v = unstable_top(parameters, Fraction(omega), engine)
         # Omega itself is held there; it falls along the family.
         first, _ = self._corrected((float(beta), float(v), omega), (0.0, 0.0, -1.0))
@@ -87,6 +88,11 @@ class RotatingFamily:
 
         Raises NoSuchCycleError where the family has none.
         """
+        if stable and omega >= self.omega_h:
+            raise NoSuchCycleError(
+                f"no stable rotating cycle found at {omega:.10g} rad/s: they are looked for below Omega_h, "
+                f"{float(self.omega_h):.10g} rad/s"
+            )
         if stable and omega > self.points[0].omega:
             beta, v = unstable_top(self.parameters, Fraction(omega), self.engine)
             return float(beta), float(v)

@@ -11,7 +11,7 @@ from tippedisk_verify.bench.race import Score
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.orbits.basins import Basins
-from tippedisk_verify.orbits.periodic import LimitCycle
+from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
 
 __all__ = ["branch_entry", "write_basins", "write_bench", "write_branch"]
 
@@ -30,14 +30,14 @@ def write_basins(plane: Basins, folder: Path) -> None:
     write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
 
 
-def branch_entry(cycle: LimitCycle) -> dict[str, object]:
+def branch_entry(cycle: Cycle) -> dict[str, object]:
     """One orbit as JSON, without the history of its iteration."""
     entry = cycle.json()
     del entry["residuals"]
     return entry
 
 
-def write_branch(cycles: Sequence[LimitCycle], path: Path) -> None:
+def write_branch(cycles: Sequence[LimitCycle | RotatingCycle], path: Path) -> None:
     """The family as CSV: for each number its value and its half-width."""
     names = [name for name, value in vars(cycles[0]).items() if isinstance(value, Measured)]
     header = [part for name in names for part in (name, f"{name} uncertainty")]
