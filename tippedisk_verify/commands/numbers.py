@@ -172,7 +172,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
     from tippedisk_verify.orbits import rotating as rotations
-    from tippedisk_verify.report.tables import branch_entry, write_branch
+    from tippedisk_verify.report.tables import write_branch
 
     if common.digits > 12:
         raise InputError(f"a branch holds at most 12 digits, not {common.digits}: ask orbit for more at single speeds")
@@ -202,7 +202,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
-    print_result(common, {"orbits": [branch_entry(cycle) for cycle in cycles]}, lines)
+    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]}, lines)
     return 0
 
 

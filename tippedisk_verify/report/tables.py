@@ -11,9 +11,9 @@ from tippedisk_verify.bench.race import Score
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.orbits.basins import Basins
-from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
 
-__all__ = ["branch_entry", "write_basins", "write_bench", "write_branch"]
+__all__ = ["write_basins", "write_bench", "write_branch"]
 
 
 def write_basins(plane: Basins, folder: Path) -> None:
@@ -28,13 +28,6 @@ def write_basins(plane: Basins, folder: Path) -> None:
     )
     rows = [(beta, gamma, plane.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
     write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
-
-
-def branch_entry(cycle: Cycle) -> dict[str, object]:
-    """One orbit as JSON, without the history of its iteration."""
-    entry = cycle.json()
-    del entry["residuals"]
-    return entry
 
 
 def write_branch(cycles: Sequence[LimitCycle | RotatingCycle], path: Path) -> None:

@@ -1,0 +1,225 @@
+"""Rotating limit cycles: two roads, both laws, both sides of the fold, and up to Omega_h."""
+
+from __future__ import annotations
+
+import json
+import math
+from fractions import Fraction
+
+import numpy
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.cli import main
+from tippedisk_verify.flow.contract import Request, Status
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.precision import QUADRUPLE
+from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, rotating_cycle
+from tippedisk_verify.orbits.rotation_fold import rotation_fold
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.spectral_rotation import spectral_fold, spectral_rotation
+
+LAWS = ("linear", "smooth")
+#: Stable and unstable ones on both sides of Omega_h, and above Omega_crit.
+POINTS = (
+    ("30.0388", True),
+    ("30.0388", False),
+    ("30.02", True),
+    ("30.386592688643567", False),
+    ("31.386592688643567", False),
+)
+SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
+
+
+def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
+    """Whether the half-widths overlap, and are below so many digits."""
+    apart = abs(one.value - other.value)
+    width = one.uncertainty + other.uncertainty
+    return apart <= width <= abs(one.value) / 10**digits
+
+
+@pytest.mark.parametrize(("omega", "stable"), POINTS[:2])
+def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
+    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
+    other = spectral_rotation(PRINTED, omega, stable=stable, digits=16)
+    for name in SHARED:
+        assert agree(getattr(shot, name), getattr(other, name), 11), name
+    both = shot.log_multiplier_slow + shot.log_multiplier_fast
+    assert agree(both, other.log_multipliers, 11)
+    assert shot.stable is stable
+
+
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize(("omega", "stable"), POINTS)
+def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> None:
+    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=30)
+    other = spectral_rotation(PRINTED, omega, stable=stable, digits=40)
+    for name in SHARED:
+        assert agree(getattr(shot, name), getattr(other, name), 30), name
+
+
+def test_the_fold_by_two_roads(taylor) -> None:
+    shot, other = rotation_fold(PRINTED, taylor), spectral_fold(PRINTED, digits=16)
+    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
+        assert agree(getattr(shot, name), getattr(other, name), 11), name
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
+def test_the_fold_to_30_digits(taylor, disk) -> None:
+    shot, other = rotation_fold(disk, taylor, digits=30), spectral_fold(disk, digits=40)
+    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
+        assert agree(getattr(shot, name), getattr(other, name), 30), name
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
+def test_the_fold_of_50_digits_holds_that_of_30(taylor, disk, friction) -> None:
+    rough, sharp = (rotation_fold(disk.with_friction(friction), taylor, digits=digits) for digits in (30, 50))
+    for name in ("omega", "period", "beta_bar_top", "v_top", "beta_bar_0", "v_0", "beta_max", "null_vector"):
+        assert getattr(rough, name).contains(getattr(sharp, name)), name
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
+    """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
+    disk = PRINTED.with_friction(friction)
+    fold = rotation_fold(disk, taylor)
+    apart = []
+    for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
+        ends = [rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable) for stable in (True, False)]
+        multipliers = [float(end.multiplier_slow) - 1 for end in ends]
+        assert multipliers[0] < 0 < multipliers[1]
+        assert sum(multipliers) == pytest.approx(0, abs=0.05 * multipliers[1])
+        middle = sum(float(end.beta_bar_top) for end in ends) / 2
+        assert middle == pytest.approx(float(fold.beta_bar_top), abs=2 * float(distance))
+        apart.append(float(ends[1].beta_bar_top - ends[0].beta_bar_top))
+        slope = float((ends[1].v_top - ends[0].v_top) / (ends[1].beta_bar_top - ends[0].beta_bar_top))
+        assert slope == pytest.approx(float(fold.null_vector), rel=1e-2)
+    assert apart[0] / apart[1] == pytest.approx(10, rel=1e-2)
+    with pytest.raises(tv.InputError, match="fold near"):
+        rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
+
+
+@pytest.mark.honest
+@pytest.mark.parametrize("friction", LAWS)
+def test_half_widths_hold(taylor, friction) -> None:
+    disk = PRINTED.with_friction(friction)
+    fold = rotation_fold(disk, taylor).omega.value
+    for distance, stable in (("0.03", True), ("0.01", True), ("0.0001", False), ("0.4", False), ("1.7", False)):
+        omega = fold + Fraction(distance)
+        rough = rotating_cycle(disk, omega, taylor, stable=stable)
+        sharp = rotating_cycle(disk, omega, taylor, stable=stable, digits=25)
+        for name, number in vars(rough).items():
+            if isinstance(number, tv.Measured) and name != "trivial_multiplier_defect":
+                assert number.contains(getattr(sharp, name)), (distance, name)
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None:
+    disk = PRINTED.with_friction(friction)
+    omega = {"linear": "30.03", "smooth": "30.06"}[friction]
+    cycle = rotating_cycle(disk, omega, taylor)
+    times, (beta, gamma, v) = cycle.orbit(301)
+    assert times[-1] == pytest.approx(float(cycle.period), rel=1e-15)
+    assert gamma[-1] - gamma[0] == pytest.approx(2 * math.pi, abs=1e-12)
+    assert (numpy.diff(gamma) > 0).all()
+    assert beta.min() > math.pi / 2
+    assert beta.max() - math.pi / 2 <= float(cycle.beta_max)
+    assert (beta[-1], v[-1]) == pytest.approx((beta[0], v[0]), abs=1e-11)
+    lowest = numpy.abs(gamma - 3 * math.pi / 2).argmin()
+    assert beta[lowest] - math.pi / 2 == pytest.approx(float(cycle.beta_bar_0), abs=1e-2)
+    # The image under the point symmetry, flown in a wider arithmetic: gamma falls by a whole turn.
+    start = (-cycle.beta_bar_top.value, 0, -cycle.v_top.value)
+    image = taylor(Request(disk, omega, start, cycle.period.value, shifted=True, precision=QUADRUPLE))
+    assert image.status is Status.REACHED
+    assert [float(part) for part in image.state] == pytest.approx(
+        [float(start[0]), -2 * math.pi, float(start[2])], abs=1e-9
+    )
+
+
+def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
+    """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on the other side."""
+    growth = float(
+        equilibrium(PRINTED, tv.Disk("printed").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
+    )
+    constants = []
+    for zeros in (5, 8, 15):
+        cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
+        assert cycle.stable
+        assert cycle.precision.startswith("real") == (zeros > 5)
+        constants.append(float(cycle.period) - zeros * math.log(10) / growth)
+        assert float(cycle.dperiod_domega) * 10.0**-zeros * growth == pytest.approx(1, abs=0.3 * 10 ** (-0.15 * zeros))
+    assert abs(constants[2] - constants[1]) < abs(constants[1] - constants[0]) / 2
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_law_of_the_period_to_ten_digits(taylor, friction) -> None:
+    disk = PRINTED.with_friction(friction)
+    omega_h = tv.Disk("printed", friction=friction).heteroclinic(digits=30).omega_h.value
+    growth = equilibrium(disk, omega_h, "noninverted", digits=30).eigenvalues[0].re.value
+    cycle = rotating_below(disk, "1e-60", taylor)
+    assert abs(cycle.dperiod_domega.value / 10**60 * growth - 1) < Fraction(1, 10**10)
+    nearer = rotating_below(disk, "1e-61", taylor)
+    assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=1e-10)
+
+
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("zeros", [1, 2, 3, 4, 5, 6, 8, 12, 20, 30])
+def test_cycles_close_to_omega_h_hold_those_of_more_digits(taylor, friction, zeros) -> None:
+    disk = PRINTED.with_friction(friction)
+    below = f"3e-{zeros + 1}"
+    rough, sharp = (rotating_below(disk, below, taylor, digits=digits) for digits in (10, 25))
+    for name, number in vars(rough).items():
+        if isinstance(number, tv.Measured) and name not in ("trivial_multiplier_defect", "omega"):
+            assert number.contains(getattr(sharp, name)), name
+
+
+def test_the_branch_goes_through_the_fold(taylor) -> None:
+    cycles = list(rotating_branch(PRINTED, taylor))
+    stable = [cycle.stable for cycle in cycles]
+    assert stable == [True] * 20 + [False] * 20
+    speeds = [float(cycle.omega) for cycle in cycles]
+    assert speeds[:20] == sorted(speeds[:20], reverse=True)
+    assert speeds[20:] == sorted(speeds[20:])
+    leans = [float(cycle.beta_bar_0) for cycle in cycles]
+    assert leans == sorted(leans)  # the lean next to the saddle orders the whole family
+    at_speeds = list(rotating_branch(PRINTED, taylor, ["30.02", "30.5"]))
+    assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
+
+
+def test_other_disks(taylor) -> None:
+    for changes in ({"e": "0.003"}, {"mu": "0.4"}, {"epsilon": "0.05"}, {"A": "0.26e-3"}):
+        numbers = {name: str(getattr(PRINTED, name)) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
+        disk = tv.Disk(**numbers | changes)
+        fold = disk.rotation_fold(engine=taylor)
+        assert fold.omega < disk.heteroclinic(engine=taylor).omega_h
+        other = spectral_fold(disk, digits=14)
+        assert agree(fold.omega, other.omega, 11)
+
+
+def test_the_command(capsys) -> None:
+    assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["stable"] is True
+    assert shown["period"]["value"].startswith("0.95723942955")
+    assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
+    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
+    for words, told in (
+        (["--rotating"], "give a rotating cycle's speed"),
+        (["--rotating", "--omega", "30.02", "--at-fold"], "give a rotating cycle's speed"),
+        (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
+        (["--rotating", "--above-het", "1e-3"], "do not rotate"),
+        (["--unstable", "--omega", "30.02"], "belong to --rotating"),
+        (["--rotating", "--omega", "30.07"], "below Omega_h"),
+        (["--rotating", "--omega", "29"], "fold near"),
+        (["--rotating", "--below-het", "0.05"], "less than 0.045"),
+        (["--rotating", "--below-het", "-1"], "positive decimal"),
+    ):
+        assert main(["orbit", *words]) == 2
+        captured = capsys.readouterr()
+        assert told in captured.err, words
+        assert captured.err.count("\n") == 1
