@@ -15,7 +15,7 @@ import pytest
 from tests.stress.honesty.arithmetics import ARITHMETICS, DEFAULT, Arithmetic, arithmetic_named
 from tests.stress.honesty.margins import LEAST
 from tests.stress.honesty.study import lines, main
-from tippedisk_verify.flow import integrator
+from tippedisk_verify.flow import compiled
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.parameters import PRINTED
@@ -34,7 +34,7 @@ def named(one: Arithmetic) -> str:
 def test_what_is_compiled_has_the_options(arithmetic: Arithmetic, kind) -> None:
     x, v = heyoka.make_vars("x", "v")
     with arithmetic.active():
-        stepper = integrator.heyoka_module().taylor_adaptive([(x, v), (v, -x)], [kind(0), kind(1)], fp_type=kind)
+        stepper = compiled.heyoka_module().taylor_adaptive([(x, v), (v, -x)], [kind(0), kind(1)], fp_type=kind)
     plain = heyoka.taylor_adaptive([(x, v), (v, -x)], [kind(0), kind(1)], fp_type=kind)
     for name, value in {**arithmetic.options, **(arithmetic.in_double if kind is float else {})}.items():
         owner = stepper if hasattr(stepper, name) else stepper.llvm_state
@@ -45,10 +45,10 @@ def test_what_is_compiled_has_the_options(arithmetic: Arithmetic, kind) -> None:
 
 
 def test_outside_of_it_nothing_is_changed() -> None:
-    before = integrator.heyoka_module
+    before = compiled.heyoka_module
     with arithmetic_named("no x87").active():
         assert companion(DOUBLE) == QUADRUPLE
-    assert integrator.heyoka_module is before
+    assert compiled.heyoka_module is before
     assert companion(DOUBLE) == (EXTENDED if numpy.finfo(numpy.longdouble).nmant == 63 else QUADRUPLE)
 
 

@@ -183,7 +183,10 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
 
 
 def _recurrence(node: Node) -> Callable[[int], None] | None:
-    """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1."""
+    """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1.
+
+    It is one piece: a case for each kind of operation.
+    """
     kind, x, y = node.kind, node.left, node.right
 
     if kind in ("variable", "cos"):  # a variable's come from its rate, a cosine's with its sine

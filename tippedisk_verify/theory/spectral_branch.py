@@ -31,6 +31,7 @@ _COMPLEX_STEP = 1e-40
 # covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
 # than this part of the way, the speed lies beyond the end.
 _LONG, _STANDING = 4.0, 1e-4
+_NOWHERE = "no limit cycle found at Omega = {:.12g} rad/s"
 
 _DOUBLE_OPS = shifted(numpy)
 
@@ -147,14 +148,11 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
 
 
 def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None) -> Samples:
-    """Follow the branch from the Hopf point until it reaches the speed, then settle there.
-
-    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
-    """
+    """The cycle at the speed, on the branch from the Hopf point. Raises NoSuchCycleError if it does not lead there."""
     crit = omega_crit(parameters, 40).value
     distance = float(crit - target)
     side = {"supercritical": 1, "subcritical": -1}.get(criticality(parameters), 0)
-    nowhere = f"no limit cycle found at Omega = {float(target):.12g} rad/s"
+    nowhere = _NOWHERE.format(float(target))
     if distance * side <= 0:
         word = {1: "below", -1: "above"}.get(side, "far from")
         raise NoSuchCycleError(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
@@ -175,11 +173,25 @@ def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None) -
     if predicted <= 0.02:  # the law is a better guess than a branch could make
         return newton(parameters, float(target), by_the_law(predicted).guess)
     first = by_the_law(0.02)
-    before, here = birth, _on_plane(parameters, first, _difference(first, birth))
+    here = _on_plane(parameters, first, _difference(first, birth))
+    before, here = _around(parameters, birth, here, float(target), harmonics)
+    before = before.resampled(here.guess.harmonics)
+    share = (float(target) - before.omega) / (here.omega - before.omega)
+    return newton(parameters, float(target), before.towards(here, share).guess)
+
+
+def _around(
+    parameters: Parameters, birth: _Point, here: _Point, target: float, harmonics: int | None
+) -> tuple[_Point, _Point]:
+    """Two neighbouring points of the branch with the speed between them.
+
+    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
+    """
+    nowhere, before = _NOWHERE.format(target), birth
     length = 2.0  # the next step, in units of the last one
     for _ in range(120):
-        if (here.omega - float(target)) * (before.omega - float(target)) <= 0 and before is not birth:
-            break
+        if (here.omega - target) * (before.omega - target) <= 0 and before is not birth:
+            return before, here
         if abs(here.guess.beta).max() > _LARGEST_AMPLITUDE:
             raise NoSuchCycleError(f"{nowhere} before its amplitude is that of a flat disk")
         before = before.resampled(here.guess.harmonics)
@@ -195,15 +207,11 @@ def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None) -
                 here = here.resampled(here.guess.harmonics * 3 // 2)
             continue
         before, here = here, _grown(ahead, harmonics)
-        left = abs(here.omega - float(target))
+        left = abs(here.omega - target)
         if here.guess.frequency < birth.guess.frequency / _LONG and abs(here.omega - before.omega) < _STANDING * left:
             raise NoSuchCycleError(f"{nowhere}: the branch ends near {here.omega:.8g} rad/s, in ever longer periods")
         length = min(1.3, 2 * length)
-    else:
-        raise NoSuchCycleError(f"{nowhere} within 120 steps along the branch")
-    before = before.resampled(here.guess.harmonics)
-    share = (float(target) - before.omega) / (here.omega - before.omega)
-    return newton(parameters, float(target), before.towards(here, share).guess)
+    raise NoSuchCycleError(f"{nowhere} within 120 steps along the branch")
 
 
 def _difference(here: _Point, before: _Point) -> _Point:
