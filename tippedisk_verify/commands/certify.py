@@ -10,14 +10,7 @@ from typing import Any
 import click
 
 from tippedisk_verify.commands.certify_orbit import orbit
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_result,
-    progress,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.errors import InputError, NoConnectionError
 
 __all__ = ["COMMANDS"]

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_result,
-    progress,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
 

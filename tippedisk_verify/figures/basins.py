@@ -34,8 +34,7 @@ def draw_basins(plane: Basins) -> Any:
         for colour, (name, (share, error)) in zip(colours, shares.items(), strict=True)
     ]
     axis.legend(handles=patches, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
-    axis.set_xlabel("γ [rad]")
-    axis.set_ylabel("β [rad]")
+    axis.set(xlabel="γ [rad]", ylabel="β [rad]")
     axis.set_title(
         f"Ω = {float(plane.omega):.4f} rad/s, {plane.parameters.friction} law, start at dβ/dt = {plane.v:g} rad/s,"
         f" {plane.duration:g} s",

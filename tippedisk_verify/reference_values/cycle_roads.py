@@ -144,19 +144,11 @@ def _multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -
 
 
 def _period_from(case: Case, start: list[Any], period: Fraction, precision: Precision) -> Result:
-    result = default_engine()(
-        Request(
-            case.parameters,
-            case.inputs["Omega"],
-            start,
-            period,
-            precision=precision,
-            variations=("beta", "gamma", "v", "Omega"),
-            divergence=True,
-            events=(_EXTREME,),
-            domain="none",
-        )
-    )
+    request = Request(
+        case.parameters, case.inputs["Omega"], start, period, precision=precision,
+        variations=("beta", "gamma", "v", "Omega"), divergence=True, events=(_EXTREME,), domain="none",
+    )  # fmt: skip
+    result = default_engine()(request)
     if result.status is not Status.REACHED:
         raise Shortfall(f"{case.item.id}: {result.status.value}")
     return result

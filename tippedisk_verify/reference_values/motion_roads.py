@@ -44,16 +44,9 @@ def _run(
     if shift:
         start[:2] = [exact(angle) - _QUARTER for angle in start[:2]]
     request = Request(
-        case.parameters,
-        case.inputs["Omega"],
-        start,
-        _DURATION,
-        shifted=shift,
-        precision=precision,
-        tolerance=tolerance,
-        times=[precision.number(time) for time in _TIMES],
-        events=(_CROSSING,),
-    )
+        case.parameters, case.inputs["Omega"], start, _DURATION, shifted=shift, precision=precision,
+        tolerance=tolerance, times=[precision.number(time) for time in _TIMES], events=(_CROSSING,),
+    )  # fmt: skip
     result = engine(request)
     if result.status not in (Status.REACHED, Status.FLAT):
         raise Shortfall(f"{case.item.id}: {result.status.value}")
