@@ -11,7 +11,7 @@ from typing import Any
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.bench.shooting import Flight, period_by_newton
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Result, Status
+from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian, shifted
@@ -69,14 +69,14 @@ class Method:
         return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
 
 
-def _by_engine(engine: Any, problem: Problem, **options: Any) -> Prepared:
-    plain: Request = problem.request(**options)
-    precision: Precision = plain.precision
+def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
+    plain = problem.request(**options)
+    precision = plain.precision
     times = precision.array(problem.times)
-    sampling: Request = problem.request(times=times, **options)
+    sampling = problem.request(times=times, **options)
 
     def sampled() -> Outcome:
-        result: Result = engine(sampling)
+        result = engine(sampling)
         status = "reached" if result.status is Status.REACHED else result.status.value
         samples = [] if result.samples is None else result.samples
         return Outcome(status, samples, result.steps or engine(plain).steps, result.evaluations)
@@ -106,13 +106,13 @@ def double_rates(problem: Problem) -> Any:
     return vector_field(shifted(math), problem.parameters.at(DOUBLE), problem.omega, problem.friction)
 
 
-def _solving_by_engine(engine: Any, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
+def _solving_by_engine(engine: Engine, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
     def flight(gamma_bar: Any, v: Any, duration: Any) -> Any:
         request = Request(
             problem.parameters, problem.omega, (zero, gamma_bar, v), duration, shifted=True, precision=precision,
             variations=STATE_VARIATIONS, domain="none", **options,
         )  # fmt: skip
-        result: Result = engine(request)
+        result = engine(request)
         if result.status is not Status.REACHED:
             raise ArithmeticError(result.status.value)
         if precision == DOUBLE:  # Python's own floats are faster than numpy's

@@ -39,7 +39,7 @@ def trajectory_unit(quantity: str) -> str:
 
 def _run(
     case: Case, precision: Precision, engine: Engine, *, shift: bool = False, tolerance: float | None = None
-) -> Any:
+) -> dict[str, Any]:
     start: list[Any] = [case.inputs[name] for name in _NAMES]
     if shift:
         start[:2] = [exact(angle) - _QUARTER for angle in start[:2]]
