@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
 from tests.orbits.passages import passage_times
+from tippedisk_verify.audit import friction_claims
 from tippedisk_verify.certified.closed_forms import proved_hopf
 from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.certified.no_connection import prove_absence
-from tippedisk_verify.evidence import friction_claims
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE

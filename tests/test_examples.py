@@ -43,7 +43,7 @@ def test_the_example_in_the_readme_is_one_of_them() -> None:
 def test_the_headline_digits_of_the_readme() -> None:
     """Each number in the table is the true one, rounded to the places that it has."""
     import tippedisk_verify as tv
-    from tippedisk_verify.evidence.claims import rounds_to
+    from tippedisk_verify.audit.claims import rounds_to
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
     from tippedisk_verify.theory.harmonic_balance import chi

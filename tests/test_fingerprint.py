@@ -12,7 +12,7 @@ import pytest
 
 from tests.dask_cluster import changed_package, surroundings
 from tippedisk_verify import fingerprint as module
-from tippedisk_verify.evidence.catalogue import CLAIMS, home_of
+from tippedisk_verify.audit.catalogue import CLAIMS, home_of
 from tippedisk_verify.figures import catalogue
 from tippedisk_verify.fingerprint import DRAWING, closure, fingerprint, unlike
 
@@ -126,7 +126,7 @@ def test_nothing_runs_that_the_closure_does_not_hold(claim: str) -> None:
     program = (
         "import sys\nfrom importlib import import_module\n"
         f"home = import_module('{home}')\n"
-        "from tippedisk_verify.evidence.claims import Audit, examined\n"
+        "from tippedisk_verify.audit.claims import Audit, examined\n"
         "from tippedisk_verify.flow.taylor import Taylor\n"
         "from tippedisk_verify.model.parameters import PRINTED\n"
         "claims = next(value for name, value in vars(home).items() if name.endswith('_CLAIMS'))\n"

@@ -6,7 +6,7 @@ import pytest
 
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands.quantities import heading
-from tippedisk_verify.evidence.reference.store import stored
+from tippedisk_verify.reference_values.store import stored
 
 
 def test_units_are_those_of_the_reference_data() -> None:

@@ -7,8 +7,11 @@ only from those before it:
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
 - `tippedisk_verify.orbits`: scenes, limit cycles, connections;
-- `tippedisk_verify.evidence`: claims and how they are checked, reference values, and the grading of other programs;
-- `tippedisk_verify.certified`: enclosures with proofs, in ball arithmetic; it knows `model` only.
+- `tippedisk_verify.certified`: enclosures with proofs, in ball arithmetic; it knows `model` only;
+- `tippedisk_verify.audit`: the paper's claims, and how each is examined;
+- `tippedisk_verify.reference_values`: how they are made, checked and read, and
+  `tippedisk_verify.conformance`: the grading of other programs by them;
+- `tippedisk_verify.bench`: run time against error, and `tippedisk_verify.stress`: cases that are numerically hard;
 - `tippedisk_verify.figures` and `tippedisk_verify.report`: what a person sees of it.
 
 >>> import tippedisk_verify as tv
@@ -40,11 +43,10 @@ TYPE_CHECKING = False  # to type checkers it is true; typing itself would delay 
 if TYPE_CHECKING:
     from typing import Any
 
+    from tippedisk_verify.audit.claims import Audit, Verdict
+    from tippedisk_verify.conformance.grading import compare
     from tippedisk_verify.disk import Disk, Solution
     from tippedisk_verify.errors import InputError, Shortfall
-    from tippedisk_verify.evidence.claims import Audit, Verdict
-    from tippedisk_verify.evidence.conformance.grading import compare
-    from tippedisk_verify.evidence.reference.store import reference
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
     from tippedisk_verify.flow.lanes import BatchTaylor
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.near_connection import cycle_above
     from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
+    from tippedisk_verify.reference_values.store import reference
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
@@ -70,9 +73,9 @@ if TYPE_CHECKING:
 _HOMES = {
     "disk": ("Disk", "Solution"),
     "errors": ("InputError", "Shortfall"),
-    "evidence.claims": ("Audit", "Verdict"),
-    "evidence.conformance.grading": ("compare",),
-    "evidence.reference.store": ("reference",),
+    "audit.claims": ("Audit", "Verdict"),
+    "conformance.grading": ("compare",),
+    "reference_values.store": ("reference",),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.lanes": ("BatchTaylor",),

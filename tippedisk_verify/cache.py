@@ -1,15 +1,13 @@
 """Results kept from run to run, as JSON files named by what they depend on.
 
 In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing, ``code`` nothing but
-the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. A file is written
-beside and renamed, so that runs at the same time see whole files only; each carries its own checksum. A cache that is
-damaged or cannot be used is no error: what is not found in it is computed.
+the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file
+is written whole with its checksum (`checksums`), so runs may use the cache at the same time. A cache that is damaged or
+cannot be used is no error: what is not found in it is computed.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import re
 import sys
@@ -18,8 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.checksums import read_checked, write_checked
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_bytes
 
 __all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
 
@@ -67,15 +65,7 @@ class Cache:
         if self._folder is None or self._fresh:
             return None
         path = self._folder / f"{key}.json"
-        try:
-            if path.stat().st_size > _MOST_BYTES:
-                return None
-            checksum, _, text = path.read_bytes().partition(b"\n")
-            if checksum.decode("ascii") != hashlib.sha256(text).hexdigest():
-                return None
-            value = json.loads(text)
-        except (OSError, ValueError, RecursionError, MemoryError):
-            return None
+        value = read_checked(path, _MOST_BYTES)
         with suppress(OSError):
             os.utime(path)  # its last use, for `tidy`
         return value
@@ -84,10 +74,9 @@ class Cache:
         """Keep the value, if that can be done."""
         if self._folder is None:
             return
-        text = json.dumps(value, ensure_ascii=False).encode()
         with suppress(OSError, InputError):
             self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            write_bytes(self._folder / f"{key}.json", hashlib.sha256(text).hexdigest().encode() + b"\n" + text)
+            write_checked(self._folder / f"{key}.json", value)
 
     def tidy(self) -> None:
         """Remove what has not been used for long. Only files that are named like ours are touched."""

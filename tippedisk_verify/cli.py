@@ -59,7 +59,10 @@ for command in (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status. For tests: takes the arguments as a list."""
+    """Run the command line; returns the exit status. For tests: takes the arguments as a list.
+
+    All that can end a run stands in one list: some of these exceptions are kinds of others, so their order decides.
+    """
     try:
         status = cli.main(args=None if arguments is None else list(arguments), standalone_mode=False)
         if sys.stdout is not None:

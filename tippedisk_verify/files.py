@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
-import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +16,6 @@ from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     "alone",
-    "checksum",
     "csv_text",
     "output_file",
     "output_folder",
@@ -88,11 +85,6 @@ def remains_of(path: Path) -> list[Path]:
     return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8)) if path.parent.is_dir() else []
 
 
-def checksum(content: object) -> str:
-    """A short hash of what JSON can hold, by which a file's own damage is told from its content."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
-
-
 def printable(text: str) -> str:
     """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
     return "".join(character if character.isprintable() else "?" for character in text)
@@ -119,14 +111,14 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 def output_file(path: str) -> Path:
     """The file to write to. Raises InputError if it cannot be one."""
-    found = Path(path)
+    file = Path(path)
     try:
-        usable = path and "\0" not in path and found.parent.is_dir() and (not found.exists() or found.is_file())
+        usable = path and "\0" not in path and file.parent.is_dir() and (not file.exists() or file.is_file())
     except OSError as fault:
-        raise InputError(f"'{_named(found)}' cannot be written: {fault.strerror or fault}") from None
+        raise InputError(f"'{_named(file)}' cannot be written: {fault.strerror or fault}") from None
     if not usable:
-        raise InputError(f"'{_named(found)}' cannot be written: it needs an existing folder and a file name")
-    return found
+        raise InputError(f"'{_named(file)}' cannot be written: it needs an existing folder and a file name")
+    return file
 
 
 @contextmanager

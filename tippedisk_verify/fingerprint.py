@@ -7,8 +7,6 @@ inside functions. It is read as text, so nothing is imported to find out.
 from __future__ import annotations
 
 import ast
-import hashlib
-import json
 import platform
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
@@ -16,6 +14,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+from tippedisk_verify.checksums import digest
 
 __all__ = ["DRAWING", "NUMERICAL", "closure", "fingerprint", "origin", "processor", "unlike", "versions"]
 
@@ -31,7 +31,7 @@ def fingerprint(module: str, inputs: dict[str, Any], packages: tuple[str, ...] =
     """64 hexadecimal digits that change with the module's code, the inputs (as JSON), packages, or processor."""
     code = {name: _content(name) for name in closure(module)}
     parts = {"code": code, "inputs": inputs, "versions": versions(packages), "machine": _machine()}
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    return digest(parts)
 
 
 @lru_cache(maxsize=8)
@@ -47,8 +47,7 @@ def origin(module: str) -> dict[str, str]:
     content = {name: _content(name) for name in closure(module)}
     for name in content:
         import_module(name)
-    code = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
-    return {_PACKAGE: __version__, "code": code, **versions(NUMERICAL)}
+    return {_PACKAGE: __version__, "code": digest(content)[:16], **versions(NUMERICAL)}
 
 
 def unlike(other: Mapping[str, object], mine: Mapping[str, str]) -> str:
@@ -123,7 +122,7 @@ def _text(module: str) -> bytes:
 
 @lru_cache(maxsize=512)
 def _content(module: str) -> str:
-    return hashlib.sha256(_text(module)).hexdigest()
+    return digest(_text(module))
 
 
 @lru_cache(maxsize=512)
@@ -133,12 +132,12 @@ def _imports(module: str) -> tuple[str, ...]:
     if path is None:
         return ()
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    found: set[str] = set()
+    modules: set[str] = set()
     for name in _named(ast.parse(_text(module)), package):
         parts = name.split(".")
         if parts[0] == _PACKAGE:
-            found.update(".".join(parts[:n]) for n in range(2, len(parts) + 1))
-    return tuple(name for name in sorted(found) if _path(name) is not None)
+            modules.update(".".join(parts[:n]) for n in range(2, len(parts) + 1))
+    return tuple(name for name in sorted(modules) if _path(name) is not None)
 
 
 def _named(tree: ast.AST, package: str) -> Iterator[str]:

@@ -27,9 +27,9 @@ from tippedisk_verify.certified.balls import (
 from tippedisk_verify.certified.closed_forms import hopf_balls, proved_equilibrium, proved_hopf
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.reference_values.store import reference
 
 CALLS = 20_000
 L_1 = reference("printed/linear/hopf/point/first_lyapunov_coefficient").measured()

@@ -7,8 +7,8 @@ from functools import cache
 import pytest
 
 from tippedisk_verify.certified.closed_forms import ProvedEquilibrium, proved_equilibrium, proved_hopf
-from tippedisk_verify.evidence.reference.store import stored
 from tippedisk_verify.model.parameters import NAMED_SETS
+from tippedisk_verify.reference_values.store import stored
 
 DIGITS = 70  # more than the stored values claim
 HOPF = (

@@ -12,11 +12,11 @@ import pytest
 from tippedisk_verify.certified import table
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.cli import main
-from tippedisk_verify.evidence.reference.store import data_folder
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.reference_values.store import data_folder
 
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 #: mu is no decimal, and g another one than usual.

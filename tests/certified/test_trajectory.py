@@ -10,9 +10,9 @@ from tests.certified.trajectory import proved_state
 from tippedisk_verify.certified.balls import ball, measured, working_precision
 from tippedisk_verify.certified.flow import Status
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.reference_values.store import reference
 
 START = ("0", "1.69", "-1.71")
 

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
-from tippedisk_verify.evidence.conformance.grading import Grade, graded
-from tippedisk_verify.evidence.conformance.sheet import questions, read_answers, sheet_csv
-from tippedisk_verify.evidence.reference.store import Store, stored
+from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.grading import Grade, graded
+from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
+from tippedisk_verify.reference_values.store import Store, stored
 
 HERE = Path(__file__).parent
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")

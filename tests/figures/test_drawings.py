@@ -7,8 +7,8 @@ import math
 import numpy
 import pytest
 
-from tippedisk_verify.evidence.catalogue import claims_drawn_in
-from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.audit.catalogue import claims_drawn_in
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
 from tippedisk_verify.figures.exhibit import Table, drawn

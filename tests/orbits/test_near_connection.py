@@ -9,9 +9,8 @@ from fractions import Fraction
 import pytest
 
 from tests.orbits.passages import passage_times
+from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
 from tippedisk_verify.cli import main
-from tippedisk_verify.evidence.near_omega_h import limit_of_powers, near_omega_h
-from tippedisk_verify.evidence.reference.store import reference
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -20,6 +19,7 @@ from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near, with_speed
 from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.reference_values.store import reference
 from tippedisk_verify.theory.hopf import omega_crit
 
 

@@ -12,9 +12,9 @@ import numpy
 import pytest
 
 from tests.orbits.full_period import shoot_full_period
+from tippedisk_verify.audit.switching_order import switching_order
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.evidence.switching_order import switching_order
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.lanes import BatchTaylor

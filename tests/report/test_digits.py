@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tippedisk_verify.evidence.claims import rounds_to
+from tippedisk_verify.audit.claims import rounds_to
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.report.digits import agreed_digits, marked, shortened
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from tippedisk_verify.audit.catalogue import CLAIMS, selected
+from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import VARIABLE, Cache
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands.common import processes
-from tippedisk_verify.evidence.catalogue import CLAIMS, selected
-from tippedisk_verify.evidence.claims import Audit, Finding, examined
 from tippedisk_verify.figures.catalogue import EXHIBITS, exhibits_for
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED

@@ -18,7 +18,7 @@ import pytest
 
 from tests.stress.runs import GENERATE, LONGEST, ORBIT, PROGRAM, SWEEP, environment, one_line, run, without_rights
 from tests.stress.strikes import Struck, ended_by
-from tippedisk_verify.evidence.reference.manifest import faults_in_files
+from tippedisk_verify.reference_values.manifest import faults_in_files
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals, limits and rights are POSIX here")
 

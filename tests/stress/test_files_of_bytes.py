@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 
 from tests.stress.nonsense import Ran, assert_refused, ran
+from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.evidence.reference.checking import check
-from tippedisk_verify.evidence.reference.generation import values_csv
-from tippedisk_verify.evidence.reference.manifest import faults_in_files, write_manifest
-from tippedisk_verify.evidence.reference.store import Store, data_folder
-from tippedisk_verify.files import checksum
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.reference_values.checking import check
+from tippedisk_verify.reference_values.generation import values_csv
+from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
+from tippedisk_verify.reference_values.store import Store, data_folder
 from tippedisk_verify.sweep.plan import Plan, here
 from tippedisk_verify.sweep.running import swept
 
@@ -149,7 +149,7 @@ def _journals(folder: Path, draws: int) -> Iterator[Ran]:
     rows = list(csv.DictReader(right.decode().splitlines()))
     # As `sweep` writes it; that it does is what the interrupted sweeps of the other tests show.
     lines: list[dict[str, object]] = [{"plan": plan.key, "origin": here()}]
-    lines += [{"point": n, "row": row, "checksum": checksum([n, row])} for n, row in enumerate(rows[:3])]
+    lines += [{"point": n, "row": row, "checksum": digest([n, row])[:16]} for n, row in enumerate(rows[:3])]
     whole = "".join(json.dumps(line) + "\n" for line in lines).encode()
     content = whole
     journal.write_bytes(content)

@@ -8,7 +8,7 @@ from tippedisk_verify.commands.common import (
     Common,
     alone_in,
     common_options,
-    print_json,
+    print_result,
     processes,
     progress,
     speed,
@@ -42,7 +42,7 @@ def basin(
     value = speed(common, omega, below_crit)
     folder = alone_in(out)
     with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
-        found = basins(
+        plane = basins(
             common.parameters, value, count=count, duration=seconds, v=velocity, advance=advance, executor=pool
         )
     if folder is not None:
@@ -50,13 +50,11 @@ def basin(
         from tippedisk_verify.figures.style import save
         from tippedisk_verify.report.tables import write_basins
 
-        save(draw_basins(found), folder, "basins")
-        write_basins(found, folder)
-    if common.json:
-        print_json(found.json())
-    elif not common.quiet:
-        for name, (share, error) in found.fractions().items():
-            click.echo(f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %")
+        save(draw_basins(plane), folder, "basins")
+        write_basins(plane, folder)
+    shares = plane.fractions().items()
+    lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)
+    print_result(common, plane.json(), lines)
     return 0
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, alone_in, plain_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, alone_in, plain_options, print_result, processes, progress
+
+if TYPE_CHECKING:
+    from tippedisk_verify.bench.branch_race import Run
+    from tippedisk_verify.bench.race import Score
 
 __all__ = ["COMMANDS"]
 
@@ -25,18 +29,18 @@ _COSTS = ("growth", "overhead", "start-up")
 @plain_options
 def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
     """Run time against error: six initial-value problems, a period solve, the paper's branch of limit cycles."""
-    from tippedisk_verify.evidence.bench.branch_race import race
-    from tippedisk_verify.evidence.bench.methods import METHODS
-    from tippedisk_verify.evidence.bench.problems import PROBLEMS, problem_named
-    from tippedisk_verify.evidence.bench.race import machine, raced
-    from tippedisk_verify.evidence.bench.ratios import ratios
+    from tippedisk_verify.bench.branch_race import race
+    from tippedisk_verify.bench.methods import METHODS
+    from tippedisk_verify.bench.problems import PROBLEMS, problem_named
+    from tippedisk_verify.bench.race import machine, raced
+    from tippedisk_verify.bench.ratios import ratios
     from tippedisk_verify.model.parameters import PRINTED
 
     names = list(dict.fromkeys(only)) or [*(problem.name for problem in PROBLEMS), "branch"]
     problems = [problem_named(name) for name in names if name not in ("branch", *_COSTS)]
     methods = METHODS
     if peers:
-        from tippedisk_verify.evidence.bench.peers import peer_methods
+        from tippedisk_verify.bench.peers import peer_methods
 
         methods = (*METHODS, *peer_methods())
     folder = alone_in(out)
@@ -53,41 +57,45 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         from tippedisk_verify.report.tables import write_bench
 
         write_bench(folder, scores, result)
-    if common.json:
-        print_json(result)
-    elif not common.quiet:
-        for score in scores:
-            error = "" if score.error is None else f"error {score.error:8.1e}"
-            cost = "" if score.seconds is None else f"{score.seconds * 1e3:10.4f} ms"
-            said = "" if score.status == "reached" else score.status
-            click.echo(f"{score.problem:13s} {score.method:24s} {score.setting:10s} {cost:13s}  {error:14s}  {said}")
-        for run in branch:
-            error = "" if run.error is None else f"error of T {run.error:.1e} s"
-            click.echo(f"branch        {run.method:48s} {run.setting:28s} {run.seconds * 1e3:9.4f} ms  {error}")
-        for line in (*_ratio_lines(result), *_cost_lines(result)):
-            click.echo(line)
+    print_result(
+        common,
+        result,
+        [*map(_score_line, scores), *map(_run_line, branch), *_ratio_lines(result), *_cost_lines(result)],
+    )
     return 0
 
 
 def _costs(names: list[str]) -> dict[str, Any]:
     """How cost grows, and what starting costs, where they were asked for by name: each takes a minute."""
-    found: dict[str, Any] = {}
+    costs: dict[str, Any] = {}
     if "growth" in names:
-        from tippedisk_verify.evidence.bench.growth import break_even, digits_growth, epsilon_growth
+        from tippedisk_verify.bench.growth import break_even, digits_growth, epsilon_growth
 
         by_epsilon = epsilon_growth()
         full, *reduced = by_epsilon
-        found["growth"] = [growth.json() for growth in (*digits_growth(), *by_epsilon)]
-        found["break_even_epsilon"] = {one.what: break_even(full, one) for one in reduced}
+        costs["growth"] = [growth.json() for growth in (*digits_growth(), *by_epsilon)]
+        costs["break_even_epsilon"] = {one.what: break_even(full, one) for one in reduced}
     if "overhead" in names:
-        from tippedisk_verify.evidence.bench.overhead import overheads
+        from tippedisk_verify.bench.overhead import overheads
 
-        found["overhead"] = [overhead.json() for overhead in overheads()]
+        costs["overhead"] = [overhead.json() for overhead in overheads()]
     if "start-up" in names:
-        from tippedisk_verify.evidence.bench.startup import start_up
+        from tippedisk_verify.bench.startup import start_up
 
-        found["start_up"] = start_up().json()
-    return found
+        costs["start_up"] = start_up().json()
+    return costs
+
+
+def _score_line(score: Score) -> str:
+    error = "" if score.error is None else f"error {score.error:8.1e}"
+    cost = "" if score.seconds is None else f"{score.seconds * 1e3:10.4f} ms"
+    status = "" if score.status == "reached" else score.status
+    return f"{score.problem:13s} {score.method:24s} {score.setting:10s} {cost:13s}  {error:14s}  {status}"
+
+
+def _run_line(run: Run) -> str:
+    error = "" if run.error is None else f"error of T {run.error:.1e} s"
+    return f"branch        {run.method:48s} {run.setting:28s} {run.seconds * 1e3:9.4f} ms  {error}"
 
 
 def _ratio_lines(result: dict[str, Any]) -> list[str]:

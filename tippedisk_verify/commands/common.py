@@ -5,30 +5,37 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import deaf_children, unbroken, undoing
 
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+    from fractions import Fraction
+
+    from rich.console import Console
+
+
 __all__ = [
     "Common",
     "alone_in",
     "checked_jobs",
     "common_options",
+    "console",
     "plain_options",
-    "print_json",
     "print_result",
     "processes",
     "progress",
     "speed",
     "speed_options",
-    "usable_cores",
 ]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
@@ -52,7 +59,6 @@ class Common:
 
 def common_options(command: F) -> F:
     """Add the common options and hand them to the command as one `Common`."""
-    from functools import wraps
 
     @wraps(command)
     def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
@@ -60,44 +66,51 @@ def common_options(command: F) -> F:
         from tippedisk_verify.model.precision import checked_digits
 
         named = Parameters.named(parameters).with_friction(checked_friction(friction))
-        chosen = Common(named, checked_digits(digits), as_json, quiet)
-        return command(chosen, **options)
+        return command(Common(named, checked_digits(digits), as_json, quiet), **options)
 
-    for option in reversed(
-        (
-            click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
-                         help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
-            click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
-                         help="The friction law."),
-            click.option("--digits", type=int, default=12, show_default=True, metavar="N",
-                         help="Significant digits of each main result, at least."),
-            *_OUTPUT_OPTIONS,
-        )
-    ):  # fmt: skip
-        checked = option(checked)
-    return checked  # type: ignore[return-value]
-
-
-_OUTPUT_OPTIONS = (
-    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
-    click.option("--quiet", is_flag=True, help="No progress and no table."),
-)
+    return _with(checked, *_QUESTION_OPTIONS, *_OUTPUT_OPTIONS)  # type: ignore[return-value]
 
 
 def plain_options(command: F) -> F:
     """The common options of commands that read or make files, whose contents say what they are for."""
-    from functools import wraps
 
     @wraps(command)
     def wrapped(as_json: bool, quiet: bool, **options: Any) -> Any:
         return command(Common(None, 12, as_json, quiet), **options)
 
-    for option in reversed(_OUTPUT_OPTIONS):
-        wrapped = option(wrapped)
-    return wrapped  # type: ignore[return-value]
+    return _with(wrapped, *_OUTPUT_OPTIONS)  # type: ignore[return-value]
 
 
-def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Any:
+def speed_options(command: F) -> F:
+    """Add the two ways to give the speed."""
+    return _with(command, *_SPEED_OPTIONS)
+
+
+def _with(command: F, *options: Callable[[F], F]) -> F:
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+_QUESTION_OPTIONS = (
+    click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
+                 help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
+    click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
+                 help="The friction law."),
+    click.option("--digits", type=int, default=12, show_default=True, metavar="N",
+                 help="Significant digits of each main result, at least."),
+)  # fmt: skip
+_OUTPUT_OPTIONS = (
+    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
+    click.option("--quiet", is_flag=True, help="No progress and no table."),
+)
+_SPEED_OPTIONS = (
+    click.option("--omega", metavar="X", help="The spinning speed [rad/s]."),
+    click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s]."),
+)
+
+
+def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Fraction:
     """Omega as an exact rational [rad/s], from --omega or --below-crit.
 
     ``others`` are the options that the command has for the same purpose.
@@ -114,17 +127,12 @@ def speed(common: Common, omega: str | None, below_crit: str | None, others: tup
     return speed_below_crit(common.parameters, below_crit, common.digits)
 
 
-def speed_options(command: F) -> F:
-    command = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")(command)
-    return click.option("--omega", metavar="X", help="The spinning speed [rad/s].")(command)
-
-
-def print_result(common: Common, result: dict[str, Any]) -> None:
-    """One JSON object, or its entries as lines, with units."""
+def print_result(common: Common, result: dict[str, Any], lines: Iterable[object] | None = None) -> None:
+    """One JSON object, or these lines; its entries as lines, with units, if there are none of their own."""
     if common.json:
-        print_json(result)
+        click.echo(json.dumps(result, indent=1))
     elif not common.quiet:
-        for line in _lines(result, ""):
+        for line in _lines(result, "") if lines is None else lines:
             click.echo(line)
 
 
@@ -160,10 +168,6 @@ def _said(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def print_json(result: dict[str, Any]) -> None:
-    click.echo(json.dumps(result, indent=1))
-
-
 def alone_in(out: str | None) -> Path | None:
     """The output folder, if one is given, with no other run writing into it until the command has ended.
 
@@ -172,6 +176,14 @@ def alone_in(out: str | None) -> Path | None:
     from tippedisk_verify.files import sole_writer
 
     return None if out is None else click.get_current_context().with_resource(sole_writer(out))
+
+
+def console() -> Console:
+    """Where tables are printed; a file has no width of its own, and gets one that keeps rows on one line."""
+    from rich.console import Console
+
+    terminal = Console()
+    return terminal if terminal.is_terminal else Console(width=160)
 
 
 @contextmanager
@@ -198,12 +210,14 @@ def checked_jobs(jobs: int | None) -> int | None:
 
 
 @contextmanager
-def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Any]:
+def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) -> Iterator[Executor | None]:
     """A pool of fresh processes, or None where one process does (unless it is to work beside this) or none is needed.
 
     Ctrl-C and HUP reach this process only, and the pool ends with it, however it ends. Raises InputError for a number
     of processes that makes no sense.
     """
+    from tippedisk_verify.parallel import usable_cores
+
     workers = checked_jobs(jobs) or usable_cores()
     if (workers == 1 and not beside) or not needed:
         yield None
@@ -225,8 +239,3 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
             pool.shutdown(wait=True, cancel_futures=True)
             raise
     pool.shutdown(wait=False, cancel_futures=True)
-
-
-def usable_cores() -> int:
-    """The cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

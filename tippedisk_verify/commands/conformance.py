@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_json
+from tippedisk_verify.commands.common import Common, console, plain_options, print_result
 from tippedisk_verify.errors import InputError
+
+if TYPE_CHECKING:
+    from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["COMMANDS"]
 
@@ -30,10 +33,10 @@ def conformance(context: click.Context) -> None:
 @plain_options
 def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str, ...], levels: str | None) -> int:
     """Write an answer sheet: inputs only, easiest first."""
-    from tippedisk_verify.evidence.conformance.sheet import questions as asked
-    from tippedisk_verify.evidence.conformance.sheet import sheet_csv, sheet_json
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.conformance.sheet import questions as asked
+    from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
     from tippedisk_verify.files import output_file, write_text
+    from tippedisk_verify.reference_values.store import stored
 
     target = output_file(file)
     if target.suffix.lower() not in (".csv", ".json"):
@@ -42,34 +45,32 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
     _refuse_filled_in(target, store)
     chosen = asked(store, sets=sets, frictions=laws, levels=_levels(levels))
     write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
-    if common.json:
-        print_json({"questions": len(chosen), "file": str(target)})
-    elif not common.quiet:
-        click.echo(f"{len(chosen)} questions: fill in the column answer in {target}, then grade it")
+    line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
+    print_result(common, {"questions": len(chosen), "file": str(target)}, [line])
     return 0
 
 
-def _refuse_filled_in(target: Path, store: Any) -> None:
+def _refuse_filled_in(target: Path, store: Store) -> None:
     """What somebody has filled in is not written over, nor what cannot be read: it may be answers with a mistake."""
-    from tippedisk_verify.evidence.conformance.sheet import read_answers
+    from tippedisk_verify.conformance.sheet import read_answers
 
     if not target.exists() or not target.stat().st_size:
         return
     try:
-        found = read_answers(target, store)
+        answers = read_answers(target, store)
     except InputError as fault:
         raise InputError(f"there is a file already, and no sheet without answers: {fault}; give another name") from None
-    if given := len(found.given) + len(found.unknown):
+    if given := len(answers.given) + len(answers.unknown):
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 
 def _levels(text: str | None) -> tuple[int, ...]:
     if text is None:
         return ()
-    found = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
-    if found is None:
+    given = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
+    if given is None:
         raise InputError(f"--levels is a number or a range such as 1-3, not '{text[:40]}'")
-    ends = int(found[1]), int(found[2] or found[1])
+    ends = int(given[1]), int(given[2] or given[1])
     if not 1 <= ends[0] <= ends[1] <= 9:
         raise InputError(f"levels go from 1 to 9, not '{text[:40]}'")
     return tuple(range(ends[0], ends[1] + 1))
@@ -88,12 +89,12 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
     whatever the grades: a poor one is a result.
     """
-    from tippedisk_verify.evidence.conformance.diagnosis import diagnosed
-    from tippedisk_verify.evidence.conformance.grading import graded, levels_of
-    from tippedisk_verify.evidence.conformance.pages import Report, html_page, print_report
-    from tippedisk_verify.evidence.conformance.sheet import read_answers
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.conformance.diagnosis import diagnosed
+    from tippedisk_verify.conformance.grading import graded, levels_of
+    from tippedisk_verify.conformance.pages import Report, html_page, print_report
+    from tippedisk_verify.conformance.sheet import read_answers
     from tippedisk_verify.files import output_file, printable, write_text
+    from tippedisk_verify.reference_values.store import stored
 
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
@@ -113,14 +114,9 @@ def grade(common: Common, file: str, reading: str | None, html: str | None) -> i
     if target is not None:
         write_text(target, html_page(report))
     if common.json:
-        print_json(report.json())
+        print_result(common, report.json())
     elif not common.quiet:
-        from rich.console import Console
-
-        console = Console()
-        if not console.is_terminal:
-            console = Console(width=160)
-        print_report(report, console)
+        print_report(report, console())
     return 0
 
 

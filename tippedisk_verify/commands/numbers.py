@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_json,
-    print_result,
-    progress,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
 
@@ -75,8 +67,7 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 
     common.parameters.refuse_smooth("the slow manifold's expansion is")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
-    found = study(common.parameters, omega_value, order, common.digits, at=(beta, gamma))
-    print_result(common, found.json())
+    print_result(common, study(common.parameters, omega_value, order, common.digits, at=(beta, gamma)).json())
     return 0
 
 
@@ -92,21 +83,18 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 def orbit(common: Common, omega: str | None, below_crit: str | None, above_het: str | None) -> int:
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
 
     if above_het is not None:
-        from tippedisk_verify.orbits.near_connection import cycle_above
-
         if omega is not None or below_crit is not None:
             raise InputError("give the speed with one of --omega, --below-crit and --above-het")
         cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
     else:
-        from tippedisk_verify.orbits.near_connection import cycle_at
-
         omega_value = speed(common, omega, below_crit, ("--above-het",))
         cycle = cycle_at(common.parameters, omega_value, default_engine(), digits=common.digits)
-    found = cycle.json()
-    del found["residuals"]  # of interest to who studies the iteration, from Python
-    print_result(common, found)
+    result = cycle.json()
+    del result["residuals"]  # of interest to who studies the iteration, from Python
+    print_result(common, result)
     return 0
 
 
@@ -138,14 +126,12 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, out: str | None
             advance(f"Omega = {float(cycle.omega):.6g}", 1)
     if target is not None:
         write_branch(cycles, target)
-    if common.json:
-        print_json({"orbits": [branch_entry(cycle) for cycle in cycles]})
-    elif not common.quiet:
-        for cycle in cycles:
-            click.echo(
-                f"omega {float(cycle.omega):.10f} rad/s  period {float(cycle.period):.12f} s"
-                f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
-            )
+    lines = (
+        f"omega {float(cycle.omega):.10f} rad/s  period {float(cycle.period):.12f} s"
+        f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
+        for cycle in cycles
+    )
+    print_result(common, {"orbits": [branch_entry(cycle) for cycle in cycles]}, lines)
     return 0
 
 
@@ -168,12 +154,12 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
 
     target = None if out is None else output_file(out)
     engine = default_engine()
-    found = connection(common.parameters, engine, digits=common.digits, method=method)
+    connected = connection(common.parameters, engine, digits=common.digits, method=method)
     if target is not None:
-        times, states = found.orbit(engine=engine)
+        times, states = connected.orbit(engine=engine)
         rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
         write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
-    print_result(common, found.json())
+    print_result(common, connected.json())
     return 0
 
 
@@ -188,8 +174,8 @@ def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, 
 
     common.parameters.refuse_smooth("harmonic balance is")
     omega_value = speed(common, omega, below_crit)
-    found = balanced_cycle(common.parameters, omega_value, digits=common.digits, harmonics=harmonics)
-    print_result(common, found.json())
+    cycle = balanced_cycle(common.parameters, omega_value, digits=common.digits, harmonics=harmonics)
+    print_result(common, cycle.json())
     return 0
 
 

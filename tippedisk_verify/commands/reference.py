@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_result, processes, progress
 from tippedisk_verify.errors import InputError
+
+if TYPE_CHECKING:
+    from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["COMMANDS"]
 
@@ -28,18 +33,14 @@ def reference(context: click.Context) -> None:
 @plain_options
 def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, ...], jobs: int | None) -> int:
     """Make the reference files; what an interrupted run has computed is taken up again."""
-    from tippedisk_verify.evidence.reference.generation import generate as made
-    from tippedisk_verify.evidence.reference.manifest import SETS
+    from tippedisk_verify.reference_values.generation import generate as made
+    from tippedisk_verify.reference_values.manifest import SETS
 
     if not out:
         raise InputError("--out needs the name of a folder")
     with progress(common, 0) as advance, processes(jobs) as pool:
         written = made(Path(out), only=only, sets=sets or SETS, executor=pool, advance=advance)
-    if common.json:
-        print_json({"written": [str(path) for path in written]})
-    elif not common.quiet:
-        for path in written:
-            click.echo(path)
+    print_result(common, {"written": [str(path) for path in written]}, written)
     return 0
 
 
@@ -50,16 +51,13 @@ def generate(common: Common, out: str, only: tuple[str, ...], sets: tuple[str, .
 @plain_options
 def prove(common: Common, prefixes: tuple[str, ...], data: str, jobs: int | None) -> int:
     """Prove values by ball arithmetic (those whose id starts with PREFIX), and write enclosures and statements."""
-    from tippedisk_verify.evidence.reference.proofs import prove as proved
+    from tippedisk_verify.reference_values.proofs import prove as proved
 
     if not data or not Path(data).is_dir():
         raise InputError(f"--data needs a folder with reference files, not '{data[:100]}'")
     with progress(common, 0) as advance, processes(jobs) as pool:
         count = proved(Path(data), prefixes=prefixes, executor=pool, advance=advance)
-    if common.json:
-        print_json({"proved": count})
-    elif not common.quiet:
-        click.echo(f"{count} entries proved")
+    print_result(common, {"proved": count}, [f"{count} entries proved"])
     return 0
 
 
@@ -72,21 +70,17 @@ def prove(common: Common, prefixes: tuple[str, ...], data: str, jobs: int | None
 @plain_options
 def check(common: Common, data: str | None, everything: bool, sample: int, seed: int, jobs: int | None) -> int:
     """Hold the files against their hashes and schema, and numbers against their other roads."""
-    from tippedisk_verify.evidence.reference.checking import check as checked
-    from tippedisk_verify.evidence.reference.store import data_folder
+    from tippedisk_verify.reference_values.checking import check as checked
+    from tippedisk_verify.reference_values.store import data_folder
 
     folder = data_folder() if data is None else Path(data)
     with progress(common, 0) as advance, processes(jobs, needed=bool(sample) or everything) as pool:
         report = checked(folder, sample=None if everything else sample, seed=seed, executor=pool, advance=advance)
-    if common.json:
-        print_json(report.json())
-    elif not common.quiet:
-        for fault in report.faults:
-            click.echo(fault)
-        click.echo(
-            f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again by another road: "
-            f"{len(report.faults) or 'no'} fault{'s' * (len(report.faults) != 1)}"
-        )
+    total = (
+        f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again by another road: "
+        f"{len(report.faults) or 'no'} fault{'s' * (len(report.faults) != 1)}"
+    )
+    print_result(common, report.json(), [*report.faults, total])
     return 1 if report.faults else 0
 
 
@@ -95,16 +89,12 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
 @plain_options
 def listed(common: Common, prefix: str) -> int:
     """The ids that start with PREFIX, such as printed/linear/limit-cycle."""
-    from tippedisk_verify.evidence.reference.store import stored
+    from tippedisk_verify.reference_values.store import stored
 
-    found = stored().matching(prefix)
-    if not found:
+    ids = [quantity.id for quantity in stored().matching(prefix)]
+    if not ids:
         raise InputError(f"no reference value starts with '{prefix[:100]}': try printed/ or calibrated/")
-    if common.json:
-        print_json({"ids": [quantity.id for quantity in found]})
-    elif not common.quiet:
-        for quantity in found:
-            click.echo(quantity.id)
+    print_result(common, {"ids": ids}, ids)
     return 0
 
 
@@ -117,29 +107,29 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
     The condition says by how much a value changes, in its own unit, per relative change of
     each parameter or input.
     """
-    from tippedisk_verify.commands.quantities import heading
-    from tippedisk_verify.evidence.reference.store import reference as value_of
+    from tippedisk_verify.reference_values.store import reference as value_of
 
-    found = [value_of(id_) for id_ in ids]
-    if common.json:
-        print_json({"values": [quantity.json() for quantity in found]})
-    elif not common.quiet:
-        for quantity in found:
-            click.echo(f"{quantity.id} [{quantity.unit}]")
-            for reading, (value, uncertainty) in quantity.values.items():
-                click.echo(f"  from {reading:8s} {value} ± {uncertainty}")
-            inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
-            click.echo(f"  inputs        {inputs or 'the parameters only'}")
-            others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
-            click.echo(f"  grade         {quantity.grade}: {', '.join(quantity.methods)}{' (' * bool(others)}{others}"
-                       f"{')' * bool(others)}")  # fmt: skip
-            if quantity.proof is not None:
-                enclosure, width = quantity.proof["value"], quantity.proof["uncertainty"]
-                click.echo(f"  proved in     {enclosure} ± {width}")
-                click.echo(f"  by            {quantity.proof['command']}")
-            slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
-            click.echo(f"  condition     {slopes or 'depends on nothing'}")
+    quantities = [value_of(id_) for id_ in ids]
+    lines = (line for quantity in quantities for line in _lines(quantity))
+    print_result(common, {"values": [quantity.json() for quantity in quantities]}, lines)
     return 0
+
+
+def _lines(quantity: Quantity) -> Iterator[str]:
+    from tippedisk_verify.commands.quantities import heading
+
+    yield f"{quantity.id} [{quantity.unit}]"
+    for reading, (value, uncertainty) in quantity.values.items():
+        yield f"  from {reading:8s} {value} ± {uncertainty}"
+    inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
+    yield f"  inputs        {inputs or 'the parameters only'}"
+    others = ", ".join(f"{name} within {away}" for name, away in quantity.methods.items() if away != "0")
+    yield f"  grade         {quantity.grade}: {', '.join(quantity.methods)}" + (f" ({others})" if others else "")
+    if quantity.proof is not None:
+        yield f"  proved in     {quantity.proof['value']} ± {quantity.proof['uncertainty']}"
+        yield f"  by            {quantity.proof['command']}"
+    slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
+    yield f"  condition     {slopes or 'depends on nothing'}"
 
 
 COMMANDS = (reference,)

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_json, processes, progress
+from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_result, processes, progress
 from tippedisk_verify.errors import InputError
 
 __all__ = ["COMMANDS"]
@@ -59,10 +59,8 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     with progress(common, len(plan)) as advance:
         workers = jobs or (64 if executor.startswith("dask://") else os.cpu_count() or 1)
         points, without = swept(plan, target, pool=pool, workers=workers, advance=advance)
-    if common.json:
-        print_json({"points": points, "without_numbers": without, "file": str(target)})
-    elif not common.quiet:
-        click.echo(f"{points} points, {without} of them without numbers (their status says why): {target}")
+    line = f"{points} points, {without} of them without numbers (their status says why): {target}"
+    print_result(common, {"points": points, "without_numbers": without, "file": str(target)}, [line])
     return 0
 
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tippedisk_verify.evidence.claims import Audit
-from tippedisk_verify.evidence.near_omega_h import Sight, near_omega_h
-from tippedisk_verify.evidence.switching_order import OrderPoint, switching_order
+from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.audit.near_omega_h import Sight, near_omega_h
+from tippedisk_verify.audit.switching_order import OrderPoint, switching_order
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import BLACK, GREEN, grid
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic
@@ -107,10 +107,7 @@ def draw_switching_order(points: Sequence[OrderPoint], columns: int = 2) -> Any:
                 color=BLACK if law == "linear" else GREEN,
                 label=f"{law} law",
             )
-        axis.set_ylim(low, high)
-        axis.set_title(title)
-        axis.set_xlabel("tolerance [1]")
-        axis.set_ylabel("error after 3 s [rad, rad/s]")
+        axis.set(ylim=(low, high), title=title, xlabel="tolerance [1]", ylabel="error after 3 s [rad, rad/s]")
         axis.grid(lw=0.3, alpha=0.5)
         axis.legend(frameon=False)
     return figure

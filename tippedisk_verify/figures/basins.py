@@ -11,7 +11,7 @@ from tippedisk_verify.orbits.basins import Basins
 __all__ = ["draw_basins"]
 
 
-def draw_basins(found: Basins) -> Any:
+def draw_basins(plane: Basins) -> Any:
     """What the states of a plane of constant v end on."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
@@ -19,7 +19,7 @@ def draw_basins(found: Basins) -> Any:
     colours = ("#d9d9d9", GREEN, PURPLE, BLACK)
     figure, axis = pyplot().subplots(figsize=(7.5, 4.4), layout="constrained")
     axis.imshow(
-        found.outcome,
+        plane.outcome,
         origin="lower",
         extent=(-math.pi / 2, 3 * math.pi / 2, 0, math.pi),
         aspect="auto",
@@ -28,17 +28,16 @@ def draw_basins(found: Basins) -> Any:
         vmin=-0.5,
         vmax=3.5,
     )
-    shares = found.fractions()
+    shares = plane.fractions()
     patches = [
         Patch(color=colour, label=f"{name}: {100 * share:.2f} ± {100 * error:.2f} %")
         for colour, (name, (share, error)) in zip(colours, shares.items(), strict=True)
     ]
     axis.legend(handles=patches, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
-    axis.set_xlabel("γ [rad]")
-    axis.set_ylabel("β [rad]")
+    axis.set(xlabel="γ [rad]", ylabel="β [rad]")
     axis.set_title(
-        f"Ω = {float(found.omega):.4f} rad/s, {found.parameters.friction} law, start at dβ/dt = {found.v:g} rad/s,"
-        f" {found.duration:g} s",
+        f"Ω = {float(plane.omega):.4f} rad/s, {plane.parameters.friction} law, start at dβ/dt = {plane.v:g} rad/s,"
+        f" {plane.duration:g} s",
         fontsize=10,
     )
     return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tippedisk_verify.evidence.catalogue import claims_drawn_in
+from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.figures import accuracy, disk, family, local, race, state_space
 from tippedisk_verify.figures.exhibit import Exhibit
 

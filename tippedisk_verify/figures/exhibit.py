@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.files import csv_text
 
 __all__ = ["Drawing", "Exhibit", "Table", "drawn"]

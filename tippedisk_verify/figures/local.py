@@ -7,8 +7,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, grid
 from tippedisk_verify.model.parameters import Parameters
@@ -32,8 +32,8 @@ def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
     speeds = [crit * step / 40 for step in range(1, 81)]
 
     def row(omega: float) -> tuple[float, ...]:
-        found = equilibrium(parameters, omega, "inverted", 12).eigenvalues
-        return (omega, *(float(part) for value in found for part in (value.re, value.im)))
+        eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues
+        return (omega, *(float(part) for value in eigenvalues for part in (value.re, value.im)))
 
     rows = [row(omega) for omega in speeds]
     for before, after in pairwise(rows):
@@ -62,8 +62,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
             )
         axis.axvline(crit, color="black", lw=0.7, ls=":", label=r"$\Omega_\mathrm{crit}$")
         axis.axhline(0, color="black", lw=0.6)
-        axis.set_xlabel("Ω [rad/s]")
-        axis.set_ylabel(name)
+        axis.set(xlabel="Ω [rad/s]", ylabel=name)
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].legend(frameon=False)
     return figure
@@ -127,8 +126,7 @@ def draw_harmonic_balance(curves: dict[str, list[tuple[float, float, float]]], c
             )
         begin = curves["numerical"][0]
         axis.plot(begin[0], begin[column], "D", color=BLACK, ms=5, label="Hopf point")
-        axis.set_xlabel("Ω [rad/s]")
-        axis.set_ylabel(name)
+        axis.set(xlabel="Ω [rad/s]", ylabel=name)
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].margins(y=0.08)
     axes[0].legend(frameon=False)

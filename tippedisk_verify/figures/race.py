@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from tippedisk_verify.evidence.bench.methods import METHODS
-from tippedisk_verify.evidence.bench.problems import problem_named
-from tippedisk_verify.evidence.bench.race import Score, machine, raced
-from tippedisk_verify.evidence.claims import Audit
+from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.bench.methods import METHODS
+from tippedisk_verify.bench.problems import problem_named
+from tippedisk_verify.bench.race import Score, machine, raced
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import pyplot
 
@@ -60,38 +60,45 @@ def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
     rows = math.ceil((len(names) + 1) / columns)  # one more cell, for the legend
     figure, grid = plt.subplots(rows, columns, figsize=(3.3 * columns, 3.3 * rows), squeeze=False)
     shown: dict[str, Any] = {}
-    for axis, name in zip(grid.flat, names, strict=False):
-        here = [score for score in scores if score.problem == name]
-        for method in dict.fromkeys(score.method for score in here):
-            colour, mark, line = _STYLES.get(method, ("#999999", ".", "-"))
-            ended = [score for score in here if score.method == method and score.error is not None and score.seconds]
-            drawn = axis.plot(
-                [score.seconds for score in ended],
-                [min(max(score.error or 0.0, _LEAST), _MOST / 10) for score in ended],
-                color=colour, marker=mark, linestyle=line or "none", markersize=4.5, linewidth=1, label=method,
-            )[0]  # fmt: skip
-            shown.setdefault(method, drawn)
-            lost = [score for score in here if score.method == method and score.error is None]
-            for score in lost:
-                spent = score.preparation or max((s.seconds or 0 for s in ended), default=1.0) or 1.0
-                axis.plot([spent], [_UNFINISHED], marker="x", color=colour, markersize=5)
-        axis.axhspan(_MOST / 10, _MOST, color="0.9")
-        axis.text(0.02, 0.975, "no end", transform=axis.transAxes, va="top", fontsize=7)
-        uncertainty = max(score.truth_uncertainty for score in here)
-        axis.axhspan(_LEAST / 10, max(uncertainty, _LEAST), color="0.8")
-        axis.text(0.02, 0.012, f"reference: ± {uncertainty:.0e}", transform=axis.transAxes, fontsize=7)
+    axes = list(grid.flat)
+    for axis, name in zip(axes, names, strict=False):
         axis.set(xscale="log", yscale="log", ylim=(_LEAST / 10, _MOST), title=name)
-        axis.grid(True, color="0.9", linewidth=0.5)
-    for axis in list(grid.flat)[len(names) :]:
+        shown |= _draw_problem(axis, [score for score in scores if score.problem == name])
+    for axis in axes[len(names) :]:
         axis.set_axis_off()
-    for place, axis in enumerate(list(grid.flat)[: len(names)]):
+    for place, axis in enumerate(axes[: len(names)]):
         if place + columns >= len(names):  # nothing below it
             axis.set_xlabel("run time, warm [s]")
         if place % columns == 0:
             axis.set_ylabel("error [rad, rad/s; of T in s]")
-    list(grid.flat)[-1].legend(shown.values(), shown.keys(), loc="center", frameon=False, fontsize=8)
+    axes[-1].legend(shown.values(), shown.keys(), loc="center", frameon=False, fontsize=8)
     figure.tight_layout()
     return figure
+
+
+def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
+    """One panel; the line of each method."""
+    drawn = {}
+    for method in dict.fromkeys(score.method for score in scores):
+        colour, mark, line = _STYLES.get(method, ("#999999", ".", "-"))
+        mine = [score for score in scores if score.method == method]
+        ended = [score for score in mine if score.error is not None and score.seconds]
+        (drawn[method],) = axis.plot(
+            [score.seconds for score in ended],
+            [min(max(score.error or 0.0, _LEAST), _MOST / 10) for score in ended],
+            color=colour, marker=mark, linestyle=line or "none", markersize=4.5, linewidth=1, label=method,
+        )  # fmt: skip
+        longest = max((score.seconds or 0 for score in ended), default=1.0) or 1.0
+        for score in mine:
+            if score.error is None:
+                axis.plot([score.preparation or longest], [_UNFINISHED], marker="x", color=colour, markersize=5)
+    axis.axhspan(_MOST / 10, _MOST, color="0.9")
+    axis.text(0.02, 0.975, "no end", transform=axis.transAxes, va="top", fontsize=7)
+    uncertainty = max(score.truth_uncertainty for score in scores)
+    axis.axhspan(_LEAST / 10, max(uncertainty, _LEAST), color="0.8")
+    axis.text(0.02, 0.012, f"reference: ± {uncertainty:.0e}", transform=axis.transAxes, fontsize=7)
+    axis.grid(True, color="0.9", linewidth=0.5)
+    return drawn
 
 
 def _race(audit: Audit, examined: Sequence[str]) -> Drawing:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.evidence.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.model.precision import DOUBLE
@@ -52,13 +52,13 @@ def _last_turn(panel: Panel) -> Any:
 def _equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]]:
     """(gamma, stable) of the equilibria whose gamma lies in the range drawn."""
     low, high = min(gammas), max(gammas)
-    found = []
+    states = []
     for turn in range(-3, 4):
         for start, stable in ((math.pi / 2, panel.inverted_stable), (-math.pi / 2, panel.noninverted_stable)):
             gamma = start + 2 * math.pi * turn
             if low - 0.2 <= gamma <= high + 0.2:
-                found.append((gamma, stable))
-    return found
+                states.append((gamma, stable))
+    return states
 
 
 def _angle_axis(axis: Any, low: float, high: float) -> None:
@@ -83,10 +83,7 @@ def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
             axis.plot(cycle[:, 0], cycle[:, 1], color=GREEN, lw=2.0, zorder=3)
         for gamma, stable in _equilibria(panel, gammas):
             _equilibrium_mark(axis, (math.pi / 2,), (gamma,), stable)
-        axis.set_title(panel.scene.title)
-        axis.set_xlabel("β [rad]")
-        axis.set_ylabel("γ [rad]")
-        axis.set_xlim(0, math.pi)
+        axis.set(title=panel.scene.title, xlabel="β [rad]", ylabel="γ [rad]", xlim=(0, math.pi))
         _angle_axis(axis.xaxis, 0, math.pi)
         _angle_axis(axis.yaxis, min(gammas), max(gammas))
         axis.grid(lw=0.3, alpha=0.5)

@@ -61,30 +61,27 @@ def marked(value: str, uncertainty: str, printed: str = "") -> list[tuple[str, s
     does); ``differs``: the places from where it leaves it; ``beyond``: places that are not printed; ``open``: places at
     or below the uncertainty's leading one.
     """
-    theirs, width = decimal_of(printed), decimal_of(uncertainty)
-    mine = decimal_of(value)
+    mine, theirs, width = map(decimal_of, (value, printed, uncertainty))
     if mine is None:
         return [("beyond", value)]
-    unsure = width.adjusted() if width else None
-    place_of_difference, last = _first_difference(mine, theirs) if theirs is not None else (None, None)
+    difference, last = (0, 0) if theirs is None else _first_difference(mine, theirs)
     # Where rounding goes up, the next digit is what says so: it goes with the last place that is printed.
-    end = None if theirs is None or last is None else last - _rounds_up(mine, last)
+    end = last - _rounds_up(mine, last)
+
+    def against_printed(place: int) -> str:
+        if theirs is None or place < end:
+            return "beyond"
+        return "agreed" if max(place, last) > difference else "differs"
+
     mantissa, _, exponent = value.partition("e")
-    power = int(exponent or 0)
-    whole = len(mantissa.lstrip("-").partition(".")[0])
+    place = len(mantissa.lstrip("-").partition(".")[0]) + int(exponent or 0)
     kinds: list[tuple[str, str]] = []
-    place = whole + power
     for character in mantissa:
         if character.isdigit():
             place -= 1
-        if unsure is not None and place <= unsure and character.isdigit():
-            kind = "open"
-        elif last is None or place_of_difference is None or end is None or place < end:
-            kind = "beyond"
+            kind = "open" if width and place <= width.adjusted() else against_printed(place)
         else:
-            kind = "agreed" if max(place, last) > place_of_difference else "differs"
-        if not character.isdigit() and kinds:
-            kind = kinds[-1][0]
+            kind = kinds[-1][0] if kinds else against_printed(place)
         kinds.append((kind, character))
     pieces = [(kind, "".join(text for _, text in run)) for kind, run in groupby(kinds, key=lambda pair: pair[0])]
     if exponent:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.evidence.bench.race import Score
+from tippedisk_verify.bench.race import Score
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.orbits.basins import Basins
@@ -16,20 +16,25 @@ from tippedisk_verify.orbits.periodic import LimitCycle
 __all__ = ["branch_entry", "write_basins", "write_bench", "write_branch"]
 
 
-def write_basins(found: Basins, folder: Path) -> None:
+def write_basins(plane: Basins, folder: Path) -> None:
     """``basins.csv``: every initial state and what it ended on."""
     from tippedisk_verify.orbits.basins import OUTCOMES
 
-    cells = zip(found.beta.ravel().tolist(), found.gamma.ravel().tolist(), found.outcome.ravel().tolist(), strict=True)
-    rows = [(beta, gamma, found.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
+    cells = zip(
+        plane.beta.ravel().tolist(),
+        plane.gamma.ravel().tolist(),
+        plane.outcome.ravel().tolist(),
+        strict=True,
+    )
+    rows = [(beta, gamma, plane.v, OUTCOMES[outcome]) for beta, gamma, outcome in cells]
     write_csv(folder / "basins.csv", ("beta [rad]", "gamma [rad]", "v [rad/s]", "ends on"), rows)
 
 
 def branch_entry(cycle: LimitCycle) -> dict[str, object]:
     """One orbit as JSON, without the history of its iteration."""
-    found = cycle.json()
-    del found["residuals"]
-    return found
+    entry = cycle.json()
+    del entry["residuals"]
+    return entry
 
 
 def write_branch(cycles: Sequence[LimitCycle], path: Path) -> None:

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from typing import Any, Literal
 
+from tippedisk_verify.audit.catalogue import GROUPS, claims_drawn_in, group_of, selected
+from tippedisk_verify.audit.catalogue import home_of as home_of_claim
+from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import Cache
-from tippedisk_verify.evidence.catalogue import GROUPS, claims_drawn_in, group_of, selected
-from tippedisk_verify.evidence.catalogue import home_of as home_of_claim
-from tippedisk_verify.evidence.claims import Audit, Finding, examined
 from tippedisk_verify.fingerprint import DRAWING, fingerprint
 from tippedisk_verify.model.parameters import Parameters
 

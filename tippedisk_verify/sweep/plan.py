@@ -6,9 +6,7 @@ columns of their own.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import os
 import platform
 from collections.abc import Callable, Iterator, Mapping
@@ -17,6 +15,7 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
+from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.equations import checked_speed
@@ -39,35 +38,35 @@ def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int) -> dic
     cycle = cycle_at(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
     speed = {} if "omega" in point else {"omega": cycle.omega}
     names = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
-    found: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
-    return {**speed, **found, "stable": str(cycle.stable).lower()}
+    numbers: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
+    return {**speed, **numbers, "stable": str(cycle.stable).lower()}
 
 
 def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.theory.equilibria import equilibrium
 
-    found: dict[str, Any] = {}
+    numbers: dict[str, Any] = {}
     for name in ("inverted", "noninverted"):
         state = equilibrium(parameters, _speed(parameters, point, digits), name, digits)
         for n, value in enumerate(state.eigenvalues, start=1):
-            found |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
-        found[f"{name}_stable"] = str(state.stable).lower()
-    return found
+            numbers |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
+        numbers[f"{name}_stable"] = str(state.stable).lower()
+    return numbers
 
 
 def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.theory.hopf import hopf_point
 
-    found = hopf_point(parameters, digits)
-    return {name: getattr(found, name) for name in found.__dataclass_fields__}
+    hopf = hopf_point(parameters, digits)
+    return {name: getattr(hopf, name) for name in hopf.__dataclass_fields__}
 
 
 def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
-    found = heteroclinic(parameters, default_engine(), digits=digits)
-    return {"omega_h": found.omega_h, "saddle_value": found.saddle_value}
+    connection = heteroclinic(parameters, default_engine(), digits=digits)
+    return {"omega_h": connection.omega_h, "saddle_value": connection.saddle_value}
 
 
 def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
@@ -130,10 +129,10 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
     if not sign or not name or not values.strip():
         raise InputError(f"an axis is NAME=FIRST:LAST:COUNT or NAME=VALUE,VALUE,..., not '{text[:60]}'")
     if ":" not in values:
-        found = tuple(value.strip() for value in values.split(","))
-        for value in found:
+        chosen = tuple(value.strip() for value in values.split(","))
+        for value in chosen:
             exact(value)
-        return name, found
+        return name, chosen
     parts = values.split(":")
     if len(parts) != 3 or not parts[2].strip().isascii() or not parts[2].strip().isdecimal() or len(parts[2]) > 9:
         raise InputError(f"a range is FIRST:LAST:COUNT, not '{values[:60]}'")
@@ -195,8 +194,7 @@ class Plan:
     def key(self) -> str:
         """A hash of all that is asked for."""
         fixed = [_text(getattr(self.parameters, name)) for name in SYMBOLS]
-        text = json.dumps([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
-        return hashlib.sha256(text.encode()).hexdigest()
+        return digest([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
 
 
 def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
@@ -205,11 +203,11 @@ def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
     try:
         changes = {name: value for name, value in point.items() if name in SYMBOLS}
         parameters = plan.parameters.changed(**changes) if changes else plan.parameters
-        found = ANALYSES[plan.analysis].compute(parameters, point, plan.digits)
+        numbers = ANALYSES[plan.analysis].compute(parameters, point, plan.digits)
     except (InputError, Shortfall, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"
-    for name, value in found.items():
+    for name, value in numbers.items():
         if isinstance(value, Measured):
             row[name], row[f"{name}_uncertainty"] = value.decimals()
         else:

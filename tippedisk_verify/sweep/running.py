@@ -19,8 +19,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, checksum, write_bytes, write_csv
+from tippedisk_verify.files import alone, write_bytes, write_csv
 from tippedisk_verify.fingerprint import unlike
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.sweep.cluster import Cluster
@@ -186,7 +187,7 @@ def _belonging(first: bytes, plan: Plan) -> str:
 
 
 def _line(index: int, row: Mapping[str, str]) -> str:
-    return json.dumps({"point": index, "row": row, "checksum": checksum([index, row])}) + "\n"
+    return json.dumps({"point": index, "row": row, "checksum": digest([index, row])[:16]}) + "\n"
 
 
 def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
@@ -194,7 +195,7 @@ def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
     try:
         entry = json.loads(line)
         index, row = entry["point"], entry["row"]
-        good = line.endswith(b"\n") and entry["checksum"] == checksum([index, row]) and 0 <= index < count
+        good = line.endswith(b"\n") and entry["checksum"] == digest([index, row])[:16] and 0 <= index < count
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return (index, row) if good and isinstance(row, dict) else None

@@ -9,12 +9,12 @@ from typing import Any
 
 from tests.stress.honesty.comparison import Asked, Number, printed, unlike
 from tests.stress.honesty.draws import FAMILIES, decimal, disk, log_uniform, speed, state, written
-from tippedisk_verify.evidence.reference.entries import Case, Item, Method
-from tippedisk_verify.evidence.reference.local_roads import BALANCE, HOPF, RHS
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.reference_values.entries import Case, Item, Method
+from tippedisk_verify.reference_values.local_roads import BALANCE, HOPF, RHS
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.harmonic_balance import Form, one_harmonic, slopes

@@ -1,0 +1,238 @@
+"""A claim is called proved where the commands given prove its verdict, set by set: here they are run."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.test_cli import GOOD
+from tippedisk_verify.audit.catalogue import CLAIMS, selected
+from tippedisk_verify.audit.claim_proofs import ClaimProof, proof_of
+from tippedisk_verify.audit.claims import Audit, Claim, Finding, examined, rounds_to, sets_with
+from tippedisk_verify.cli import main
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Friction, Parameters
+
+PAGE = Path(__file__).parents[2] / "docs" / "certified.md"
+PROVED: dict[Friction, set[str]] = {
+    "smooth": {
+        *("omega_crit", "omega_crit_friction", "period_crit"),
+        *("inverted_stable_above", "inverted_unstable_below", "noninverted_unstable"),
+    }
+}
+PROVED["linear"] = PROVED["smooth"] | {"table_1", "chi", "supercritical", "both_connections", "attracting_cycle"}
+IN_PART: dict[Friction, set[str]] = {"smooth": {"lambda_3", "critical_pair"}}
+IN_PART["linear"] = IN_PART["smooth"] | {"omega_h", "infinite_period"}
+
+
+def _said(*words: str, of: str = "statement", verdict: bool = True) -> Callable[[list[Any], Claim], bool | None]:
+    """The verdict that a sentence of the (first) command entails; None if it does not say so."""
+    return lambda told, claim: verdict if all(word in (told[0][of] or "") for word in words) else None
+
+
+def _enclosed(name: str) -> Callable[[list[Any], Claim], bool | None]:
+    """Whether the enclosure that the command prints rounds to the number that the paper prints."""
+    return lambda told, claim: rounds_to(_measured(told[0][name]), claim.printed)
+
+
+def _omega_h(told: list[Any], claim: Claim) -> bool | None:
+    found = rounds_to(_measured(told[0]["omega_h"]), claim.printed)
+    if not told[0]["unique"] or not told[0]["limit_cycle"]:
+        return None
+    if not found:  # a second command is about all that rounds to 30.07, which half a unit either side does
+        low, high = Fraction(told[1]["low"]), Fraction(told[1]["high"])
+        assert (low, high) == (Fraction("30.065"), Fraction("30.075"))
+        assert "there is no connection" in told[1]["statement"]
+    return found
+
+
+#: What each claim's verdict follows from, in the commands' own answers.
+DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
+    "table_1": lambda told, claim: not told[0]["disk"]["outside"] and not told[0]["disk"]["missed"],
+    "omega_crit": _enclosed("omega_crit"),
+    "omega_crit_friction": _said("whatever mu and epsilon are"),
+    "lambda_3": _enclosed("lambda_3"),
+    "critical_pair": _said("a pair of complex conjugate eigenvalues", "crosses the imaginary axis", verdict=False),
+    "inverted_stable_above": _said("inverted spinning is asymptotically stable at every Omega > Omega_crit"),
+    "inverted_unstable_below": _said("and unstable", "at every Omega < Omega_crit"),
+    "noninverted_unstable": _said("noninverted spinning is unstable at every Omega > 0"),
+    "period_crit": _enclosed("period"),
+    "chi": _enclosed("chi"),
+    "supercritical": lambda told, claim: told[0]["criticality"] == "supercritical",
+    "omega_h": _omega_h,
+    "infinite_period": _said("its period tends to infinity", of="limit_cycle"),
+    "both_connections": _said("the connection back exists at the same speed"),
+    "attracting_cycle": _said("the orbit is asymptotically stable", of="limit_cycle"),
+}
+#: Numbers of a command's answer that the audit computed, too.
+NUMBERS = {
+    "omega_crit": "omega_crit",
+    "lambda_3": "lambda_3",
+    "period_crit": "period",
+    "chi": "chi",
+    "omega_h": "omega_h",
+}
+
+
+def _measured(entry: dict[str, str]) -> Measured:
+    return Measured(Fraction(entry["value"]), Fraction(entry["uncertainty"]))
+
+
+@lru_cache(maxsize=32)
+def _told(command: str) -> tuple[str, ...]:
+    """What each part of a command prints: it is run as it stands, and must succeed."""
+    answers = []
+    for part in command.split(" && "):
+        program, *words = shlex.split(part)
+        assert program == "tippedisk-verify"
+        with pytest.MonkeyPatch.context() as patch:
+            printed: list[str] = []
+            patch.setattr("click.echo", lambda text="", **options: printed.append(str(text)))  # noqa: B023
+            assert main([*words, "--json"]) == 0, part
+        answers.append("".join(printed))
+    return tuple(answers)
+
+
+def _prove(claim: Claim, finding: Finding, proof: ClaimProof) -> None:
+    """Run the proof's commands: each proves the answer for its set, about the numbers that were computed."""
+    for name, command in proof.commands.items():
+        assert all(f"--parameters {shlex.quote(name)}" in part for part in command.split(" && "))
+        told = [json.loads(answer) for answer in _told(command)]
+        assert all(answer["proved"] is True for answer in told), (claim.name, name)
+        assert DECIDED[claim.name](told, claim) is finding.holds[name], (claim.name, name)
+        if claim.name in NUMBERS:
+            mine, theirs = _measured(told[0][NUMBERS[claim.name]]), finding.computed[name]
+            assert isinstance(theirs, Measured)
+            assert abs(mine.value - theirs.value) <= mine.uncertainty + theirs.uncertainty, (claim.name, name)
+
+
+def _proofs(parameters: Parameters, wanted: set[str]) -> dict[str, tuple[Claim, Finding, Any]]:
+    audit = Audit(parameters, default_engine())
+    found = {}
+    for claim in selected(sorted(wanted)):
+        finding = examined(audit, claim)
+        found[claim.name] = (claim, finding, proof_of(claim, finding, audit.sets))
+    return found
+
+
+def _closed_form(command: str) -> bool:
+    return "--every-speed" in command or "certify hopf" in command
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: Friction) -> None:
+    """With a disk of its own as well: its name is a file's, to be read where the command is run."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
+    parameters = Parameters.named("./my disk.toml").with_friction(friction)
+    local = {"lambda_3", "critical_pair", "chi", "supercritical"} | PROVED["smooth"]
+    proved = 0
+    for claim, finding, proof in _proofs(parameters, local).values():
+        if claim.name in ("chi", "supercritical"):
+            assert (proof is None) == (friction == "smooth")
+            if proof is not None:  # the file's own is not spoken of
+                assert proof.grade == "proved in part"
+                assert "my disk.toml" in proof.rest
+        else:
+            assert "my disk.toml" in proof.commands
+            assert (proof.grade == "proved") == (claim.name in PROVED["smooth"])
+        if proof is not None:
+            assert all(map(_closed_form, proof.commands.values()))
+            _prove(claim, finding, proof)
+            proved += 1
+    assert proved == (10 if friction == "linear" else 8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("name", NAMED_SETS)
+def test_every_proof_is_proved_again(name: str, friction: Friction) -> None:
+    """All claims, with the grades that they must have, and every command that they name."""
+    parameters = NAMED_SETS[name].with_friction(friction)
+    found = _proofs(parameters, {*DECIDED, "homoclinic_identified", "amplitude_law", "attraction"})
+    grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
+    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[parameters.friction]
+    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[parameters.friction]
+    for claim, finding, proof in found.values():
+        if proof is not None:
+            assert set(proof.commands) == set(finding.holds)
+            _prove(claim, finding, proof)
+
+
+def test_the_report_names_the_set_and_how_far_the_proof_goes(capsys: pytest.CaptureFixture[str]) -> None:
+    """With another set than `printed`: no command may prove another disk's number."""
+    only = ("omega_h", "lambda_3", "noninverted_unstable", "sliding_velocity")
+    assert main(["verify", "--parameters", "geometry", "--json", "--jobs", "1", "--only", *only]) == 0
+    claims = {claim["name"]: claim for claim in json.loads(capsys.readouterr().out)["claims"]}
+    assert [claims[name]["grade"] for name in only] == ["proved in part", "proved in part", "proved", "computed"]
+    for name in only[:3]:
+        proof = claims[name]["proof"]
+        assert list(proof["commands"]) == ["geometry", "printed", "calibrated"]
+        for parameters, command in proof["commands"].items():
+            assert all(part.endswith(f"--parameters {parameters}") for part in command.split(" && "))
+        assert proof["proves"]
+    assert "born at Omega_crit" in claims["omega_h"]["proof"]["not_proved"]
+    assert "--none-between" in claims["omega_h"]["proof"]["commands"]["printed"]
+    assert "--none-between" not in claims["omega_h"]["proof"]["commands"]["calibrated"]
+    assert claims["omega_h"]["proof"]["friction"] == ["linear"]
+    assert claims["sliding_velocity"]["proof"] is None
+
+
+def test_theorems_and_commands_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    finding = Finding(dict.fromkeys(NAMED_SETS, "-"), dict.fromkeys(NAMED_SETS, False))
+    proofs = {claim.name: proof_of(claim, finding, NAMED_SETS) for claim in CLAIMS}
+    assert {name for name, proof in proofs.items() if proof} == set(DECIDED)
+    for name, proof in proofs.items():
+        if proof is None:
+            continue
+        assert name in page
+        for number in re.findall(r"\d+", proof.theorem):
+            assert f"**Theorem {number} (" in page
+        for part in proof.commands["printed"].split(" && "):
+            assert main([*part.split()[1:3], "--help"]) == 0
+    capsys.readouterr()
+
+
+def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof | None:
+    """The proof of a claim whose verdicts are given."""
+    (claim,) = selected([name])
+    sets = sets_with(parameters)
+    holds = dict.fromkeys(sets, True) | answers
+    return proof_of(claim, Finding(dict.fromkeys(sets, "-"), holds), sets)
+
+
+def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
+    assert _of("supercritical", GEOMETRY).grade == "proved"
+    assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
+    assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == ("linear", "smooth")
+    assert _of("convergent_series", PRINTED) is None
+    # An answer that was left open is not proved, nor is anything of a set that no command can name.
+    assert set(_of("noninverted_unstable", PRINTED, printed=None).commands) == {"calibrated", "geometry"}
+    assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(NAMED_SETS)
+    posing = PRINTED.changed(mu="0.2", name="printed")
+    assert set(_of("both_connections", posing).commands) == {"calibrated", "geometry"}
+    assert _of("both_connections", posing).grade == "proved in part"
+
+
+def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
+    """A_33 = -129.045 exactly rounds to -129.04, by half a unit: twelve digits cannot tell."""
+    (claim,) = selected(["lambda_3"])
+    sets = {"edge.toml": PRINTED.changed(name="edge.toml"), "printed": PRINTED}
+    computed = {
+        "edge.toml": Measured(Fraction("-129.045"), Fraction(0)),
+        "printed": Measured(Fraction(-129), Fraction(0)),
+    }
+    proof = proof_of(claim, Finding(computed, {"edge.toml": True, "printed": False}), sets)
+    assert proof is not None
+    assert set(proof.commands) == {"printed"}
+    assert "edge.toml" in proof.rest

@@ -1,0 +1,250 @@
+"""No claim is unable to come out otherwise: each meets a fact that contradicts its verdict, and the verdict changes.
+
+The fact is another thing printed, another disk, another formula, or another orbit than the true one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import pytest
+
+from tippedisk_verify.audit import balance_claims, connection_claims, friction_claims, linear_claims, manifold_claims
+from tippedisk_verify.audit.catalogue import CLAIMS
+from tippedisk_verify.audit.claims import Audit, Claim, Verdict, examined
+from tippedisk_verify.flow import baseline
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.theory import expansion, harmonic_balance
+from tippedisk_verify.theory.equilibria import linearization
+from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_equilibrium, reduced_omega_crit
+
+# Long computations that plants stand on, each done once.
+true_connection = cache(heteroclinic)
+true_descent = cache(connection_claims.PeriodContinuation)
+true_relaxation = cache(friction_claims.relaxation)
+true_basins = cache(friction_claims.basins)
+true_cycle = friction_claims._cycle
+
+
+class OneDisk(Audit):
+    """An audit that looks at its own disk alone, which is a third of the work."""
+
+    @property
+    def sets(self) -> dict[str, Parameters]:  # type: ignore[override]
+        return {self.parameters.name: self.parameters}
+
+
+#: Puts a contrary fact in place; what it returns is audited instead.
+Plant = Callable[[pytest.MonkeyPatch, Audit, Claim], tuple[Audit, Claim]]
+
+
+def prints(text: str) -> Plant:
+    """Another thing printed."""
+    return lambda patch, audit, claim: (audit, replace(claim, printed=text))
+
+
+def follows(place: Any, name: str, function: Callable[..., Any]) -> Plant:
+    """Another formula, or another computation."""
+
+    def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
+        patch.setattr(place, name, function)
+        return audit, claim
+
+    return plant
+
+
+def linearizes(change: Callable[[Any, Parameters], Any]) -> Plant:
+    """Another linearisation."""
+    return follows(linear_claims, "linearization", lambda p, *rest: change(linearization(p, *rest), p))
+
+
+def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
+    """Another heteroclinic connection."""
+
+    def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
+        true = audit.connection("printed")
+        patch.setitem(audit._connections, "printed", replace(true, **change(true)))
+        return audit, claim
+
+    return plant
+
+
+def ends(scene: str, kind: Any) -> Plant:
+    """Another end of the first of a scene's orbits."""
+
+    def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
+        true = audit.panel(scene, "printed")
+        first, second = true.orbits
+        contrary = replace(first, ending=replace(first.ending, kind=kind))
+        patch.setitem(audit._panels, (scene, "printed"), replace(true, orbits=(contrary, second)))
+        return audit, claim
+
+    return plant
+
+
+def another_disk(**values: object) -> Plant:
+    """Another disk than the paper's."""
+    return lambda patch, audit, claim: (OneDisk(PRINTED.changed(**values), audit.engine), claim)
+
+
+def _a_longer_cycle(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
+    first, *others = audit.family("printed")
+    longer = replace(first, period=Measured(first.period.value * 10, first.period.uncertainty))
+    patch.setitem(audit._families, "printed", (longer, *others))
+    return audit, claim
+
+
+def _with(part: str, powers: tuple[int, int, int], factor: int) -> Callable[..., Any]:
+    """The printed expansion with one coefficient multiplied."""
+
+    def printed(constants: Any, omega: Any) -> Any:
+        true = expansion.printed(constants, omega)
+        entries = getattr(true, part)
+        return true._replace(**{part: entries | {powers: factor * entries[powers]}})
+
+    return printed
+
+
+def _consistent(function: Callable[..., Any]) -> Callable[..., Any]:
+    """As if the paper printed what follows."""
+    return lambda *inputs: function(*inputs[:-1], "consistent")
+
+
+def _turned_half(ops: Any, constants: Any, omega: Any, friction: Any) -> Callable[..., Any]:
+    """A field that has not the period 2 pi."""
+    true = equations.field(ops, constants, omega, friction)
+
+    def rates(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
+        first, second, third = true(beta, gamma, v)
+        return first, second, third + ops.cos(gamma / 2) / 10**9
+
+    return rates
+
+
+def _roads_apart(parameters: Parameters, engine: Any, *, digits: int, method: str) -> Any:
+    """The second road ends a billionth of a rad/s away."""
+    found = true_connection(parameters, engine, digits=digits, method=method)
+    moved = Measured(found.omega_h.value + Fraction(1, 10**9), found.omega_h.uncertainty)
+    return replace(found, omega_h=moved) if method == "limit-cycles" else found
+
+
+class _Drifting(baseline.Baseline):
+    """An integrator that is off by a millionth."""
+
+    def __call__(self, request: Any) -> Any:
+        result = super().__call__(request)
+        return result._replace(state=result.state + 1e-6)
+
+
+def _attracting_everywhere(*inputs: Any, **options: Any) -> Any:
+    found = true_relaxation(*inputs, **options)
+    return replace(found, measured=abs(found.measured) + 1)
+
+
+def _all_inverted(*inputs: Any, **options: Any) -> Any:
+    found = true_basins(*inputs, **options)
+    return replace(found, outcome=0 * found.outcome + friction_claims.OUTCOMES.index("inverted spinning"))
+
+
+PLANTS: dict[str, Plant] = {
+    "table_1": prints("30.89, 0.887, -128.79, 1.18e-7"),
+    "sliding_velocity": prints("(sin beta)^2"),
+    "linearization": linearizes(lambda matrix, p: matrix._replace(A32=matrix.A32 * Fraction("1.000001"))),
+    "omega_crit": prints("30.89"),
+    "omega_crit_friction": linearizes(lambda matrix, p: matrix._replace(A31=matrix.A31 + p.mu)),
+    "lambda_3": prints("-128.79"),
+    "lambda_3_order": linearizes(lambda matrix, p: matrix._replace(A33=matrix.A33 * Fraction("1.001"))),
+    "critical_pair": prints("complex conjugate"),
+    "inverted_stable_above": linearizes(lambda matrix, p: matrix._replace(A33=-matrix.A33)),
+    "inverted_unstable_below": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6))),
+    "noninverted_unstable": linearizes(lambda matrix, p: matrix._replace(A31=-(10**6), A32=-matrix.A32)),
+    "expansion_mass": follows(balance_claims, "printed", _with("mass", (2, 0, 0), 2)),
+    "expansion_gyroscopic": follows(balance_claims, "printed", expansion.derived),
+    "expansion_gravity": follows(balance_claims, "printed", expansion.derived),
+    "expansion_friction": follows(balance_claims, "printed", _with("friction", (2, 0, 1), -1)),
+    "kappa_1": follows(harmonic_balance, "kappa_1", _consistent(harmonic_balance.kappa_1)),
+    "kappa_2": follows(harmonic_balance, "kappa_2", _consistent(harmonic_balance.kappa_2)),
+    "delta": follows(harmonic_balance, "delta", _consistent(harmonic_balance.delta)),
+    "chi": prints("1.18e-7"),
+    "amplitude_law": follows(harmonic_balance, "slopes", _consistent(harmonic_balance.slopes)),
+    "period_law": follows(harmonic_balance, "slopes", _consistent(harmonic_balance.slopes)),
+    "supercritical": another_disk(A=PRINTED.B),
+    "period_crit": prints("0.887"),
+    "convergent_series": follows(manifold_claims, "orders", lambda *inputs: [0.5**n for n in range(inputs[-1] + 1)]),
+    "slow_manifold_h1": follows(
+        manifold_claims, "first_correction", lambda *inputs: 1.001 * manifold_claims.orders(*inputs, 1)[1]
+    ),
+    "attraction": follows(manifold_claims, "attraction_rate", lambda ops, constants, beta, gamma: math.sin(gamma)),
+    "reduced_dimension": prints("two-dimensional"),
+    "second_noninverted_state": prints("(pi/2, 3 pi/2, 0)"),
+    "order_0_noninverted": follows(manifold_claims, "reduced_equilibrium", lambda *inputs: ReducedEquilibrium(0, 1)),
+    "order_0_hopf": follows(
+        manifold_claims, "reduced_equilibrium", lambda p, omega, which, order: reduced_equilibrium(p, omega, which, 1)
+    ),
+    "order_1_hopf": follows(
+        manifold_claims, "reduced_omega_crit", lambda p, *rest: reduced_omega_crit(p.changed(g="9.82"), *rest)
+    ),
+    "omega_h": prints("30.05"),
+    "infinite_period": connects(
+        lambda true: {"saddle_eigenvalues": (Measured(2 * true.saddle_eigenvalues[0].value, Fraction(0)),) * 3}
+    ),
+    "only_above_omega_h": connects(lambda true: {"omega_h": Measured(true.omega_h.value + 1, Fraction(0))}),
+    "both_connections": connects(
+        lambda true: {"omega_h": Measured(true.omega_h.value + Fraction(1, 1000), Fraction(0))}
+    ),
+    "homoclinic_identified": follows(connection_claims, "field", _turned_half),
+    "attracting_cycle": connects(lambda true: {"saddle_value": Measured(Fraction(1), Fraction(0))}),
+    "omega_h_two_roads": follows(connection_claims, "heteroclinic", _roads_apart),
+    "stable_branch": _a_longer_cycle,
+    "table_2": prints("guess 0.1, -0.1, 1.10"),
+    "scene_a": ends("a", "limit cycle"),
+    "scene_b": ends("b", "flat"),
+    "scene_c": ends("c", "inverted spinning"),
+    "scene_d": ends("d", "flat"),
+    "scene_e": ends("e", "inverted spinning"),
+    "scene_f": ends("f", "limit cycle"),
+    "permanent_contact": follows(
+        equations, "normal_force_over_weight", lambda ops, constants, omega, state, rate: ops.cos(state[1])
+    ),
+    "engines_agree": follows(baseline, "Baseline", _Drifting),
+    "globally_attractive": follows(friction_claims, "relaxation", _attracting_everywhere),
+    "smooth_same_behaviour": follows(friction_claims, "criticality", lambda parameters: "subcritical"),
+    "smooth_same_asymptotics": follows(
+        friction_claims, "_cycle", lambda parameters, engine: true_cycle(parameters.with_friction("linear"), engine)
+    ),
+    "almost_all_trajectories": follows(friction_claims, "basins", _all_inverted),
+}
+
+
+@pytest.fixture(scope="module")
+def audit(taylor: Taylor) -> Iterator[Audit]:
+    """One audit for all."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(friction_claims, "heteroclinic", true_connection)
+        patch.setattr(connection_claims, "heteroclinic", true_connection)
+        patch.setattr(connection_claims, "PeriodContinuation", true_descent)
+        patch.setattr(friction_claims, "relaxation", true_relaxation)
+        patch.setattr(friction_claims, "basins", true_basins)
+        yield OneDisk(PRINTED, taylor)
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
+def test_a_contrary_fact_changes_the_verdict(claim: Claim, audit: Audit, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert claim.name in PLANTS, "each claim has a fact that would change its verdict"
+    before = examined(audit, claim)
+    after = examined(*PLANTS[claim.name](monkeypatch, audit, claim))
+    assert after.verdict is not before.verdict
+    assert after.verdict is not Verdict.UNDECIDED, after.note
+
+
+def test_slips_of_wording_are_marked_as_read() -> None:
+    assert {claim.name for claim in CLAIMS if claim.reading} == {"sliding_velocity", "critical_pair"}

@@ -1,0 +1,207 @@
+"""The race: truths that hold, errors that are true, failures that stay in the picture."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import pytest
+
+from tests.problems import paper_rates
+from tippedisk_verify.bench.growth import Growth, break_even, exponent
+from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
+from tippedisk_verify.bench.problems import PROBLEMS, problem_named, truth_of
+from tippedisk_verify.bench.race import Score, machine, raced
+from tippedisk_verify.bench.ratios import ratios
+from tippedisk_verify.cli import main
+from tippedisk_verify.figures.race import draw_bench
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.orbits.reduced_flow import ReducedFlow
+
+TRANSIENT, PERIOD = problem_named("transient"), problem_named("period")
+
+
+@pytest.fixture(scope="module")
+def scores() -> list[Score]:
+    return raced([TRANSIENT])
+
+
+@pytest.fixture(scope="module")
+def cycle_scores() -> list[Score]:
+    few = ("taylor", "taylor beyond double", "scipy LSODA", "scipy DOP853")
+    return raced([PERIOD], [method for method in METHODS if method.name in few])
+
+
+@pytest.fixture(scope="module")
+def all_cycle_scores(cycle_scores: list[Score]) -> list[Score]:
+    done = {score.method for score in cycle_scores}
+    return [*cycle_scores, *raced([PERIOD], [method for method in METHODS if method.name not in done])]
+
+
+@pytest.mark.slow
+def test_the_truth_is_that_of_another_integrator_and_transcription() -> None:
+    """mpmath's Taylor series method on the tests' own equations, to the first sample."""
+    truth = truth_of(TRANSIENT)
+    with mpmath.workdps(45):
+        start = [mpmath.mpf(part) for part in TRANSIENT.start]
+        speed = exact(TRANSIENT.omega).rational
+
+        def rates(t: object, y: list[mpmath.mpf]) -> list[mpmath.mpf]:
+            return paper_rates(TRANSIENT.parameters, speed, tuple(y))
+
+        state = mpmath.odefun(rates, 0, start)(mpmath.mpf(TRANSIENT.times[0]))
+        for value, held in zip(state, truth.samples[0], strict=True):
+            assert abs(value - mpmath.mpf(held.value.numerator) / held.value.denominator) < mpmath.mpf(10) ** -38
+    assert truth.uncertainty < 1e-50
+
+
+def test_every_method_and_setting_has_a_score(scores: list[Score]) -> None:
+    expected = {(m.name, m.label(s)) for m in METHODS if m.fits(TRANSIENT) for s in m.settings}
+    assert {(score.method, score.setting) for score in scores} == expected
+    for score in scores:
+        assert (score.error is None) == (score.status != "reached")
+        if score.error is not None:
+            assert score.error_over_samples is not None
+            assert score.seconds is not None
+            assert score.seconds > 0
+
+
+@pytest.mark.parametrize("method", ["taylor", "scipy DOP853", "scipy RK45", "scipy LSODA", "scipy Radau", "scipy BDF"])
+def test_errors_fall_with_the_tolerance(method: str, scores: list[Score]) -> None:
+    mine = [(float(s.setting), s.error) for s in scores if s.method == method and s.error is not None]
+    loosest, tightest = mine[0], mine[-1]
+    assert tightest[1] < loosest[1] / 1e4
+    # No method is off by more than its tolerance times what a stiff transient of some 30 steps adds up to.
+    for tolerance, error in mine:
+        assert error < 1e3 * tolerance + 1e-13
+
+
+def test_more_bits_give_more_digits(scores: list[Score]) -> None:
+    errors = {s.setting: s.error for s in scores if s.method == "taylor beyond double"}
+    assert errors["extended"] < 1e-17
+    assert errors["quadruple"] < 1e-31
+    assert errors["50 digits"] < 1e-47
+
+
+def test_phase_and_shape_make_up_the_error(scores: list[Score]) -> None:
+    speed = math.sqrt(sum(rate**2 for rate in truth_of(TRANSIENT).rates))
+    for score in scores:
+        if score.error:
+            # Of the last end; the error is the largest of three ends' components.
+            assert 0 < math.hypot(score.phase * speed, score.shape) <= score.error * math.sqrt(3) * 1.001
+
+
+def test_what_breaks_off_or_fails_is_told_and_drawn(tmp_path: Path) -> None:
+    def broken(problem: object, setting: object) -> Prepared:
+        if setting == "raises":
+            raise ArithmeticError("no such luck")
+        return Prepared(lambda duration: None, lambda: Outcome("gave up", []))
+
+    found = raced([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
+    assert [score.status for score in found] == ["gave up", "failed: no such luck"]
+    assert all(score.error is None and score.seconds is None for score in found)
+    figure = draw_bench(found)
+    axis = figure.axes[0]
+    assert sum(line.get_marker() == "x" for line in axis.lines) == 2
+
+
+def test_reduced_flows_come_closer_with_each_order() -> None:
+    """From a point on the manifold, at small epsilon: the end differs by the first order left out."""
+    from tippedisk_verify.flow.contract import Request
+    from tippedisk_verify.flow.taylor import Taylor
+    from tippedisk_verify.model.precision import DOUBLE
+    from tippedisk_verify.theory.slow_manifold import orders
+
+    parameters = problem_named("epsilon-1e-3").parameters
+    constants = parameters.at(DOUBLE)
+    beta, gamma, omega = 1.4, 1.9, 30.4
+    series = orders(math, constants, omega, beta, gamma, 6)
+    v = sum(h * constants.epsilon**n for n, h in enumerate(series))
+    full = Taylor()(Request(parameters, omega, (beta, gamma, v), 0.5, domain="none")).state
+    errors = []
+    for order in range(3):
+        _, end, _ = ReducedFlow(order)(parameters, omega, (beta, gamma), 0.5)
+        errors.append(max(abs(end - full[:2])))
+    assert errors[1] < errors[0] / 50
+    assert errors[2] < errors[1] / 50
+
+
+def test_the_period_solve_is_that_of_harmonic_balance(cycle_scores: list[Score]) -> None:
+    """A road without an integrator, to the digits that both claim."""
+    from tippedisk_verify.theory.spectral_balance import balanced_cycle
+
+    ((gamma_bar, v, period),) = truth_of(PERIOD).samples
+    balance = balanced_cycle(PERIOD.parameters, exact(PERIOD.omega).rational, digits=30)
+    for mine, other in ((period, balance.period), (gamma_bar, balance.gamma_bar_0), (v, balance.v_0)):
+        assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty
+        assert other.uncertainty < abs(other.value) * 10**-29
+    assert truth_of(PERIOD).uncertainty < 1e-50
+
+
+@pytest.mark.parametrize("fixture", ["cycle_scores", pytest.param("all_cycle_scores", marks=pytest.mark.slow)])
+def test_every_solver_finds_the_period_to_its_tolerance(fixture: str, request: pytest.FixtureRequest) -> None:
+    scores: list[Score] = request.getfixturevalue(fixture)
+    for score in scores:
+        if score.status == "reached" and score.setting in ("1e-06", "1e-10"):
+            # BDF and LSODA control the error of each of some 1e3 steps.
+            assert score.error < 1e3 * float(score.setting)
+            assert score.error == abs(score.phase)
+    exact_enough = {s.setting: s.error for s in scores if s.method == "taylor beyond double"}
+    assert exact_enough["extended"] < 1e-17
+
+
+def test_ratios_name_the_fastest_within_a_bound() -> None:
+    def score(family: str, setting: str, error: float | None, seconds: float) -> Score:
+        return Score("p", family, family, setting, "reached", error, error, 0.0, 0.0, seconds, 0.0, 0.0, 1, 1, 0.0)
+
+    mine = [score("heyoka", "loose", 1e-7, 1.0), score("heyoka", "tight", 1e-13, 2.0)]
+    scipy = [score("scipy", "loose", 1e-5, 10.0), score("scipy", "tight", 1e-9, 300.0), score("scipy", "x", None, 1.0)]
+    found = ratios([*mine, *scipy, score("diffrax", "only", 1e-11, 50.0)], (1e-6, 1e-12, 1e-14))
+    loose, tight = found
+    assert (loose.heyoka, loose.scipy_over_heyoka, loose.peer_over_heyoka) == ("heyoka loose", 300.0, 50.0)
+    assert (tight.heyoka, tight.scipy, tight.peer) == ("heyoka tight", None, None)
+    assert tight.scipy_over_heyoka is None
+
+
+def test_the_command_writes_figure_and_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "transient", "--json", "--out", str(tmp_path)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {"problem", "method", "setting", "error", "seconds", "status"} <= set(result["runs"][0])
+    assert result["machine"] == machine()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bench.csv", "bench.json", "bench.png", "bench.svg"]
+
+
+def test_problems_are_named_once_and_bad_names_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
+    assert main(["bench", "--only", "nothing"]) == 2
+    assert "problem 'nothing' is not known" in capsys.readouterr().err
+
+
+def test_fitted_exponents_and_break_even() -> None:
+    assert exponent([(x, 3 * x**1.7) for x in (10.0, 20.0, 40.0, 80.0)]) == pytest.approx(1.7)
+    full = Growth("full", "epsilon", tuple((x, 1e-4 / x) for x in (1e-1, 1e-2, 1e-3)), -1.0)
+    reduced = Growth("reduced", "epsilon", tuple((x, 1e-2 / 3) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    never = Growth("slow", "epsilon", tuple((x, 1.0) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    always = Growth("fast", "epsilon", tuple((x, 1e-9) for x in (1e-1, 1e-2, 1e-3)), 0.0)
+    assert break_even(full, reduced) == pytest.approx(0.03)
+    assert break_even(full, never) is None
+    assert break_even(full, always) == 0.1
+
+
+def test_overhead_is_measured_against_the_same_work(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "overhead", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["overhead"]
+    newton, whole = "Newton iteration for a limit cycle", "limit cycle with half-widths, over the same flights"
+    assert [one["what"] for one in found] == ["trajectory", newton, whole]
+    for one in found:
+        assert one["bare_seconds"] > 0
+
+
+@pytest.mark.slow
+def test_growth_and_start_up_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--only", "growth", "--only", "start-up", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {growth["what"] for growth in result["growth"]} >= {"trajectory", "limit cycle", "Omega_h", "full"}
+    assert set(result["start_up"]) >= {"python", "imports", "orbit_cold", "orbit_cached"}

@@ -1,0 +1,520 @@
+"""Grading: digits that are right, mistakes that are named, and sheets of every kind of damage."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+import subprocess
+import sys
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import mpmath
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, spelled
+from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.grading import FAILS_BELOW, compare, digits_between, graded, levels_of
+from tippedisk_verify.conformance.pages import Report, html_page, split_where_wrong
+from tippedisk_verify.conformance.predictions import predicted
+from tippedisk_verify.conformance.sheet import (
+    COLUMNS,
+    Answers,
+    placed,
+    questions,
+    read_answers,
+    sheet_csv,
+    sheet_json,
+)
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import friction_force, terms
+from tippedisk_verify.model.parameters import PRINTED, Constants
+from tippedisk_verify.reference_values.store import Store, stored
+
+OMEGA_CRIT = "printed/linear/hopf/point/omega_crit"
+
+
+@pytest.fixture(scope="module")
+def store() -> Store:
+    return stored()
+
+
+def _answers(given: dict[str, str], reading: str = "doubles") -> Answers:
+    return Answers({id_: (reading, answer) for id_, answer in given.items()})
+
+
+# ------------------------------------------------------------------------------------------ sheets
+def test_a_csv_sheet_needs_no_quotes_and_says_everything(store: Store) -> None:
+    text = sheet_csv(store, questions(store))
+    assert '"' not in text
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert tuple(rows[0]) == COLUMNS
+    assert len(rows) == len(store)
+    assert [int(row["level"]) for row in rows] == sorted(int(row["level"]) for row in rows)
+    assert not any(row["answer"] for row in rows)
+    crossing = next(row for row in rows if row["id"].endswith("trajectory/d1/crossing_time#3"))
+    assert (crossing["quantity"], crossing["n"], crossing["t"]) == ("crossing_time", "3", "")
+    # No truth leaks into the questions.
+    period = store["printed/linear/limit-cycle/crit-0.5/period"].values["decimals"][0]
+    assert period[:12] not in text
+
+
+@pytest.mark.parametrize("write", [sheet_csv, sheet_json])
+def test_the_truth_gets_full_marks_in_either_form_and_reading(write, store: Store, tmp_path: Path) -> None:
+    asked = questions(store, sets=["printed"])
+    text = write(store, asked)
+    path = tmp_path / "sheet"
+    if write is sheet_csv:
+        rows = list(csv.DictReader(io.StringIO(text)))
+        for n, row in enumerate(rows):
+            reading = "doubles" if n % 2 and "doubles" in store[row["id"]].values else "decimals"
+            row["from"], row["answer"] = reading, store[row["id"]].values[reading][0]
+        stream = io.StringIO(newline="")
+        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+        path.write_text(stream.getvalue())
+    else:
+        content = json.loads(text)
+        content["from"] = "decimals"
+        for row in content["questions"]:
+            row["answer"] = store[row["id"]].values["decimals"][0]
+        path.write_text(json.dumps(content))
+    grades = graded(read_answers(path, store), store)
+    assert len(grades) == len(asked)
+    assert {grade.verdict for grade in grades} == {"exact"}
+    assert diagnosed(grades, store) == []
+    assert all(level.failed == 0 for level in levels_of(grades, asked))
+
+
+def test_short_json_answers_keep_all_their_digits(store: Store, tmp_path: Path) -> None:
+    truth = store[OMEGA_CRIT].values["decimals"][0]
+    path = tmp_path / "answers.json"
+    path.write_text(f'{{"from": "decimals", "answers": {{"{OMEGA_CRIT}": {truth}}}}}')
+    (grade,) = graded(read_answers(path, store), store)
+    assert grade.verdict == "exact"
+    assert grade.digits > 45
+
+
+def test_quantities_and_their_places() -> None:
+    assert placed("beta@0.5") == ("beta", {"t": "0.5"})
+    assert placed("crossing_v#12") == ("crossing_v", {"n": "12"})
+    assert placed("residual_3") == ("residual_3", {"order": "3"})
+    assert placed("lambda_1_re") == ("lambda_1_re", {})
+
+
+# ------------------------------------------------------------------------------------------ digits
+@pytest.mark.parametrize(("error", "digits"), [("1e-3", 3), ("2e-9", 8.69897), ("-1e-30", 30), ("0.5", 0.30103)])
+def test_digits_are_those_of_the_relative_error(error: str, digits: float) -> None:
+    truth = Decimal(7)
+    with localcontext() as context:
+        context.prec = 60
+        found = digits_between(truth * (1 + Decimal(error)), truth, truth)
+    assert found == pytest.approx(digits, abs=1e-4)
+
+
+def test_more_digits_than_there_are_count_as_all(store: Store) -> None:
+    truth = store[OMEGA_CRIT].values["decimals"][0]
+    grade = compare(OMEGA_CRIT, truth + "123456789" * 10, reading="decimals")
+    assert grade.verdict == "exact"
+    assert grade.digits < 60
+
+
+def test_rounding_an_answer_is_no_error(store: Store) -> None:
+    truth = Decimal(store[OMEGA_CRIT].values["decimals"][0])
+    assert compare(OMEGA_CRIT, str(round(truth, 12)), reading="decimals").verdict == "exact"
+    assert compare(OMEGA_CRIT, str(round(truth, 12) + Decimal("1e-12")), reading="decimals").verdict == "agrees"
+    assert compare(OMEGA_CRIT, "30.9", reading="decimals").verdict == "wrong"  # three digits are not enough
+
+
+def test_each_reading_has_its_own_truth(store: Store) -> None:
+    quantity = store[OMEGA_CRIT]
+    doubles = quantity.values["doubles"][0]
+    assert compare(OMEGA_CRIT, doubles, reading="doubles").verdict == "exact"
+    claimed = compare(OMEGA_CRIT, doubles, reading="decimals")
+    assert claimed.verdict == "agrees"
+    assert "inputs were rounded" in claimed.note
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [math.sqrt(2), Fraction(1, 3), Decimal("1.5"), mpmath.mpf("1.5"), 3, "1.5d0", " 2.5 "],
+)
+def test_numbers_of_any_kind_are_graded(answer: object) -> None:
+    assert compare(OMEGA_CRIT, answer).verdict == "wrong"
+
+
+@pytest.mark.parametrize("answer", [None, [1], {}, b"1", 1j, True, object(), "abc", "1_000", "", "9" * 3000])
+def test_what_cannot_be_compared(answer: object) -> None:
+    with pytest.raises(InputError):
+        compare(OMEGA_CRIT, answer)
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict"),
+    [
+        ("nan", "not-a-number"), ("-inf", "not-a-number"), (math.nan, "not-a-number"), ("1e999999999", "not-a-number"),
+        ("about 31", "unreadable"), ("0x1p3", "unreadable"), ("30,88", "unreadable"), ("١٢x", "unreadable"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number(answer: object, verdict: str) -> None:
+    (grade,) = graded(_answers({OMEGA_CRIT: str(answer)}), stored())
+    assert grade.verdict == verdict
+    assert grade.failed
+    if verdict == "not-a-number":
+        assert compare(OMEGA_CRIT, answer).verdict == verdict
+
+
+def test_the_nearest_double_is_exact(store: Store) -> None:
+    """Its last digits are not the truth's, but no program in doubles can have better ones."""
+    for quantity in store.matching("printed/both/rhs/0"):
+        assert compare(quantity.id, float(quantity)).verdict == "exact"
+        assert compare(quantity.id, f"{float(quantity) * (1 + 1e-14):.16e}").verdict == "agrees"
+
+
+def test_rounding_explains_no_nonsense() -> None:
+    """Next to the connection rounded inputs can change everything; that makes nonsense no answer."""
+    for answer in ("123456789", "-1000", "0"):
+        grade = compare("printed/linear/near-heteroclinic/het+1e-30/period", answer, reading="decimals")
+        assert grade.verdict == "wrong"
+
+
+def test_answers_that_no_double_can_have_are_still_graded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("id,from,answer\nprinted/linear/near-heteroclinic/het+1e-20/period,doubles,25.1\n")
+    assert main(["conformance", "grade", str(path), "--html", str(tmp_path / "a.html")]) == 0
+    assert "no answer could be graded" in capsys.readouterr().out
+
+
+def test_what_is_no_number_has_no_digits_and_no_cause(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/point/omega_crit,abc\n")
+    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    level = next(level for level in report["levels"] if level["level"] == 3)
+    assert (level["answered"], level["failed"], level["least_digits"], level["median_digits"]) == (1, 1, None, None)
+    (diagnosis,) = report["diagnoses"]
+    assert (diagnosis["status"], diagnosis["no_numbers"], diagnosis["causes"]) == ("no-numbers", 1, [])
+    assert main(["conformance", "grade", str(sheet)]) == 0
+    said = capsys.readouterr().out
+    assert "is the first that fails: 1 of 1 answer " in said
+    assert "-99" not in said
+    assert "unexplained" not in said
+
+
+def test_an_empty_sheet_is_counted_by_its_own_questions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    counts = []
+    for options in (["--set", "printed"], []):
+        sheet.unlink(missing_ok=True)
+        assert main(["conformance", "questions", str(sheet), "--levels", "1", "--quiet", *options]) == 0
+        assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+        levels = json.loads(capsys.readouterr().out)["levels"]
+        assert levels[0]["asked"] == len(sheet.read_text().splitlines()) - 1
+        assert levels[0]["answered"] == 0
+        counts.append(levels[0]["asked"])
+    assert counts[1] == 2 * counts[0]
+
+
+def test_what_the_page_is_written_over_is_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.9\n")
+    before = sheet.read_text()
+    for name in ("sheet.csv", "other.txt"):
+        assert main(["conformance", "grade", str(sheet), "--html", str(tmp_path / name)]) == 2
+        assert "must end in .html" in capsys.readouterr().err
+    assert sheet.read_text() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.csv"]
+
+
+def test_a_sheet_of_unknown_ids_only_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet = tmp_path / "sheet.csv"
+    sheet.write_text("id,answer\nprinted/linear/hopf/omega_crit,30.9\n")
+    assert main(["conformance", "grade", str(sheet)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "printed/linear/hopf/omega_crit" in said
+
+
+def test_near_the_connection_doubles_have_no_truth() -> None:
+    grade = compare("printed/linear/near-heteroclinic/het+1e-30/period", 22.0)
+    assert grade.verdict == "no-truth"
+    assert not grade.failed
+
+
+def test_compare_from_the_package() -> None:
+    assert tv.compare(OMEGA_CRIT, float(tv.reference(OMEGA_CRIT))).digits > 15
+    with pytest.raises(InputError, match="decimals or doubles"):
+        tv.compare(OMEGA_CRIT, 1.0, reading="floats")  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------------------------------ damaged sheets
+def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
+    path = tmp_path / name
+    path.write_bytes(content)
+    return main(["conformance", "grade", str(path), "--quiet"])
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"\0\0\0", b"\xff\xfe\x00", b"a,b\n1,2\n", b"{", b"{}", b'{"questions": 3}', b'{"questions": [1]}', b"[1]",
+        b'{"a":' * 100_000, b"id,answe", b'id,from,answer\nprinted/both/rhs/001/M,guess,1\n',
+        b'id,answer\n"' + b"x" * 200_000, b"id,answer\nprinted/both/rhs/001/M,0,5\n", b'id,answer\n"printed/both,1\n',
+    ],
+)  # fmt: skip
+def test_files_that_are_no_sheet(content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status = _graded(tmp_path, content)
+    told = capsys.readouterr().err
+    assert status == 2
+    assert told.count("\n") == 1
+    assert "Traceback" not in told
+
+
+def test_json_answers_given_twice_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(f'{{"answers": {{"{OMEGA_CRIT}": 30.88659268864357, "{OMEGA_CRIT}": 5, "\\ud800\\u001b": 1}}}}')
+    assert main(["conformance", "grade", str(path), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["repeated"] == [OMEGA_CRIT]
+    assert result["unknown"] == ["??"]
+    assert not any(grade["verdict"] == "wrong" for grade in result["grades"])
+
+
+def test_a_sheet_with_answers_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text(f"id,answer\n{OMEGA_CRIT},30.9\n")
+    assert main(["conformance", "questions", str(path)]) == 2
+    assert "has 1 answers" in capsys.readouterr().err
+    path.write_text("id,answer\n")
+    assert main(["conformance", "questions", str(path), "--levels", "3", "--quiet"]) == 0
+
+
+def test_a_huge_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "huge.csv"
+    with open(path, "wb") as stream:
+        stream.truncate(100_000_000)
+    assert main(["conformance", "grade", str(path)]) == 2
+    assert "larger than" in capsys.readouterr().err
+
+
+def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    truth = repr(float(tv.reference(OMEGA_CRIT)))
+    rows = f"{OMEGA_CRIT},{truth}\n{OMEGA_CRIT},1\n../../etc/passwd,1\nprinted/nowhere,\nshort\n"
+    path = tmp_path / "a.csv"
+    path.write_text("\ufeffid,answer\n" + rows)
+    assert main(["conformance", "grade", str(path), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [grade["verdict"] for grade in result["grades"]] == ["exact"]
+    assert result["unknown"] == ["../../etc/passwd"]
+    assert len(result["remarks"]) == 4
+    assert result["repeated"] == [OMEGA_CRIT]
+    assert result["first_failing_level"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["conformance", "questions", "a.txt"], "must end in"),
+        (["conformance", "questions", "nowhere/a.csv"], "existing folder"),
+        (["conformance", "questions", "a.csv", "--levels", "0"], "from 1 to 9"),
+        (["conformance", "questions", "a.csv", "--levels", "x"], "a range"),
+        (["conformance", "questions", "a.csv", "--set", "geometry"], "no reference data"),
+        (["conformance", "questions", "a.csv", "--friction", "none"], "no reference data"),
+        (["conformance", "grade", "missing.csv"], "cannot be read"),
+        (["conformance", "grade", ".", "--from", "x"], "decimals or doubles"),
+    ],
+)
+def test_bad_input(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    told = capsys.readouterr().err
+    assert says in told
+    assert told.count("\n") == 1
+
+
+# ------------------------------------------------------------------------------------------ diagnosis
+def test_the_spelling_without_mistakes_is_the_model() -> None:
+    with mpmath.workdps(40):
+        c = Constants(*(mpmath.mpf(value.numerator) / value.denominator for value in PRINTED.rational()))
+        state, omega = (mpmath.mpf("0.9"), mpmath.mpf("2.3"), mpmath.mpf("-3.1")), mpmath.mpf("30.4")
+        here = terms(mpmath, c, omega, *state)
+        for friction in ("linear", "smooth"):
+            found = spelled(CORRECT, mpmath, c, omega, state, friction)
+            force = friction_force(c, here.sliding_velocity, friction)
+            right = [*here, force, (here.gyroscopic + here.gravity + here.direction * force) / here.mass]
+            names = ["M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "v_rate"]
+            for name, value in zip(names, right, strict=True):
+                assert abs(found[name] - value) <= abs(value) * mpmath.mpf(10) ** -35
+
+
+def test_predictions_without_a_mistake_are_the_truth(store: Store) -> None:
+    """The predictions' own machinery, at every kind that it serves, against the reference data."""
+    none = SimpleNamespace(spelling=CORRECT, parameters=None, inputs=None, output=None, counterpart={})
+    for entry in (
+        *("linear/rhs/017", "smooth/rhs/017", "both/rhs/017", "both/equilibrium/inverted-30.4"),
+        *("linear/hopf/point", "linear/harmonic-balance/printed-crit-0.1", "linear/slow-manifold/03"),
+        *("linear/trajectory/a1", "linear/trajectory/d2", "linear/limit-cycle/crit-0.5", "smooth/limit-cycle/crit-0.3"),
+    ):
+        quantities = store.matching(f"printed/{entry}/")
+        found = predicted(none, quantities, store, {})  # type: ignore[arg-type]
+        assert found, entry
+        for id_, value in found.items():
+            assert compare(id_, value).digits > min(FAILS_BELOW[store[id_].level], 7) - 1, id_
+        if entry.startswith("linear/limit-cycle"):
+            assert found[f"printed/{entry}/period"] == pytest.approx(float(store[f"printed/{entry}/period"]), abs=1e-10)
+
+
+_EQUATIONS = [alternative for alternative in ALTERNATIVES if alternative.of_the_model]
+
+
+@pytest.mark.parametrize("alternative", _EQUATIONS, ids=lambda alternative: alternative.name)
+def test_each_mistake_in_the_model_is_named(alternative, store: Store) -> None:
+    given: dict[str, str] = {}
+    differs = False
+    for n in range(1, 41):
+        for law in ("both", "linear"):
+            quantities = store.matching(f"calibrated/{law}/rhs/{n:03d}/")
+            found = predicted(alternative, quantities, store, {})
+            given |= {id_: repr(value) for id_, value in found.items()}
+            differs |= any(compare(id_, value).failed for id_, value in found.items())
+    diagnoses = diagnosed(graded(_answers(given), store), store)
+    if not differs:  # some roundings change nothing here
+        assert diagnoses == []
+        return
+    (diagnosis,) = diagnoses
+    assert alternative.name in [name for name, _ in diagnosis.causes]
+    assert len(diagnosis.causes) <= 2
+
+
+_OUTPUTS = [alternative for alternative in ALTERNATIVES if not alternative.of_the_model]
+
+
+@pytest.mark.parametrize("alternative", _OUTPUTS, ids=lambda alternative: alternative.name)
+def test_each_mistake_in_the_answers_is_named(alternative, store: Store) -> None:
+    """Tried at every level, with all equations right."""
+    entries = (
+        *("both/rhs/001", "linear/rhs/001", "smooth/rhs/001", "linear/hopf/point"),
+        *("linear/harmonic-balance/printed-crit-0.5", "linear/harmonic-balance/consistent-crit-0.5"),
+        *("linear/trajectory/d1", "smooth/limit-cycle/crit-0.5", "linear/limit-cycle/crit-0.5"),
+        "linear/heteroclinic/point",
+    )
+    wrong: dict[int, dict[str, str]] = {}
+    set_name = "calibrated" if alternative.counterpart.get("set") == "printed" else "printed"
+    for entry in entries:
+        quantities = store.matching(f"{set_name}/{entry}/")
+        truth = {quantity.id: float(quantity) for quantity in quantities}
+        found = predicted(alternative, quantities, store, truth)
+        if any(compare(id_, value).failed for id_, value in found.items()):
+            wrong.setdefault(quantities[0].level, {}).update({id_: repr(value) for id_, value in found.items()})
+    assert wrong, "a mistake that changes nothing has no place in the list"
+    equations = {
+        q.id: repr(float(q)) for law in ("linear", "smooth") for q in store.matching(f"{set_name}/{law}/rhs/0")
+    }
+    for level, given in wrong.items():
+        if level > 1:
+            given |= equations
+        named = {name for one in diagnosed(graded(_answers(given), store), store) for name, _ in one.causes}
+        assert alternative.name in named, level
+
+
+def test_two_mistakes_and_unlisted_ones_stay_unexplained(store: Store) -> None:
+    by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
+
+    def answers(change) -> dict[str, str]:
+        return {
+            quantity.id: repr(change(quantity, index % 3))
+            for index in range(1, 41)
+            for quantity in store.matching(f"printed/linear/rhs/{index:03d}/")
+        }
+
+    def two(quantity, turn) -> float:
+        name = ("h-1-sign", "B-for-Bbar", "gravity-sign")[turn]
+        return predicted(by_name[name], [quantity], store, {})[quantity.id]
+
+    for change in (two, lambda quantity, turn: float(quantity) * 1.1, lambda quantity, turn: float(quantity) + turn):
+        (diagnosis,) = diagnosed(graded(_answers(answers(change)), store), store)
+        assert diagnosis.causes == ()
+        assert "unexplained" in diagnosis.says()
+
+
+@pytest.mark.parametrize("places", [4, 5])
+def test_crude_crossing_times_are_no_known_mistake(places: int, store: Store) -> None:
+    """Right answers, but for crossings located badly: nothing in the list does that."""
+    given = {
+        quantity.id: repr(round(float(quantity), places) if "crossing_time" in quantity.id else float(quantity))
+        for quantity in store.matching("printed/linear/trajectory/")
+    }
+    for diagnosis in diagnosed(graded(_answers(given), store), store):
+        assert diagnosis.causes == ()
+
+
+def test_equations_that_pass_are_not_blamed_later(store: Store) -> None:
+    """With the right-hand side right, a wrong trajectory is no fault of the equations."""
+    given = {quantity.id: repr(float(quantity)) for quantity in store.matching("printed/linear/rhs/")}
+    quantities = store.matching("printed/linear/trajectory/d1/")
+    by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
+    given |= {id_: repr(x) for id_, x in predicted(by_name["h-2-sign"], quantities, store, {}).items()}
+    (diagnosis,) = diagnosed(graded(_answers(given), store), store)
+    assert diagnosis.level == 6
+    assert diagnosis.causes == ()
+
+
+# ------------------------------------------------------------------------------------------ pages
+class _Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.outside: list[str] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag, attributes) -> None:
+        self.outside += [value for name, value in attributes if name in ("src", "href")]
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_escapes_what_others_wrote(store: Store) -> None:
+    given = _answers({OMEGA_CRIT: "<script>alert(1)</script>", "printed/linear/hopf/point/period": "0.8867"})
+    grades = graded(given, store)
+    report = Report("<b>.csv", given, grades, levels_of(grades, store.values()), diagnosed(grades, store))
+    page = html_page(report)
+    parser = _Page()
+    parser.feed(page)
+    assert parser.open == []
+    assert parser.outside == []
+    assert "<script>" not in page
+    assert "&lt;b&gt;.csv" in page
+
+
+def test_answers_are_split_where_they_leave_the_truth() -> None:
+    assert split_where_wrong("30.8999", "30.8865") == ("30.8", "999")
+    assert split_where_wrong("30.88", "30.8865") == ("30.88", "")
+
+
+def test_the_documented_example_runs(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    (tmp_path / "test_mine.py").write_text(code)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-W", "error", str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert run.returncode == 0, run.stdout[-2000:]
+    assert "202 passed" in run.stdout
+    broken = code.replace("** 2 * math.cos(gamma)", "* math.cos(gamma)")
+    assert broken != code
+    (tmp_path / "test_mine.py").write_text(broken)
+    run = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert run.returncode == 1
+    assert "digits, not 14; the truth is" in run.stdout

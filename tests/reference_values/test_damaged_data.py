@@ -1,0 +1,249 @@
+"""Reference data with a turned bit: never read as the truth, whoever reads them."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.grading import compare
+from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.reference_values import store as reading
+from tippedisk_verify.reference_values.generation import generate, values_csv
+from tippedisk_verify.reference_values.kinds import KINDS
+from tippedisk_verify.reference_values.manifest import (
+    SETS,
+    faults_in_files,
+    replace_files,
+    sound_files,
+    write_manifest,
+)
+from tippedisk_verify.reference_values.proofs import prove
+from tippedisk_verify.reference_values.store import Store, data_folder, reference
+
+_LARGE = ("rhs", "trajectory", "slow-manifold")
+_ID = "printed/linear/hopf/point/omega_crit"
+pytest_plugins = ["pytester"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """All kinds of files that the data have, without the large ones."""
+    found = tmp_path / "data"
+    shutil.copytree(data_folder(), found)
+    for name in SETS:
+        for kind in _LARGE:
+            (found / name / f"{kind}.json").unlink()
+        small = [found / name / f"{kind.name}.json" for kind in KINDS if kind.name not in _LARGE]
+        (found / name / "values.csv").write_text(values_csv([json.loads(path.read_text()) for path in small]))
+    write_manifest(found)
+    return found
+
+
+@pytest.fixture
+def installed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The small folder in the place of the installed data."""
+    monkeypatch.setattr(reading, "data_folder", lambda: folder)
+    reading.stored.cache_clear()
+    yield folder
+    reading.stored.cache_clear()
+
+
+def _flip(path: Path, draw: random.Random) -> bytes:
+    """Turn one bit of a file; returns what it was."""
+    content = path.read_bytes()
+    changed = bytearray(content)
+    changed[draw.randrange(len(content))] ^= 1 << draw.randrange(8)
+    path.write_bytes(changed)
+    return content
+
+
+def _one_line(fault: InputError) -> None:
+    assert len(fault.faults) == 1
+    assert "\n" not in str(fault)
+    assert "reference generate" in str(fault)
+
+
+def _silent(folder: Path, draws: int) -> dict[str, int]:
+    whole = Store(folder)
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    draw, ends = random.Random(5), {"refused": 0, "as before": 0, "silently changed": 0}
+    for n in range(draws):
+        path = paths[n % len(paths)]
+        content = _flip(path, draw)
+        try:
+            found = Store(folder)
+        except InputError as fault:
+            _one_line(fault)
+            ends["refused"] += 1
+        else:
+            same = dict(found) == dict(whole) and found.parameters == whole.parameters
+            ends["as before" if same else "silently changed"] += 1
+        path.write_bytes(content)
+    return ends
+
+
+def test_five_hundred_flipped_bits_change_nothing_silently(folder: Path) -> None:
+    ends = _silent(folder, 500)
+    assert ends["silently changed"] == 0
+    assert ends["refused"] > 300  # of the files, four are not read: the README, the schema, two tables
+
+
+@pytest.mark.slow(minutes=4)
+def test_two_thousand_in_all_files(tmp_path: Path) -> None:
+    shutil.copytree(data_folder(), tmp_path / "data")
+    assert _silent(tmp_path / "data", 2_000)["silently changed"] == 0
+
+
+@pytest.mark.parametrize("name", ["printed/hopf.json", "calibrated/limit-cycle.json", "manifest.json"])
+def test_whoever_reads_refuses(
+    name: str, installed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], pytester: pytest.Pytester
+) -> None:
+    sheet = tmp_path / "answers.csv"
+    sheet.write_text(f"id,answer\n{_ID},30.886592688643567\n")
+    commands = [
+        ["reference", "show", _ID],
+        ["reference", "list"],
+        ["conformance", "grade", str(sheet)],
+        ["conformance", "questions", str(tmp_path / "q.csv")],
+    ]
+    assert [main(arguments) for arguments in commands] == [0] * len(commands)
+    reading.stored.cache_clear()
+    (tmp_path / "q.csv").unlink()
+    capsys.readouterr()
+    _flip(installed / name, random.Random(6))
+    for arguments in commands:
+        assert main(arguments) == 2
+        said = capsys.readouterr()
+        assert (said.out, said.err.count("\n")) == ("", 1)
+        assert Path(name).name in said.err
+    for ask in (lambda: reference(_ID), lambda: compare(_ID, 30.9)):
+        with pytest.raises(InputError) as refused:
+            ask()
+        _one_line(refused.value)
+    pytester.makepyfile(
+        f"def test_mine(tippedisk_reference): tippedisk_reference({_ID!r})\n"
+        f"def test_yours(tippedisk_agrees): tippedisk_agrees({_ID!r}, 30.886592688643567)\n"
+    )
+    done = pytester.runpytest_inprocess("-n", "0", "-p", "no:cacheprovider")
+    done.assert_outcomes(failed=2)
+    done.stdout.fnmatch_lines(["*InputError: the reference data in * are damaged *"])
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda data: (data / "printed/hopf.json").unlink(), "printed/hopf.json is missing"),
+        (lambda data: (data / "manifest.json").unlink(), "no manifest.json"),
+        (lambda data: (data / "printed/mine.json").write_text("{}"), "printed/mine.json is not in the manifest"),
+    ],
+)
+def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
+    damage(folder)  # type: ignore[operator]
+    with pytest.raises(InputError, match=says) as refused:
+        Store(folder)
+    _one_line(refused.value)
+
+
+@pytest.mark.parametrize("form", ["csv", "json"])
+def test_a_turned_bit_in_a_question_is_told(form: str, tmp_path: Path) -> None:
+    """Answers stay those of their questions, or something is said: an id may have become another one that there is."""
+    store = reading.stored()
+    asked = questions(store, sets=["printed"], levels=[1])[::10]
+    rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
+    filled = []
+    for n, quantity in enumerate(asked, start=1):
+        answer = quantity.values["doubles"][0]
+        end = {"csv": ",,", "json": '"from": "", "answer": ""'}[form]
+        said = {"csv": f",doubles,{answer}", "json": f'"from": "doubles", "answer": "{answer}"'}[form]
+        question, _, rest = rows[n].rpartition(end)
+        rows[n] = question + said + rest
+        filled.append(question.encode())
+    path, draw, ends = tmp_path / f"sheet.{form}", random.Random(8), {"told": 0, "as before": 0, "silent": 0}
+    path.write_text("\n".join(rows))
+    whole, content = read_answers(path, store), path.read_bytes()
+    assert len(whole.given) == len(asked)
+    assert not whole.altered
+    for _ in range(500):
+        question = draw.choice(filled)
+        at = content.index(question) + draw.randrange(len(question))
+        path.write_bytes(content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :])
+        try:
+            found = read_answers(path, store)
+        except InputError:
+            ends["told"] += 1
+            continue
+        if found.altered or found.unknown or found.repeated or found.short:
+            ends["told"] += 1
+        else:
+            ends["as before" if found.given == whole.given else "silent"] += 1
+    assert ends["silent"] == 0
+    assert ends["told"] > 250  # the rest are names in JSON that nobody needs, and numbers that are the same double
+
+
+def test_a_remark_says_which_row_asks_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = reading.stored()
+    text = sheet_csv(store, [store[_ID], store["printed/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
+    path = tmp_path / "sheet.csv"
+    for change, remark in (
+        (("0.0025", "2.50e-3"), None),
+        (("-0.93072", "-0.93073"), "1 row does not ask what the id stands for, such as printed/both/rhs/001/M, gamma:"),
+        (("rhs/001", "rhs/002"), "such as printed/both/rhs/002/M, Omega:"),
+    ):
+        path.write_text(text.replace(*change))
+        assert main(["conformance", "grade", str(path), "--json"]) == 0
+        remarks = [one for one in json.loads(capsys.readouterr().out)["remarks"] if "stands for" in one]
+        assert len(remarks) == (remark is not None)
+        assert remark is None or remark in remarks[0]
+
+
+def test_damage_gets_no_new_manifest(folder: Path) -> None:
+    """Whoever adds to a folder hashes all of it again, and would vouch for what was turned meanwhile."""
+    _flip(folder / "printed" / "limit-cycle.json", random.Random(7))
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    for add in (lambda: generate(folder, only=("hopf",)), lambda: prove(folder, prefixes=("printed/linear/hopf",))):
+        with pytest.raises(InputError, match=r"limit-cycle\.json has been changed"):
+            add()
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_folder_of_one_s_own_is_read_and_added_to(tmp_path: Path) -> None:
+    generate(tmp_path, only=("hopf",))
+    assert set(Store(tmp_path)) == {id_ for id_ in reading.stored() if "/hopf/" in id_}
+    generate(tmp_path, only=("equilibrium",))
+    assert {quantity.kind for quantity in Store(tmp_path).values()} == {"hopf", "equilibrium"}
+
+
+def test_at_every_step_of_a_replacement_the_files_fit_the_manifest(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a run that is killed there costs nobody their data."""
+    from tippedisk_verify.reference_values import manifest
+
+    texts = {"printed/hopf.json": "{}\n", "printed/new.json": "[]\n", "printed/values.csv": "id\n"}
+    written, steps = manifest.write_text, []
+
+    def watched(path: Path, content: str) -> Path:
+        done = written(path, content)
+        steps.append(sorted(sound_files(folder)))
+        assert faults_in_files(folder) == []
+        return done
+
+    monkeypatch.setattr(manifest, "write_text", watched)
+    replace_files(folder, texts)
+    assert len(steps) == 5
+    assert {name: (folder / name).read_text() for name in texts} == texts
+    assert "becoming" not in (folder / "manifest.json").read_text()
+
+
+def test_what_another_run_has_computed_outlives_a_proof(folder: Path) -> None:
+    (folder / ".work").mkdir()
+    (folder / ".work" / "hopf-printed-0.json").write_text("{}")
+    prove(folder, prefixes=("printed/linear/hopf",))
+    assert [path.name for path in (folder / ".work").iterdir()] == ["hopf-printed-0.json"]

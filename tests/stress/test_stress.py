@@ -1,0 +1,90 @@
+"""The battery: its cases pass, and its judge can fail them."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.stress.battery import CASES, cases_named, outcome_of
+from tippedisk_verify.stress.case import Case, Found, Outcome, digits_between, flown, refused
+
+# What takes more than some seconds beside the others is left to the whole battery.
+_BRIEF = [case.name for case in CASES if case.quick and not case.name.startswith(("Omega", "epsilon 1e-3", "Hopf -"))]
+
+
+@pytest.mark.parametrize("name", _BRIEF)
+def test_case(name: str) -> None:
+    outcome = outcome_of(name)
+    assert outcome.passed, outcome
+
+
+@pytest.mark.slow
+def test_the_whole_battery(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stress", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [case["name"] for case in result["cases"]] == [case.name for case in CASES]
+    assert all(case["passed"] for case in result["cases"])
+
+
+def test_cases_are_named_once_and_say_what_they_expect() -> None:
+    assert len({case.name for case in CASES}) == len(CASES)
+    assert all(case.says and case.may for case in CASES)
+    assert all(case.least > 0 for case in CASES if case.may == ("digits",))
+
+
+def test_a_wrong_claim_does_not_pass() -> None:
+    """An engine whose estimate is a hundred times too small is found out."""
+    from dataclasses import replace
+
+    engine = default_engine()
+
+    def boastful(request: Request):
+        result = engine(request)
+        if result.error is None:
+            return result
+        return result._replace(error=replace(result.error, state=result.error.state / 1e3))
+
+    request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)
+    assert flown(request).honest
+    assert not flown(request, engine=boastful).honest
+
+
+def test_what_is_unforeseen_never_passes() -> None:
+    def broken() -> Found:
+        raise ZeroDivisionError("by accident")
+
+    def short() -> Found:
+        raise Shortfall("not this close")
+
+    outcome = Outcome.of(Case("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError")))
+    assert not outcome.passed
+    assert "by accident" in outcome.note
+    assert Outcome.of(Case("x", "x", short, may=("Shortfall",))).passed
+    assert not Outcome.of(Case("x", "x", short, 3)).passed
+    assert not Outcome.of(Case("x", "x", lambda: Found("digits", 2.9), 3)).passed
+    assert not refused(lambda: 1, InputError).honest
+
+
+def test_digits() -> None:
+    assert digits_between(1.001, 1.0) == pytest.approx(3, abs=1e-6)
+    assert digits_between(1.0, 1.0) == 16
+    assert digits_between(3.0, 1.0) == 0
+    assert digits_between(1e-3, 0.0, 1.0) == pytest.approx(3)
+
+
+def test_the_command_lists_runs_and_refuses(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["stress", "--list"]) == 0
+    assert "expected: " in capsys.readouterr().out
+    assert main(["stress", "--only", "units mm, g, ms", "--json"]) == 0
+    (case,) = json.loads(capsys.readouterr().out)["cases"]
+    assert {"name", "outcome", "error", "expected", "passed"} <= set(case)
+    assert main(["stress", "--only", "no such thing"]) == 2
+    assert "case 'no such thing' is not known" in capsys.readouterr().err
+    with pytest.raises(InputError):
+        cases_named(("none",))

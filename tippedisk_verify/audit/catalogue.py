@@ -1,0 +1,61 @@
+"""All claims, in the order of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from tippedisk_verify.audit import (
+    balance_claims,
+    connection_claims,
+    friction_claims,
+    global_claims,
+    linear_claims,
+    manifold_claims,
+    table_claims,
+)
+from tippedisk_verify.audit.claims import Claim
+from tippedisk_verify.errors import InputError
+
+__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "home_of", "selected"]
+
+_HOMES = {
+    "Model, linear analysis and harmonic balance": (
+        (table_claims.__name__, table_claims.TABLE_CLAIMS),
+        (linear_claims.__name__, linear_claims.LINEAR_CLAIMS),
+        (balance_claims.__name__, balance_claims.BALANCE_CLAIMS),
+    ),
+    "Slow manifold": ((manifold_claims.__name__, manifold_claims.MANIFOLD_CLAIMS),),
+    "Heteroclinic connection": ((connection_claims.__name__, connection_claims.CONNECTION_CLAIMS),),
+    "Limit cycles and trajectories": ((global_claims.__name__, global_claims.GLOBAL_CLAIMS),),
+    "Friction laws and attraction": ((friction_claims.__name__, friction_claims.FRICTION_CLAIMS),),
+}
+#: What the claims are about, in the order of the paper.
+GROUPS: tuple[str, ...] = tuple(_HOMES)
+_PLACE = {claim.name: (group, home) for group, homes in _HOMES.items() for home, claims in homes for claim in claims}
+CLAIMS: tuple[Claim, ...] = tuple(claim for homes in _HOMES.values() for _, claims in homes for claim in claims)
+
+
+def group_of(name: str) -> str:
+    """What the claim is about."""
+    return _PLACE[name][0]
+
+
+def home_of(name: str) -> str:
+    """The module that examines the claim."""
+    return _PLACE[name][1]
+
+
+def claims_drawn_in(figure: str) -> tuple[str, ...]:
+    """The claims that the exhibit of that name goes with."""
+    return tuple(claim.name for claim in CLAIMS if figure in claim.figures)
+
+
+def selected(names: Sequence[str]) -> tuple[Claim, ...]:
+    """The claims of those names, in the table's order; all if none is named. Raises InputError for unknown names."""
+    known = {claim.name for claim in CLAIMS}
+    if unknown := [name for name in names if name not in known]:
+        near = get_close_matches(unknown[0], known, n=3, cutoff=0.6)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        raise InputError(f"claim '{unknown[0][:40]}' is not known: {hint}verify --list names all")
+    return tuple(claim for claim in CLAIMS if not names or claim.name in names)

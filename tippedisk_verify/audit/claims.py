@@ -1,0 +1,255 @@
+"""The paper's claims, one by one, and what becomes of each.
+
+A claim examines itself on every audited parameter set and returns a `Finding`. A claim that does not follow is a
+result; only the suite's own cross-checks (``own_check``) can fail.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from decimal import Decimal
+from enum import Enum
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow.contract import Build, Engine
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
+from tippedisk_verify.orbits.branches import family
+from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.orbits.periodic import LimitCycle
+from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
+
+__all__ = [
+    "EXACT",
+    "Audit",
+    "Claim",
+    "Examination",
+    "Finding",
+    "ProofOffer",
+    "Verdict",
+    "compared",
+    "examined",
+    "number",
+    "per_set",
+    "rounds_to",
+    "sets_with",
+]
+
+
+class Verdict(Enum):
+    """What becomes of a claim."""
+
+    HOLDS = "holds"
+    HOLDS_FOR = "holds-for"
+    DOES_NOT_FOLLOW = "does-not-follow"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The outcome of one claim: what was computed for each set, and for which sets it holds (None: undecided)."""
+
+    computed: dict[str, Measured | str]
+    holds: dict[str, bool | None]
+    note: str = ""
+    methods: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        answers = list(self.holds.values())
+        if all(answers):
+            return Verdict.HOLDS
+        if any(answers):
+            return Verdict.HOLDS_FOR
+        return Verdict.UNDECIDED if None in answers else Verdict.DOES_NOT_FOLLOW
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """The sets for which it holds."""
+        return tuple(name for name, answer in self.holds.items() if answer)
+
+    def record(self) -> dict[str, Any]:
+        """As plain data that loses nothing: numbers as exact fractions."""
+
+        def plain(value: Measured | str) -> Any:
+            return value if isinstance(value, str) else {"value": str(value.value), "width": str(value.uncertainty)}
+
+        return {
+            "computed": {name: plain(value) for name, value in self.computed.items()},
+            "holds": self.holds,
+            "note": self.note,
+            "methods": list(self.methods),
+        }
+
+    @classmethod
+    def of_record(cls, record: dict[str, Any]) -> Finding:
+        """What `record` gave. Raises KeyError, TypeError, ValueError or ArithmeticError for anything else."""
+
+        def number(value: Any) -> Measured | str:
+            if isinstance(value, str):
+                return value
+            return Measured(Fraction(value["value"]), Fraction(value["width"]))
+
+        holds = dict(record["holds"])
+        if any(answer not in (True, False, None) for answer in holds.values()):
+            raise ValueError("an answer is true, false or open")
+        return cls(
+            computed={str(name): number(value) for name, value in record["computed"].items()},
+            holds=holds,
+            note=str(record["note"]),
+            methods=tuple(str(method) for method in record["methods"]),
+        )
+
+
+class ProofOffer(NamedTuple):
+    """What a theorem of docs/certified.md has to say to a claim."""
+
+    theorem: str
+    command: str
+    proves: str
+    rest: str = ""  #: what of the claim it leaves unproved
+    law: Friction | None = None  #: the only one that it covers; None: both
+    every_disk: bool = False
+    against: str = ""  #: a further command, for the sets of which the claim does not hold
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One sentence, formula or number of the paper (or one cross-check of our own), with all that belongs to it."""
+
+    name: str
+    source: str  #: section, equation label or figure of the paper
+    statement: str
+    printed: str  #: what the paper prints
+    examine: Examination  #: on the audit's sets, against what is printed
+    formula: str = ""  #: what the paper writes, in LaTeX: its formula, or the sentence's mathematical content
+    unit: str = ""  #: of what is printed and computed, where that is a number
+    reading: bool = False  #: the fault is one of wording, which no disk and no computation changes
+    own_check: bool = False
+    figures: tuple[str, ...] = ()  #: the exhibits that are drawn with it
+    proof: ProofOffer | None = None
+    cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
+
+
+@dataclass
+class Audit:
+    """What the claims are examined on: the parameter sets, and what several claims share, computed once."""
+
+    parameters: Parameters
+    engine: Engine
+    digits: int = 12
+    omega_h_builds: dict[Build, None] = field(default_factory=dict)
+    _connections: dict[str, Heteroclinic] = field(default_factory=dict)
+    _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
+    _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
+
+    @cached_property
+    def sets(self) -> dict[str, Parameters]:
+        """The selected set first, then the named ones."""
+        return sets_with(self.parameters)
+
+    def _set(self, name: str) -> Parameters:
+        if name not in self.sets:
+            raise InputError(f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}")
+        return self.sets[name]
+
+    def linear(self, name: str) -> Parameters:
+        """A set under the linear law, for what is said of expansions where the disk rolls."""
+        return self._set(name).with_friction("linear")
+
+    def connection(self, name: str) -> Heteroclinic:
+        """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
+        if name not in self._connections:
+            self._connections[name] = heteroclinic(self._set(name), self.engine)
+            self.omega_h_builds |= dict.fromkeys(self.engine.builds)
+        return self._connections[name]
+
+    def omega_h(self, name: str) -> Measured:
+        """Omega_h [rad/s] of a set. Raises Shortfall if there is no connection."""
+        return self.connection(name).omega_h
+
+    def family(self, name: str) -> tuple[LimitCycle, ...]:
+        """An overview of a set's limit cycles."""
+        if name not in self._families:
+            self._families[name] = tuple(family(self._set(name), self.engine))
+        return self._families[name]
+
+    def panel(self, scene: str, name: str) -> Panel:
+        """One of the six scenes of a set."""
+        key = (scene, name)
+        if key not in self._panels:
+            panel = scene_named(scene)
+            omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
+            self._panels[key] = compute(panel, self._set(name), self.engine, omega_h=omega_h)
+        return self._panels[key]
+
+
+def sets_with(parameters: Parameters) -> dict[str, Parameters]:
+    """The audited sets, all under one friction law: the selected one first, then the named ones."""
+    chosen = {parameters.name: parameters}
+    return chosen | {name: one.with_friction(parameters.friction) for name, one in NAMED_SETS.items()} | chosen
+
+
+def rounds_to(measured: Measured, printed: str) -> bool | None:
+    """Whether the true value rounds to the printed decimal; None if the half-width leaves that open."""
+    target = Fraction(printed)
+    exponent = Decimal(printed).as_tuple().exponent
+    half_unit = Fraction(10) ** int(exponent) / 2
+    distance = abs(measured.value - target)
+    if distance + measured.uncertainty <= half_unit:
+        return True
+    return False if distance - measured.uncertainty > half_unit else None
+
+
+def examined(audit: Audit, claim: Claim) -> Finding:
+    """What becomes of one claim. A computation that falls short leaves it undecided, with the reason."""
+    try:
+        return claim.examine(audit, claim.printed)
+    except (Shortfall, ArithmeticError, InputError) as reason:
+        answers: dict[str, bool | None] = dict.fromkeys(audit.sets, False if claim.own_check else None)
+        return Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
+
+
+#: The methods of an examination in rational numbers.
+EXACT = ("exact arithmetic",)
+#: What is computed for one set, and whether the claim holds for it.
+Answer = tuple[Measured | str, bool | None]
+Examination = Callable[[Audit, str], Finding]
+
+
+def number(compute_one: Callable[[Audit, str], Measured], note: str, methods: tuple[str, ...]) -> Examination:
+    """The examination of a printed number: for which sets the computed one rounds to it."""
+
+    def one(audit: Audit, name: str, printed: str) -> Answer:
+        value = compute_one(audit, name)
+        return value, rounds_to(value, printed)
+
+    return compared(one, note, methods)
+
+
+def per_set(one: Callable[[Audit, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
+    """Examine each set by itself, where the examination itself knows what the paper says."""
+    return compared(lambda audit, name, printed: one(audit, name), note, methods)
+
+
+def compared(one: Callable[[Audit, str, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
+    """Compare each set by itself with what is printed: what one set lacks leaves the others' answers alone."""
+
+    def examine(audit: Audit, printed: str) -> Finding:
+        computed: dict[str, Measured | str] = {}
+        holds: dict[str, bool | None] = {}
+        notes = [note] if note else []
+        for name in audit.sets:
+            try:
+                computed[name], holds[name] = one(audit, name, printed)
+            except (Shortfall, ArithmeticError, InputError) as reason:
+                computed[name], holds[name] = "-", None
+                notes.append(f"{name}: {reason}")
+        return Finding(computed, holds, "; ".join(notes), methods)
+
+    return examine

@@ -1,0 +1,205 @@
+"""Claims about the heteroclinic connection: what happens to the limit cycles at Omega_h."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.exact import Exact
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.orbits.bisection import unstable_branch
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation
+from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
+
+__all__ = ["CONNECTION_CLAIMS"]
+
+_SHARE = Fraction(1, 1000)  # of the branch, how far from Omega_h both sides are looked at
+_OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, so a start is off by its cube
+
+
+def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
+    """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
+    descent = PeriodContinuation(audit.sets[name], audit.engine)
+    above, here = float(descent.above), descent.here
+    growth = float(audit.connection(name).saddle_eigenvalues[0])
+    # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
+    ratio = 2 * above / float(here.slopes[2]) * growth / -2
+    # The law's remainder falls like a power of D as small as 0.2, which leaves about a hundredth at D = 1e-8.
+    return (
+        f"T = {2 * float(here.half_period):.2f} s at Omega_h + {above:.1e} rad/s, slope {ratio:.4f} of the law's",
+        abs(ratio - 1) < 0.05,
+    )
+
+
+def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:
+    omega_h = audit.omega_h(name).value
+    ends = []
+    for sign in (-1, 1):
+        result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine)
+        ends.append(result.events[-1].name if result.events else result.status.name.lower())
+    return f"{ends[0]} below, {ends[1]} above", ends[0] in ("passes", "flat") and ends[1] == "turns back"
+
+
+def _attracting(audit: Audit, name: str) -> tuple[str, bool | None]:
+    value = audit.connection(name).saddle_value
+    return f"{float(value):.6f} 1/s", float(value) < 0 if abs(value.value) > value.uncertainty else None
+
+
+def _both_connections(audit: Audit, name: str) -> tuple[str, bool]:
+    """How close the unstable branch of each noninverted state comes to the other one at Omega_h, in double."""
+    import numpy
+
+    parameters, omega = audit.sets[name], audit.omega_h(name).value
+    growth = audit.connection(name).saddle_eigenvalues[0].value
+    # Shifted angles: the states are (0, -pi, 0) and (0, pi, 0), and the symmetry is a change of sign.
+    direction = right_eigenvector(linearization(parameters, omega, "noninverted"), growth)
+    times = numpy.arange(0, 12, 0.002)
+    closest = []
+    for sign in (1, -1):
+        beta, gamma, v = (sign * part * _OFFSET / omega for part in direction)
+        start = (beta, Exact(gamma, Fraction(-sign)), v)
+        request = Request(parameters, omega, start, 12, shifted=True, times=times, domain="none")
+        distances = numpy.abs(audit.engine(request).samples - numpy.array([0, sign * numpy.pi, 0])).max(axis=1)
+        closest.append(float(distances.min()))
+    # Omega_h itself leaves some 1e-8 rad, a speed 1e-5 rad/s away 0.004.
+    return f"branches within {closest[0]:.0e} and {closest[1]:.0e} of the other state", max(closest) < 0.003
+
+
+def _identified(audit: Audit, name: str) -> tuple[str, bool]:
+    """The field at states a full turn of gamma apart, the two noninverted ones among them, in 400 bits."""
+    precision = bits(400)
+    ctx = precision.context
+    constants = Constants(*(precision.mpf(value) for value in audit.sets[name].at(precision)))
+    speed = ctx.mpf(float(audit.omega_h(name)))
+    rates = field(ctx, constants, speed, audit.parameters.friction)
+    states = ((ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)), (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3")))
+    pairs = [(rates(*state), rates(state[0], state[1] + 2 * ctx.pi, state[2])) for state in states]
+    apart = max(abs(a - b) for here, turned in pairs for a, b in zip(here, turned, strict=True))
+    moved = max(map(abs, (*pairs[0][0], *pairs[0][1])))
+    # Rounding of the angles, times the field's derivatives, however large.
+    return f"the field differs by {float(apart):.0e}", max(apart, moved) < 2.0**-300
+
+
+def _two_roads(audit: Audit, printed: str) -> Finding:
+    """Omega_h as the zero of the splitting, and as the limit of the limit cycles."""
+    name, parameters = audit.parameters.name, audit.parameters
+    taylor = audit.engine if audit.engine.measures_error else default_engine()
+    ends: list[Measured | str] = []
+    for digits, method in ((12, "manifolds"), (14, "limit-cycles")):
+        try:
+            ends.append(heteroclinic(parameters, taylor, digits=digits, method=method).omega_h)
+        except (NoConnectionError, NoSuchCycleError) as reason:
+            ends.append(str(reason))
+    one, two = ends
+    if isinstance(one, str) or isinstance(two, str):
+        neither = isinstance(one, str) and isinstance(two, str)
+        said = "no connection" if neither else "one road finds a connection, the other none"
+        return Finding({name: said}, {name: neither}, "; ".join(end for end in ends if isinstance(end, str)))
+    apart = abs(one.value - two.value)
+    agreed = apart <= one.uncertainty + two.uncertainty
+    widths = f"{float(one.uncertainty):.1e} and {float(two.uncertainty):.1e}"
+    note = (
+        f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s apart, with"
+        f" half-widths of {widths}"
+    )
+    return Finding({name: one}, {name: agreed}, note, ("manifolds", "limit-cycles"))
+
+
+_SAME_CYCLE = "that this limit cycle is the one born at Omega_crit (measured)"
+
+
+def _theorems_6_to_8(theorem: str, proves: str, rest: str = "", against: str = "") -> ProofOffer:
+    return ProofOffer(theorem, "certify heteroclinic", proves, rest, law="linear", against=against)
+
+
+#: In the order of the paper.
+CONNECTION_CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "omega_h",
+        "text below Figure Shooting",
+        "the periodic solution vanishes at Omega_h = 30.07 rad/s",
+        "30.07",
+        number(Audit.omega_h, "where the saddles' unstable and stable manifolds meet", ("manifolds",)),
+        unit="rad/s",
+        formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
+        proof=_theorems_6_to_8(
+            "Theorems 6, 7 and 8",
+            "that one speed of a short interval, and no other there, has a connection in which a limit cycle ends; "
+            "whether that speed rounds to 30.07; and where it does not, that no speed that does has a connection on "
+            "which gamma grows all the way",
+            _SAME_CYCLE,
+            against="certify heteroclinic --none-between 30.065 30.075",
+        ),
+        cost=2,
+    ),
+    Claim(
+        "infinite_period",
+        "Section sec:discussion",
+        "the period tends to infinity as Omega falls to Omega_h",
+        "T_h = infinity",
+        per_set(
+            _infinite_period, "T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double", ("shooting",)
+        ),
+        formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
+        figures=("near_omega_h",),
+        proof=_theorems_6_to_8(
+            "Theorem 7", "that the period of the limit cycle next to the connection tends to infinity", _SAME_CYCLE
+        ),
+        cost=10,
+    ),
+    Claim(
+        "only_above_omega_h",
+        "Section sec:discussion",
+        "the periodic solution exists above Omega_h only: below, the saddle's unstable branch leaves the well",
+        "existence above",
+        per_set(_both_sides, "what the unstable branch does a thousandth off Omega_h", ("trajectories",)),
+        formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
+    ),
+    Claim(
+        "both_connections",
+        "Section sec:discussion",
+        "at Omega_h two heteroclinic connections form a cycle",
+        "two connections",
+        per_set(
+            _both_connections,
+            "each noninverted state's unstable branch reaches the other; the point symmetry maps one to the other",
+            ("trajectories",),
+        ),
+        formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
+        proof=_theorems_6_to_8("Theorem 6", "that both connections exist at one and the same speed"),
+    ),
+    Claim(
+        "homoclinic_identified",
+        "Section sec:discussion",
+        "with the noninverted equilibria identified the connections are homoclinic",
+        "homoclinic",
+        per_set(_identified, "the field has period 2 pi in gamma, and the two states are 2 pi apart", ("symmetry",)),
+        formula=r"F(\beta,\,\gamma+2\pi,\,v) = F(\beta,\,\gamma,\,v)",
+    ),
+    Claim(
+        "attracting_cycle",
+        "Section sec:discussion",
+        "the periodic orbit that arises at Omega_h is stable",
+        "stable",
+        per_set(_attracting, "saddle value lambda_u + lambda_s, negative: attracting", ("eigenvalues",)),
+        formula=r"\lambda_u + \lambda_s < 0",
+        proof=_theorems_6_to_8("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
+    ),
+    Claim(
+        "omega_h_two_roads",
+        "own cross-check",
+        "two roads to Omega_h agree",
+        "",
+        _two_roads,
+        own_check=True,
+        unit="rad/s",
+        cost=2,
+    ),
+)

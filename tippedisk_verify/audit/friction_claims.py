@@ -1,0 +1,172 @@
+"""Claims about the two friction laws, and about what attracts what."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from functools import lru_cache
+
+from tippedisk_verify.audit.claims import Audit, Claim, per_set
+from tippedisk_verify.flow import default_lanes
+from tippedisk_verify.flow.contract import Engine, Request
+from tippedisk_verify.model.equations import jacobian, terms
+from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.basins import OUTCOMES, basins
+from tippedisk_verify.orbits.continuation import followed_cycle
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.periodic import LimitCycle
+from tippedisk_verify.orbits.relaxation import relaxation
+from tippedisk_verify.theory.hopf import criticality, omega_crit
+
+__all__ = ["FRICTION_CLAIMS"]
+
+_STATES = 2048
+
+
+def _below(parameters: Parameters) -> Fraction:
+    return omega_crit(parameters, 20).value - Fraction(1, 2)
+
+
+@lru_cache(maxsize=16)
+def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
+    return followed_cycle(parameters, _below(parameters), engine, digits=12)
+
+
+def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
+    """Same kind of Hopf point, stable cycles, and a connection, by both laws."""
+    parameters = audit.sets[name]
+    speeds = [
+        float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h.value) for law in ("linear", "smooth")
+    ]
+    cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in ("linear", "smooth")]
+    crit = float(omega_crit(parameters))
+    constants = parameters.at(DOUBLE)
+    rows = [jacobian(math, constants, crit, law)(math.pi / 2, math.pi / 2, 0.0)[2] for law in ("linear", "smooth")]
+    kinds = [criticality(parameters), _smooth_kind(parameters.with_friction("smooth"), audit.engine)]
+    same = (
+        kinds[0] == kinds[1]
+        and all(map(math.isclose, *rows))  # but for the sliding velocity that pi/2 in double leaves
+        and all(speed < crit for speed in speeds)
+        and all(cycle.stable for cycle in cycles)
+    )
+    return f"Omega_h {speeds[0]:.6f} linear, {speeds[1]:.6f} smooth; {kinds[0]}, {kinds[1]}", same
+
+
+def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
+    """The kind of the smooth law's Hopf point by its cycles: its field is too rough for a Lyapunov coefficient.
+
+    Supercritical if stable cycles below Omega_crit shrink towards it.
+    """
+    far, speed = _cycle(parameters, engine), omega_crit(parameters, 20).value - Fraction(1, 32)
+    near = followed_cycle(parameters, speed, engine, digits=12)
+    shrinks = near.beta_max.value < far.beta_max.value / 2
+    return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
+
+
+def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
+    """The attracting cycles of both laws at the same speed, and how far the sliding velocity is from small."""
+    import numpy
+
+    parameters = audit.sets[name]
+    linear, smooth = (_cycle(parameters.with_friction(law), audit.engine) for law in ("linear", "smooth"))
+    times = numpy.linspace(0, float(linear.period), 200)
+    start = (0, linear.gamma_bar_0.value, linear.v_0.value)
+    request = Request(
+        parameters.with_friction("linear"), linear.omega.value, start, float(linear.period), shifted=True, times=times,
+        domain="none",
+    )  # fmt: skip
+    states = audit.engine(request).samples
+    constants = parameters.at(DOUBLE)
+    half_pi = numpy.pi / 2
+    sliding = terms(
+        numpy, constants, float(linear.omega), states[:, 0] + half_pi, states[:, 1] + half_pi, states[:, 2]
+    ).sliding_velocity
+    share = float(numpy.abs(sliding).max()) / constants.epsilon
+    apart = abs(float(smooth.period.value / linear.period.value) - 1)
+    certain = abs(smooth.period.value - linear.period.value) > smooth.period.uncertainty + linear.period.uncertainty
+    return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
+
+
+def _attractive(audit: Audit, name: str) -> tuple[str, bool | None]:
+    """Measured relaxation of both laws on a grid, against the closed-form rate."""
+    import numpy
+
+    parameters = audit.sets[name]
+    said, falling = [], []
+    laws: tuple[Friction, ...] = ("linear", "smooth")
+    for law in laws:
+        grid = relaxation(parameters.with_friction(law), _below(parameters), default_lanes(), distance=0.5)
+        parts = ~(grid.measured > 0)
+        falling.append(not parts.any())
+        away = numpy.abs(grid.beta - numpy.pi / 2)
+        edge = float(away[parts].min()) if parts.any() else float(away.max())
+        rates = grid.measured[away < edge]
+        said.append(f"{law}: {float(rates.min()):.1f} to {float(rates.max()):.1f} 1/s for |beta - pi/2| < {edge:.2f}")
+    return "; ".join(said), all(falling)
+
+
+def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
+    """A plane of starts at rest above Omega_crit."""
+    parameters = audit.sets[name]
+    omega = omega_crit(parameters, 20).value + Fraction(1, 2)
+    plane = basins(parameters, omega, count=_STATES)
+    shares = plane.fractions()
+    flat, inverted = shares[OUTCOMES[0]], shares[OUTCOMES[2]]
+    text = (
+        f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
+        f" {100 * flat[0]:.0f} % lie flat"
+    )
+    return text, 1 - inverted[0] < inverted[1]
+
+
+#: In the order of the paper.
+FRICTION_CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "globally_attractive",
+        "Section sec:discussion",
+        "the slow manifold is globally attractive, with the smooth law as well",
+        "globally attractive",
+        per_set(
+            _attractive,
+            "rates at which neighbours in v fall together; closer to lying flat they part",
+            ("trajectories",),
+        ),
+        formula=r"\mathcal{M}_s \;\text{attracts}\; \{0 < \beta < \pi\}",
+    ),
+    Claim(
+        "smooth_same_behaviour",
+        "Section sec:discussion",
+        "smooth Coulomb friction does not change the qualitative behaviour",
+        "same qualitatively",
+        per_set(_qualitative, "stable cycles between a connection and the same Hopf point", ("shooting", "manifolds")),
+        formula=(
+            r"\lambda_{Ty} = -\frac{\mu m g}{\varepsilon}\gamma_y"
+            r" \;\sim\; -\mu m g\,\frac{\gamma_y}{|\gamma_y|+\varepsilon}"
+        ),
+        figures=("switching_order",),
+        cost=17,
+    ),
+    Claim(
+        "smooth_same_asymptotics",
+        "Section sec:discussion",
+        "linear and smooth Coulomb friction describe the same asymptotic behaviour",
+        "same",
+        per_set(
+            _asymptotic,
+            "the limit cycles at Omega_crit - 0.5; they agree only where they shrink to the Hopf point",
+            ("shooting",),
+        ),
+        formula=r"|\gamma_y| \ll \varepsilon",
+    ),
+    Claim(
+        "almost_all_trajectories",
+        "Section sec:discussion",
+        "above Omega_crit inverted spinning attracts almost all trajectories",
+        "almost all",
+        per_set(
+            _almost_all, f"{_STATES} starts over the whole strip between noninverted states, 20 s", ("trajectories",)
+        ),
+        formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
+    ),
+)

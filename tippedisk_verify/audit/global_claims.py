@@ -1,0 +1,192 @@
+"""Claims about trajectories: the limit cycles, the six scenes, and the cross-check of the engines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+
+from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, compared, per_set
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.orbits.continuation import followed_cycle
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.orbits.scenes import INITIAL_STATES, Ending
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["GLOBAL_CLAIMS"]
+
+
+def _scene(name: str, note: str) -> Examination:
+    def one(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
+        expected = "flat" if printed == "repelled" else printed
+        endings = [orbit.ending for orbit in audit.panel(name, set_name).orbits]
+        undecided = any(ending.kind == "undecided" for ending in endings)
+        outcome = None if undecided else all(ending.kind == expected for ending in endings)
+        return "; ".join(_said(ending) for ending in endings), outcome
+
+    return compared(one, note, ("trajectories",))
+
+
+def _said(ending: Ending) -> str:
+    if ending.time is not None:
+        return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
+    if ending.amplitude is not None:
+        return f"limit cycle, {float(ending.amplitude):.4f} rad"
+    return ending.kind
+
+
+def _branch(audit: Audit, name: str) -> tuple[str, bool]:
+    """The overview of the family: stable everywhere, amplitude and period monotone."""
+    cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
+    steps = list(pairwise(cycles))
+    falling = all(a.period.value > b.period.value and a.beta_max.value > b.beta_max.value for a, b in steps)
+    largest = max(float(cycle.multiplier_slow) for cycle in cycles)
+    stable = all(cycle.stable for cycle in cycles)
+    return f"largest multiplier {largest:.4f}, {'' if falling else 'not '}monotone", stable and falling
+
+
+def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """Whether shooting from the printed guess (gamma_bar, v) ends on the family's cycle; T_0 is no unknown here."""
+    speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
+    truth = followed_cycle(audit.sets[name], speed, audit.engine)
+    gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
+    try:
+        cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
+    except NoSuchCycleError as reason:
+        return f"does not converge: {reason}", False
+    pairs = ((cycle.gamma_bar_0, truth.gamma_bar_0), (cycle.v_0, truth.v_0), (cycle.period, truth.period))
+    same = all(abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty for mine, other in pairs)
+    return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
+
+
+def _contact(audit: Audit, name: str) -> tuple[str, bool]:
+    """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
+    import numpy
+
+    from tippedisk_verify.model.equations import acceleration, normal_force_over_weight
+    from tippedisk_verify.model.precision import DOUBLE
+
+    constants = audit.sets[name].at(DOUBLE)
+    smallest = []
+    for scene in "abcdef":
+        panel = audit.panel(scene, name)
+        omega = float(panel.omega)
+        for orbit in panel.orbits:
+            beta, gamma, v = state = orbit.states.T
+            rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.parameters.friction)
+            smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
+    text = f"at least {min(smallest[:2]):.3g} of the weight in scene a, {min(smallest[2:]):.3g} in the others"
+    return text, min(smallest) > 0
+
+
+def _engines(audit: Audit, printed: str) -> Finding:
+    """The Taylor engine in double against itself in extended precision and against SciPy."""
+    from tippedisk_verify.flow.baseline import Baseline
+
+    taylor = audit.engine if audit.engine.measures_error else default_engine()
+    scipy = Baseline("DOP853")
+    parameters = audit.linear(audit.parameters.name)  # both engines have their full order under the linear law only
+    crit = omega_crit(parameters, 20).value
+    worst = Fraction(0)
+    claimed = Fraction(0)
+    for share in ("0.98", "0.997", "1.016"):
+        for start in INITIAL_STATES:
+            request = Request(parameters, crit * Fraction(share), start, 10)
+            mine = taylor(replace(request, error_estimate=True))
+            theirs = scipy(request)
+            if mine.status is not theirs.status or mine.error is None:
+                note = f"at {share} Omega_crit: {mine.status.value} against {theirs.status.value}"
+                return Finding({parameters.name: "the engines end differently"}, {parameters.name: False}, note)
+            worst = max(worst, *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)))
+            claimed = max(claimed, Fraction(mine.error.largest))
+    # SciPy's local tolerance of 1e-13 grows over 10 s by the passages near the saddles, which cost up to three digits.
+    agreed = worst <= Fraction(1, 10**10) and claimed <= Fraction(1, 10**11)
+    note = (
+        f"six orbits of 10 s: SciPy's DOP853 differs by at most {float(worst):.1e}; the Taylor engine's own estimate of"
+        f" its error, from a run in extended precision, is at most {float(claimed):.1e}"
+    )
+    return Finding(
+        {parameters.name: f"within {float(worst):.1e} rad, rad/s"},
+        {parameters.name: agreed},
+        note,
+        ("taylor", "scipy-DOP853"),
+    )
+
+
+#: In the order of the paper.
+GLOBAL_CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "stable_branch",
+        "Section sec:shooting",
+        "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall with Omega",
+        "stable, monotone",
+        per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
+        formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
+        figures=("branch", "sketch"),
+    ),
+    Claim(
+        "table_2",
+        "Table tab:initail",
+        "the guess at Omega_crit - 0.5 converges",
+        "guess 1.69, -1.72, 1.10",
+        compared(_table_2, "the cycle found from the table's guess: gamma_bar_0, v_0 and T", ("shooting",)),
+        formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = (0,\;1.69,\;-1.72,\;1.10)",
+    ),
+    Claim(
+        "scene_a",
+        "Figure sub_hom",
+        "below Omega_h solutions are repelled by inverted spinning",
+        "repelled",
+        _scene("a", "and go on past noninverted states until the disk lies flat, where the model ends"),
+        formula=r"\Omega = \Omega_\text{h} - 0.1",
+        figures=("scenes_3d", "scenes_2d"),
+        cost=4,
+    ),
+    *(
+        Claim(
+            f"scene_{name}",
+            f"Figure {label}",
+            "the periodic solution attracts both orbits",
+            "limit cycle",
+            _scene(name, "amplitude of gamma at beta = pi/2"),
+            formula=formula,
+            figures=("scenes_3d", "scenes_2d"),
+        )
+        for name, label, formula in (
+            ("b", "hom", r"\Omega = \Omega_\text{h} + 0.01"),
+            ("c", "sup_hom", r"\Omega = \Omega_\text{h} + 0.1"),
+            ("d", "sup_hom_sub_crit", r"\Omega = \Omega_\text{crit} - 0.5"),
+            ("e", "sub_crit", r"\Omega = \Omega_\text{crit} - 0.2"),
+        )
+    ),
+    Claim(
+        "scene_f",
+        "Figure sup_crit",
+        "above Omega_crit inverted spinning attracts both orbits",
+        "inverted spinning",
+        _scene("f", ""),
+        formula=r"\Omega = \Omega_\text{crit} + 0.5",
+        figures=("inversion", "scenes_3d", "scenes_2d"),
+    ),
+    Claim(
+        "permanent_contact",
+        "Section sec:model",
+        "the disk stays in contact with the support",
+        "permanent contact",
+        per_set(_contact, "smallest normal force over weight along the orbits of scenes a; b to f", ("trajectories",)),
+        formula=r"\frac{\lambda_N}{m g} > 0",
+        cost=3,
+    ),
+    Claim(
+        "engines_agree",
+        "own cross-check",
+        "two integrators that share only the equations agree",
+        "",
+        _engines,
+        own_check=True,
+        figures=("race",),
+        cost=2,
+    ),
+)

@@ -1,0 +1,233 @@
+"""Claims about the model's linearisation: the two equilibria, their eigenvalues, and the critical speed."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
+from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
+from tippedisk_verify.model.equations import jacobian, terms
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium, is_stable, linearization, location
+from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
+
+__all__ = ["LINEAR_CLAIMS"]
+
+
+def _stability(which: EquilibriumName, sides: tuple[int, ...]) -> Examination:
+    """Stability at eight speeds on each of the given sides of Omega_crit (-1 below, 1 above), exactly."""
+
+    def one(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+        # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
+        crit = omega_crit(audit.sets[name], 30).value
+        speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
+        answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
+        said = " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
+        return said, said == printed
+
+    where = " and ".join({-1: "below", 1: "above"}[side] for side in sides)
+    note = f"exact Routh-Hurwitz in rational arithmetic at eight speeds {where} Omega_crit, the nearest 0.4 % away"
+    return compared(one, note, EXACT)
+
+
+def _friction_free(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """With friction changed by large factors, the linearisation loses stability at the same speed."""
+    parameters = audit.sets[name]
+    square = omega_crit_squared(parameters)
+    speed = omega_crit(parameters, 40).value
+    nearby = Fraction(1, 10**30)
+    others = [
+        parameters.changed(mu=parameters.mu * factor, epsilon=parameters.epsilon * other)
+        for factor, other in ((Fraction(1, 1000), 1), (10, 1), (1, Fraction(1, 1000)), (3, 7))
+    ]
+    free = all(
+        omega_crit_squared(changed) == square
+        and is_stable(linearization(changed, speed + nearby))
+        and not is_stable(linearization(changed, speed - nearby))
+        for changed in others
+    )
+    said = "independent" if free else "dependent"
+    return said, said == printed
+
+
+def _square_of_sine(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """Which reading of the printed square makes gamma_y the contact point's velocity."""
+    c, omega, beta, gamma, v = audit.sets[name].at(DOUBLE), 30.4, 1.2, 0.3, 0.7
+    rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
+    velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
+    square = (rest - velocity) / (c.e * omega * math.cos(gamma))
+    readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}  # a tenth apart
+    said = next((text for text, value in readings.items() if math.isclose(value, square)), "neither")
+    return said, said == printed
+
+
+def _critical_pair(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+    """The kind of the two eigenvalues that change the sign of their real part at Omega_crit."""
+    crit = omega_crit(audit.sets[name], 30).value
+    below, above = (
+        equilibrium(audit.sets[name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20).eigenvalues
+        for side in (-1, 1)
+    )
+    crossing = [old for old, new in zip(below, above, strict=True) if old.re.value > 0 > new.re.value]
+    conjugate = len(crossing) == 2 and crossing[0].im.value == -crossing[1].im.value != 0
+    said = "complex conjugate" if conjugate else f"{len(crossing)} real"
+    return said, said == printed
+
+
+def _jacobian_entries(audit: Audit, name: str) -> tuple[str, bool]:
+    """A31, A32, A33 against the derivative of the full equations, in 200 bits."""
+    precision = bits(200)
+    parameters = audit.sets[name]
+    constants = Constants(*(precision.mpf(value) for value in parameters.at(precision)))
+    state = [precision.mpf(precision.number(part)) for part in location("inverted")]
+    speed = Fraction("30.4")
+    row = jacobian(precision.context, constants, precision.mpf(precision.number(speed)), "linear")(*state)[2]
+    entries = linearization(parameters, speed)[1:]
+    # pi/2 carries an error of 2^-200, second derivatives are below 1e6 times the entries.
+    close = all(
+        abs(a - precision.mpf(precision.number(b))) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True)
+    )
+    return "equal" if close else "different", close
+
+
+def _stiff_order(audit: Audit, name: str) -> tuple[str, bool]:
+    """The observed exponent of epsilon in lambda_3 - A33."""
+    gaps = []
+    for exponent in (4, 5):
+        changed = audit.sets[name].changed(epsilon=Fraction(1, 10**exponent))
+        stiff = equilibrium(changed, "30.4", "inverted", 40).eigenvalues[2].re.value
+        gaps.append(abs(float(stiff - linearization(changed, Fraction("30.4")).A33)))
+    slope = math.log10(gaps[0] / gaps[1])
+    return f"order {slope:.4f}", abs(slope - 1) < 0.01
+
+
+def _theorem_1(proves: str, rest: str = "") -> ProofOffer:
+    return ProofOffer("Theorem 1", "certify equilibria --every-speed", proves, rest, every_disk=True)
+
+
+#: In the order of the paper.
+LINEAR_CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "sliding_velocity",
+        "Eq. gamma_y_3DOF",
+        "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
+        "sin beta^2",
+        compared(
+            _square_of_sine,
+            "read as the square of the sine; the contact point's kinematics give no other reading",
+            ("reading", "closed form"),
+        ),
+        reading=True,
+        formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
+        figures=("model",),
+    ),
+    Claim(
+        "linearization",
+        "Eqs. 3DOF_lin, A_coeff_O",
+        "A31, A32 and A33 linearise the equations about inverted spinning",
+        "A31, A32, A33",
+        per_set(_jacobian_entries, "against the derivative of the full equations in 200 bits", EXACT),
+        formula=(
+            r"A_{31} = \frac{m g}{\bar{B}}(r+e) - \Omega^2,"
+            r"\quad A_{32} = -\frac{\mu m g}{\varepsilon\bar{B}}\,e(r+e)\,\Omega,"
+            r"\quad A_{33} = -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2"
+        ),
+    ),
+    Claim(
+        "omega_crit",
+        "Eq. approx_omega_crit",
+        "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
+        "30.92",
+        number(critical_speed, "Table 1 as rounded gives less; a set inside its rounding gives it", ("closed form",)),
+        unit="rad/s",
+        formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
+        proof=_theorem_1("the formula, and an enclosure of the number"),
+    ),
+    Claim(
+        "omega_crit_friction",
+        "text below Eq. approx_omega_crit",
+        "the critical speed does not depend on the friction parameters mu and epsilon",
+        "independent",
+        compared(
+            _friction_free,
+            "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of the same speed"
+            " (exact)",
+            EXACT,
+        ),
+        formula=(
+            r"\frac{\partial\Omega_\text{crit}}{\partial\mu}"
+            r" = \frac{\partial\Omega_\text{crit}}{\partial\varepsilon} = 0"
+        ),
+        proof=_theorem_1("that the formula is right whatever mu and epsilon are"),
+    ),
+    Claim(
+        "lambda_3",
+        "Eq. closed_la3",
+        "lambda_3 is about A_33 = -129.04 1/s",
+        "-129.04",
+        number(
+            stiff_eigenvalue,
+            "the number is A_33, the leading term; the eigenvalue itself depends on Omega",
+            ("closed form",),
+        ),
+        unit="1/s",
+        formula=r"\lambda_3 \approx -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2",
+        figures=("eigenvalues",),
+        proof=_theorem_1(
+            "an enclosure of A_33, which is lambda_3 at Omega_crit",
+            "how near lambda_3 is to A_33 at other speeds",
+        ),
+    ),
+    Claim(
+        "lambda_3_order",
+        "Eq. closed_la3",
+        "lambda_3 = A_33 + O(epsilon)",
+        "O(epsilon)",
+        per_set(_stiff_order, "fitted exponent of epsilon between 1e-4 and 1e-5", ("eigenvalues at 40 digits",)),
+        formula=r"\lambda_3 = A_{33} + \mathcal{O}(\varepsilon)",
+    ),
+    Claim(
+        "critical_pair",
+        "below Eq. closed_la3",
+        "a pair of convex conjugate eigenvalues crosses the imaginary axis",
+        "convex conjugate",
+        compared(
+            _critical_pair, "a slip of the pen: the pair is complex conjugate", ("reading", "eigenvalues at 20 digits")
+        ),
+        reading=True,
+        formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
+        proof=_theorem_1(
+            "that a pair of complex conjugate eigenvalues crosses the imaginary axis, with nonzero speed",
+            "that 'convex' is a slip of the pen (read)",
+        ),
+    ),
+    Claim(
+        "inverted_stable_above",
+        "Section sec:linear_stab3DOF",
+        "inverted spinning is stable above Omega_crit",
+        "stable",
+        _stability("inverted", (1,)),
+        formula=r"\Re\lambda_i < 0 \quad\text{for}\quad \Omega > \Omega_\text{crit}",
+        proof=_theorem_1("asymptotic stability at every speed above Omega_crit"),
+    ),
+    Claim(
+        "inverted_unstable_below",
+        "Section sec:linear_stab3DOF",
+        "inverted spinning is unstable below Omega_crit",
+        "unstable",
+        _stability("inverted", (-1,)),
+        formula=r"\Re\lambda_{1,2} > 0 \quad\text{for}\quad \Omega < \Omega_\text{crit}",
+        proof=_theorem_1("instability at every speed below Omega_crit"),
+    ),
+    Claim(
+        "noninverted_unstable",
+        "Section sec:linear_stab3DOF",
+        "noninverted spinning is always unstable",
+        "unstable",
+        _stability("noninverted", (-1, 1)),
+        formula=r"\max_i \Re\lambda_i > 0 \quad\text{at}\quad (\pi/2,\,-\pi/2,\,0)",
+        proof=_theorem_1("instability at every speed"),
+    ),
+)

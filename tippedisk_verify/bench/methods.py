@@ -1,0 +1,272 @@
+"""What is raced: each method prepared for a problem at a setting, as something that runs and says how it went."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tippedisk_verify.bench.problems import Problem
+from tippedisk_verify.bench.shooting import Flight, period_by_newton
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Status
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.equations import field as vector_field
+from tippedisk_verify.model.equations import jacobian, shifted
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits, heyoka_module
+
+__all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates", "double_rates", "guess_of", "solving"]
+
+_TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
+_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+_FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)  # for the strongest of them
+_ODEFUN_SECONDS = 1.0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run gave: samples as far as it came, and what it cost beside time."""
+
+    status: str  #: reached, or why not
+    samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer if it broke off
+    steps: int | None = None
+    evaluations: int | None = None  #: of the right-hand side
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A method set up for a problem.
+
+    ``run`` goes to a time and returns the state there (of a period solve: gamma_bar, v, T); ``sampled`` gives samples.
+    """
+
+    run: Callable[[float], Any]
+    sampled: Callable[[], Outcome]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A competitor. ``prepare`` does what is done once: compiling, allocating."""
+
+    name: str
+    family: str  #: heyoka, scipy, mpmath, reduced, or the peer's name
+    settings: tuple[Any, ...]  #: loosest first
+    prepare: Callable[[Problem, Any], Prepared]
+    solve: Callable[[Problem, Any], Prepared] | None = None  #: the same for a period solve
+    suits: Callable[[Problem], bool] = lambda problem: True
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether it takes part."""
+        return (not problem.periodic or self.solve is not None) and self.suits(problem)
+
+    def prepared(self, problem: Problem, setting: Any) -> Prepared:
+        return (self.solve if problem.periodic and self.solve else self.prepare)(problem, setting)
+
+    def label(self, setting: Any) -> str:
+        return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
+
+
+def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
+    plain = problem.request(**options)
+    precision = plain.precision
+    times = precision.array(problem.times)
+    sampling = problem.request(times=times, **options)
+
+    def sampled() -> Outcome:
+        result = engine(sampling)
+        status = "reached" if result.status is Status.REACHED else result.status.value
+        samples = [] if result.samples is None else result.samples
+        return Outcome(status, samples, result.steps or engine(plain).steps, result.evaluations)
+
+    def run(duration: float) -> Any:
+        return engine(plain if duration == problem.duration else replace(plain, duration=duration)).state
+
+    return Prepared(run, sampled)
+
+
+def solving(flight: Flight, rates: Any, guess: tuple[Any, Any, Any], tolerance: float) -> Prepared:
+    """The period solve by Newton's iteration on that flow."""
+
+    def run(duration: float = 0.0) -> Any:
+        return period_by_newton(flight, rates, guess, tolerance)
+
+    return Prepared(run, lambda: Outcome("reached", [run()]))
+
+
+def guess_of(problem: Problem) -> tuple[float, float, float]:
+    """gamma_bar, v and half the period to start from."""
+    return problem.start[1], problem.start[2], problem.duration
+
+
+def double_rates(problem: Problem) -> Any:
+    """The linear law's field in shifted angles on floats."""
+    return vector_field(shifted(math), problem.parameters.at(DOUBLE), problem.omega, problem.friction)
+
+
+def _solving_by_engine(engine: Engine, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
+    def flight(gamma_bar: Any, v: Any, duration: Any) -> Any:
+        request = Request(
+            problem.parameters, problem.omega, (zero, gamma_bar, v), duration, shifted=True, precision=precision,
+            variations=STATE_VARIATIONS, domain="none", **options,
+        )  # fmt: skip
+        result = engine(request)
+        if result.status is not Status.REACHED:
+            raise ArithmeticError(result.status.value)
+        if precision == DOUBLE:  # Python's own floats are faster than numpy's
+            return result.state.tolist(), result.derivatives[:, 1:].tolist()
+        return result.state, result.derivatives[:, 1:]
+
+    zero = precision.number(0)
+    if precision == DOUBLE:
+        return solving(flight, double_rates(problem), guess_of(problem), options["tolerance"])
+    constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
+    rates = vector_field(shifted(precision.ops), constants, omega, problem.friction)
+    gamma_bar, v, half = (precision.number(part) for part in guess_of(problem))
+    return solving(flight, rates, (gamma_bar, v, half), float(precision.epsilon))
+
+
+def _engine(
+    make: Callable[..., Engine], *options: str, **more: bool
+) -> tuple[Callable[[Problem, float], Prepared], Callable[[Problem, float], Prepared]]:
+    """How an engine, made anew for each problem and tolerance, integrates, and how it solves for the period."""
+    return (
+        lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance),
+        lambda problem, tolerance: _solving_by_engine(make(*options, **more), problem, tolerance=tolerance),
+    )
+
+
+_PRECISIONS = {"extended": EXTENDED, "quadruple": QUADRUPLE, "50 digits": bits(170)}
+
+
+def _taylor_beyond_double(problem: Problem, precision: str) -> Prepared:
+    return _by_engine(Taylor(), problem, precision=_PRECISIONS[precision])
+
+
+def _period_beyond_double(problem: Problem, precision: str) -> Prepared:
+    return _solving_by_engine(Taylor(), problem, _PRECISIONS[precision])
+
+
+def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
+    """heyoka, the state's symbols, and what a formula of the linear law gives for them."""
+    hy = heyoka_module()
+    state = hy.make_vars("beta", "gamma", "v")
+    constants = Constants(*map(float, problem.parameters.rational()))
+    return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
+
+
+def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
+    """The linear law's right-hand side as machine code, for packages that call it from Python."""
+    import numpy
+
+    hy, state, rates = _in_symbols(problem, vector_field)
+    function = hy.cfunc(list(rates), state)
+    return lambda t, y: function(numpy.ascontiguousarray(y))
+
+
+def compiled_jacobian(problem: Problem) -> Callable[[float, Any], Any]:
+    """Its Jacobian likewise."""
+    import numpy
+
+    hy, state, rows = _in_symbols(problem, jacobian)
+    function = hy.cfunc([hy.expression(0.0) + entry for row in rows for entry in row], state)
+    return lambda t, y: function(numpy.ascontiguousarray(y)).reshape(3, 3)
+
+
+def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
+    def prepare(problem: Problem, tolerance: float) -> Prepared:
+        from scipy.integrate import solve_ivp
+
+        rates = compiled_rates(problem)
+        options = {"jac": compiled_jacobian(problem)} if method in ("LSODA", "Radau", "BDF") else {}
+
+        def solve(times: Any = None, duration: float = problem.duration) -> Any:
+            span = (0.0, duration)
+            return solve_ivp(
+                rates, span, problem.start, method=method, rtol=tolerance, atol=tolerance, t_eval=times, **options
+            )
+
+        def sampled() -> Outcome:
+            solution = solve(problem.times)
+            status = "reached" if solution.status == 0 else str(solution.message)
+            return Outcome(status, solution.y.T, None, int(solution.nfev))
+
+        return Prepared(lambda duration: solve(duration=duration).y[:, -1], sampled)
+
+    return prepare
+
+
+def _odefun(problem: Problem, digits: int) -> Prepared:
+    """mpmath's Taylor series method, given up after some seconds; it has no tolerance but the working precision."""
+
+    def sampled() -> Outcome:
+        import mpmath
+
+        begin = time.perf_counter()
+        samples: list[Any] = []
+        with mpmath.workdps(digits):
+            constants = Constants(*(mpmath.mpf(v.numerator) / v.denominator for v in problem.parameters.rational()))
+            rates = vector_field(mpmath, constants, mpmath.mpf(problem.omega), problem.friction)
+            solution = mpmath.odefun(lambda t, y: list(rates(*y)), 0, [mpmath.mpf(part) for part in problem.start])
+            for moment in problem.times:
+                if time.perf_counter() - begin > _ODEFUN_SECONDS:
+                    return Outcome(f"unfinished after {_ODEFUN_SECONDS:g} s", samples)
+                samples.append([+part for part in solution(mpmath.mpf(moment))])
+        return Outcome("reached", samples)
+
+    return Prepared(lambda duration: _at(sampled(), problem, duration), sampled)
+
+
+def _at(outcome: Outcome, problem: Problem, duration: float) -> Any:
+    """The end of a run, of a method without anything but its samples."""
+    return outcome.samples[problem.times.index(duration)]
+
+
+def _reduced(problem: Problem, order: int) -> Prepared:
+    """beta and gamma only; v is what the manifold has there."""
+    import numpy
+
+    from tippedisk_verify.orbits.reduced_flow import ReducedFlow
+    from tippedisk_verify.theory.slow_manifold import orders
+
+    flow = ReducedFlow(order)
+    constants = problem.parameters.at(DOUBLE)
+    begin = (problem.start[0], problem.start[1])
+
+    def lifted(beta: float, gamma: float) -> tuple[float, float, float]:
+        series = orders(math, constants, problem.omega, beta, gamma, order)
+        return beta, gamma, sum(h * constants.epsilon**n for n, h in enumerate(series))
+
+    def sampled() -> Outcome:
+        times = numpy.array(problem.times)
+        status, _, samples = flow(problem.parameters, problem.omega, begin, problem.duration, times)
+        rows = [lifted(*sample) for sample in samples.tolist()]
+        return Outcome("reached" if status is Status.REACHED else status.value, rows)
+
+    def run(duration: float) -> Any:
+        return lifted(*flow(problem.parameters, problem.omega, begin, duration)[1].tolist())
+
+    return Prepared(run, sampled)
+
+
+def _linear(problem: Problem) -> bool:
+    return problem.friction == "linear"
+
+
+METHODS: tuple[Method, ...] = (
+    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor)),
+    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor, fast_math=True)),
+    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), *_engine(Taylor, high_accuracy=True)),
+    Method("taylor beyond double", "heyoka", tuple(_PRECISIONS), _taylor_beyond_double, _period_beyond_double),
+    *(
+        Method(f"scipy {name}", "scipy", _TOLERANCES, *_engine(Baseline, name))
+        for name in ("RK45", "LSODA", "Radau", "BDF")
+    ),
+    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, *_engine(Baseline, "DOP853")),
+    Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), None, _linear),
+    Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), None, _linear),
+    Method("mpmath odefun", "mpmath", (20,), _odefun, None, _linear),
+    Method("reduced flow, order", "reduced", (0, 1, 2), _reduced, None, _linear),
+)

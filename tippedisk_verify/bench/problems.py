@@ -1,0 +1,129 @@
+"""What to race on: six initial-value problems and a period solve, with truths whose own uncertainty is known.
+
+The truth is integrated in 60 digits and seen against 80, at the inputs that doubles are: a method in doubles is not
+blamed for what rounding them does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
+from tippedisk_verify.model.equations import right_hand_side
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
+
+_SAMPLES = 20
+#: Samples at which a run of its own ends: one end alone may lie where an orbit happens to meet its error's zero.
+STOPS = (5, 12, 19)
+_BITS, _WIDER = 200, 266
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What to integrate; all numbers are doubles, exactly."""
+
+    name: str
+    says: str
+    parameters: Parameters
+    omega: float  #: [rad/s]
+    start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
+    duration: float  #: [s]
+    periodic: bool = False  #: solve for the limit cycle from this guess; start is shifted, duration half a period
+
+    @property
+    def friction(self) -> Friction:
+        """The friction law."""
+        return self.parameters.friction
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Sample times, the end included."""
+        return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
+
+    def request(self, **options: Any) -> Request:
+        return Request(self.parameters, self.omega, self.start, self.duration, domain="none", **options)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Samples to some 55 digits, and the largest of their half-widths."""
+
+    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3); of the period solve one, (gamma_bar, v, T)
+    uncertainty: float
+    rates: tuple[float, ...]  #: (3,) the flow at the end, to tell an error in phase from one in shape
+
+
+def _with_epsilon(value: str) -> Parameters:
+    return PRINTED.changed(epsilon=Fraction(value), name=f"epsilon {value}")
+
+
+_HALF_PI = 1.5707963267948966
+_BELOW = float(omega_crit(PRINTED, 20).value - Fraction(1, 2))
+
+PROBLEMS: tuple[Problem, ...] = (
+    Problem("cycle", "10 s near the limit cycle at 30.4 rad/s", PRINTED, 30.4, (_HALF_PI, 3.27, -1.71), 10.0),
+    Problem("transient", "0.3 s from far off the slow manifold onto it", PRINTED, _BELOW, (1.3, 2.2, 6.0), 0.3),
+    Problem("passage", "the passage by both saddles, 1e-8 above Omega_h", PRINTED, 30.0488682707225,
+            (_HALF_PI, _HALF_PI + 3.1415462925806426, -8.312208533583e-05), 6.661564053801862),
+    Problem("smooth", "10 s near the limit cycle, smooth friction", PRINTED.with_friction("smooth"), 30.4,
+            (_HALF_PI, 3.27, -1.71), 10.0),
+    Problem("epsilon-1e-3", "2 s with epsilon = 1e-3: rates of 1.3e4 per second", _with_epsilon("0.001"), _BELOW,
+            (_HALF_PI, 2.0, 0.0), 2.0),
+    Problem("epsilon-1e-4", "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second", _with_epsilon("0.0001"), _BELOW,
+            (_HALF_PI, 2.0, 0.0), 0.2),
+    Problem("period", "period and state of the limit cycle from a guess that is 1e-3 off", PRINTED, _BELOW,
+            (0.0, 1.691, -1.6455), 0.547, periodic=True),
+)  # fmt: skip
+
+
+def problem_named(name: str) -> Problem:
+    """The problem of that name. Raises InputError if there is none."""
+    for problem in PROBLEMS:
+        if problem.name == name:
+            return problem
+    raise InputError(f"problem '{name[:40]}' is not known: use {', '.join(problem.name for problem in PROBLEMS)}")
+
+
+@lru_cache(maxsize=16)
+def truth_of(problem: Problem) -> Truth:
+    """The samples, from two precisions. Raises ArithmeticError if an integration fails."""
+    if problem.periodic:
+        return _cycle(problem)
+    rough, sharp = (_samples(problem, working) for working in (_BITS, _WIDER))
+    held = [
+        [Measured.compared(a, b, bits(_BITS).epsilon) for a, b in zip(row, other, strict=True)]
+        for row, other in zip(rough.samples, sharp.samples, strict=True)
+    ]
+    precision = bits(_BITS)
+    rates = right_hand_side(
+        precision.ops, problem.parameters.at(precision), precision.number(problem.omega), rough.state, problem.friction
+    )
+    return Truth(
+        samples=tuple(tuple(row) for row in held),
+        uncertainty=float(max(cell.uncertainty for row in held for cell in row)),
+        rates=tuple(float(rate) for rate in rates),
+    )
+
+
+def _cycle(problem: Problem) -> Truth:
+    """(gamma_bar, v, T): one sample."""
+    cycle = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
+    sample = (cycle.gamma_bar_0, cycle.v_0, cycle.period)
+    return Truth((sample,), float(max(part.uncertainty for part in sample)), ())
+
+
+def _samples(problem: Problem, working: int) -> Result:
+    precision = bits(working)
+    result = default_engine()(problem.request(precision=precision, times=precision.array(problem.times)))
+    return raise_unless_usable(result)

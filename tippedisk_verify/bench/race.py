@@ -1,0 +1,217 @@
+"""Running the methods against each other: interleaved, so that a machine's moods meet them all, errors beside times."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import Any
+
+from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
+from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
+from tippedisk_verify.fingerprint import processor
+from tippedisk_verify.parallel import usable_cores
+
+__all__ = ["Score", "machine", "raced"]
+
+_REPEATS = 5
+_BRIEF = 0.03  # s; what takes longer is repeated less
+_LONG = 0.3  # s; tighter settings of a method that took this long are not run
+
+
+@dataclass(frozen=True)
+class Score:
+    """One method at one setting on one problem. Errors are absolute, in rad and rad/s; None where there is no end."""
+
+    problem: str
+    method: str
+    family: str
+    setting: str
+    status: str  #: reached, or why not
+    error: float | None  #: largest over the components at the ends of runs of three lengths; of a period solve, of T
+    error_over_samples: float | None  #: largest at the samples, interpolated as the method does; or in state and T
+    phase: float | None  #: [s] how far ahead or behind at the end, along the flow; of a period solve, of T
+    shape: float | None  #: what is left of the error at the end; of a period solve, of the state
+    seconds: float | None  #: median of the repeats, warm
+    spread: float | None  #: (largest - smallest) / median of the repeats
+    preparation: float | None  #: [s] compiling (or taking from the code cache) and the first run; the others are warm
+    steps: int | None
+    evaluations: int | None
+    truth_uncertainty: float
+
+    def json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass
+class _Entry:
+    problem: Problem
+    method: Method
+    setting: Any
+    status: str = ""
+    prepared: Prepared | None = None
+    outcome: Outcome | None = None
+    ends: dict[int, Any] = field(default_factory=dict)  # by sample: the state where a run of its own stops
+    preparation: float | None = None
+    seconds: list[float] | None = None
+
+
+def raced(
+    problems: Sequence[Problem] = PROBLEMS,
+    methods: Sequence[Method] = METHODS,
+    advance: Callable[[str, int], None] = lambda label, steps: None,
+    mapping: Callable[..., Iterable[Any]] = map,
+) -> list[Score]:
+    """Every method on every problem that it fits, at every setting. Failures are scores, too.
+
+    ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed, and then
+    fills the code cache for the period solves, which would take this one a minute. (``map`` itself does nothing.)
+    """
+    scores = []
+    truths = iter(mapping(truth_of, problems))
+    mapping(_compiled, [(problem, method.name) for problem in problems if problem.periodic for method in METHODS])
+    for problem in problems:
+        entries = []
+        for method in methods:
+            if method.fits(problem):
+                advance(f"{problem.name}: {method.name}", 1)
+                entries += _first_runs(problem, method)
+        for repeat in range(_REPEATS - 1):
+            for entry in entries:
+                if entry.prepared is None or entry.seconds is None or (repeat and entry.seconds[0] > _BRIEF):
+                    continue
+                if entry.seconds[0] <= _LONG and entry.method.family != "mpmath":
+                    job = partial(entry.prepared.run, problem.duration)
+                    if entry.seconds[0] <= _BRIEF:
+                        job()  # what ran before has emptied the processor's caches
+                    entry.seconds.append(_timed(job)[0])
+        truth = next(truths)
+        scores += [_score(entry, truth) for entry in entries]
+    return scores
+
+
+def _compiled(job: tuple[Problem, str]) -> None:
+    """Has what a method of heyoka's compiles for a problem in double put into the code cache."""
+    problem, name = job
+    (method,) = (method for method in METHODS if method.name == name)
+    if method.family == "heyoka":
+        for setting in method.settings:
+            if isinstance(setting, float):
+                method.prepared(problem, setting).run(problem.duration)
+
+
+def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
+    begin = time.perf_counter()
+    result = action()
+    return time.perf_counter() - begin, result
+
+
+def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
+    """Prepared, run once cold and once warm; a method that takes long is spared its tighter settings."""
+    entries = []
+    longest = 0.0
+    for setting in method.settings:
+        entry = _Entry(problem, method, setting)
+        entries.append(entry)
+        if longest > _LONG:
+            entry.status = f"not run: the setting before took {longest:.1f} s"
+            continue
+        try:
+            spent, entry.prepared = _timed(partial(method.prepared, problem, setting))
+            cold, entry.outcome = _timed(entry.prepared.sampled)
+            entry.preparation = spent + cold
+            entry.status = entry.outcome.status
+            longest = max(longest, cold if method.family == "mpmath" else 0.0)
+            if entry.status == "reached":
+                for stop in STOPS:
+                    warm, entry.ends[stop] = _timed(partial(entry.prepared.run, problem.times[stop]))
+                entry.seconds = [cold if method.family == "mpmath" else warm]
+                longest = max(longest, warm)
+        except (ArithmeticError, ValueError, RuntimeError) as fault:
+            entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"
+            entry.prepared = None
+    return entries
+
+
+def _score(entry: _Entry, truth: Truth) -> Score:
+    reached = entry.status == "reached" and entry.outcome is not None
+    errors = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome is not None else None
+    error, over_samples, phase, shape = errors or (None, None, None, None)
+    seconds = statistics.median(entry.seconds) if entry.seconds else None
+    return Score(
+        problem=entry.problem.name,
+        method=entry.method.name,
+        family=entry.method.family,
+        setting=entry.method.label(entry.setting),
+        status=entry.status,
+        error=error,
+        error_over_samples=over_samples,
+        phase=phase,
+        shape=shape,
+        seconds=seconds,
+        spread=(max(entry.seconds) - min(entry.seconds)) / seconds if entry.seconds and seconds else None,
+        preparation=entry.preparation,
+        steps=None if entry.outcome is None else entry.outcome.steps,
+        evaluations=None if entry.outcome is None else entry.outcome.evaluations,
+        truth_uncertainty=truth.uncertainty,
+    )
+
+
+def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[float, float, float, float] | None:
+    """(ends, samples, phase, shape) against the truth, which is exact: differences above double are taken exactly."""
+    if len(outcome.samples) != len(truth.samples):
+        return None
+    if not truth.rates:  # a period solve
+        ((gamma_bar, v, period),) = outcome.samples
+        state_away = [_distance(a, b) for a, b in zip((gamma_bar, v), truth.samples[0], strict=False)]
+        late = _distance(period, truth.samples[0][2])
+        return abs(late), max(abs(late), *map(abs, state_away)), late, math.hypot(*state_away)
+    away = [[_distance(a, b) for a, b in zip(row, right, strict=True)]
+            for row, right in zip(outcome.samples, truth.samples, strict=True)]  # fmt: skip
+    ends = {
+        stop: [_distance(a, b) for a, b in zip(state, truth.samples[stop], strict=True)]
+        for stop, state in stopped.items()
+    }
+    end = ends[len(away) - 1]
+    square = sum(rate * rate for rate in truth.rates)
+    phase = sum(part * rate for part, rate in zip(end, truth.rates, strict=True)) / square if square else 0.0
+    shape = math.sqrt(sum((part - phase * rate) ** 2 for part, rate in zip(end, truth.rates, strict=True)))
+    return (
+        max(abs(part) for row in ends.values() for part in row),
+        max(abs(part) for row in away for part in row),
+        phase,
+        shape,
+    )
+
+
+def _distance(value: Any, truth: Any) -> float:
+    from tippedisk_verify.model.exact import fraction
+
+    return float(fraction(value) - truth.value)
+
+
+def machine() -> dict[str, Any]:
+    """What the figures were measured on."""
+    import numpy
+    import scipy
+
+    from tippedisk_verify import __version__
+    from tippedisk_verify.model.precision import heyoka_module
+
+    hy = heyoka_module()
+    return {
+        "processor": processor(),
+        "cores": os.cpu_count(),
+        "usable_cores": usable_cores(),
+        "simd_lanes": int(hy.recommended_simd_size()),
+        "python": platform.python_version(),
+        "heyoka": hy.__version__,
+        "numpy": numpy.__version__,
+        "scipy": scipy.__version__,
+        "tippedisk_verify": __version__,
+    }

@@ -1,0 +1,202 @@
+"""What is wrong with answers that fail: the one mistake that predicts all of them, or nothing.
+
+At the first level that fails, each alternative predicts the answers given, right ones too. It is accepted only if the
+answers would have passed the level with it for the truth. Two mistakes at once, or one that is on no list, therefore
+stay unexplained.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
+from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal, digits_between, scale_of
+from tippedisk_verify.conformance.predictions import predicted
+from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["Diagnosis", "diagnosed"]
+
+_MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6}  # looked at, of each sort
+_EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
+
+
+Causes = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The first level that fails for some parameter sets and friction laws, and why, where that can be told."""
+
+    level: int
+    sets: tuple[str, ...]
+    frictions: tuple[str, ...]
+    failed: frozenset[str]  #: ids
+    causes: Causes  #: (name, what to look for); several if they cannot be told apart; () if none is known
+    tried: frozenset[str]  #: the failed ones that the cause was tried on, and predicts
+    no_numbers: frozenset[str]  #: the failed ones that are no finite number, which no mistake predicts
+
+    def says(self) -> str:
+        both = len(self.frictions) > 1 or self.frictions == ("both",)
+        laws = "both laws" if both else f"{self.frictions[0]} friction"
+        where = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
+        where += f"{len(self.failed)} wrong"
+        if self.no_numbers:
+            where += f", {len(self.no_numbers)} of them no finite number"
+        if self.no_numbers == self.failed:
+            return where
+        if not self.causes:
+            return f"{where}; unexplained: none of the known mistakes alone gives these answers"
+        causes = " or ".join(cause for _, cause in self.causes)
+        return f"{where}; likely cause: {causes} (predicts all {len(self.tried)} of them that it was tried on)"
+
+    def json(self) -> dict[str, Any]:
+        return {
+            "level": self.level,
+            "sets": list(self.sets),
+            "frictions": list(self.frictions),
+            "failed": len(self.failed),
+            "no_numbers": len(self.no_numbers),
+            "status": "explained" if self.causes else "no-numbers" if self.no_numbers == self.failed else "unexplained",
+            "causes": [{"name": name, "cause": cause} for name, cause in self.causes],
+            "tried_on": len(self.tried),
+        }
+
+
+def diagnosed(grades: Sequence[Grade], store: Store) -> list[Diagnosis]:
+    """A diagnosis for the first failing level of each parameter set and friction law, like ones put together."""
+    diagnoses: list[Diagnosis] = []
+    for set_name in dict.fromkeys(store[grade.id].set for grade in grades):
+        here = [grade for grade in grades if store[grade.id].set == set_name]
+        # What is common to both laws goes with each of them that was answered.
+        laws = [law for law in ("linear", "smooth") if any(store[grade.id].friction == law for grade in here)]
+        for law in laws or ["both"]:
+            group = [grade for grade in here if store[grade.id].friction in (law, "both")]
+            if (diagnosis := _first_failure(group, store, set_name, law)) is not None:
+                _add(diagnoses, diagnosis)
+    return diagnoses
+
+
+def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:
+    for place, old in enumerate(diagnoses):
+        if (old.level, old.causes) == (new.level, new.causes):
+            diagnoses[place] = Diagnosis(
+                old.level,
+                tuple(dict.fromkeys((*old.sets, *new.sets))),
+                tuple(dict.fromkeys((*old.frictions, *new.frictions))),
+                old.failed | new.failed,
+                old.causes,
+                old.tried | new.tried,
+                old.no_numbers | new.no_numbers,
+            )
+            return
+    diagnoses.append(new)
+
+
+def _first_failure(group: list[Grade], store: Store, set_name: str, friction: str) -> Diagnosis | None:
+    level = min((grade.level for grade in group if grade.failed), default=None)
+    if level is None:
+        return None
+    here = [grade for grade in group if grade.level == level and grade.verdict != "no-truth"]
+    usable = [grade for grade in here if math.isfinite(grade.digits)]
+    failed = frozenset(grade.id for grade in here if grade.failed)
+    wrong = {grade.id for grade in usable if grade.failed}
+    causes, tried = _causes(usable, wrong, group, store, level) if wrong else ((), frozenset[str]())
+    return Diagnosis(level, (set_name,), (friction,), failed, causes, tried, failed - wrong)
+
+
+def _causes(
+    usable: list[Grade], wrong: set[str], group: list[Grade], store: Store, level: int
+) -> tuple[Causes, frozenset[str]]:
+    passed_rhs = sum(grade.level == 1 and not grade.failed for grade in group)
+    outputs_only = level > 1 and passed_rhs >= _EQUATIONS_PROVED
+    entries = _entries_to_try(usable, store, level)
+    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
+    fits = []
+    for alternative in ALTERNATIVES:
+        if outputs_only and alternative.of_the_model:
+            continue
+        fit = _fit(alternative, entries, answers, wrong, store, level)
+        if fit is not None:
+            fits.append((fit[0], fit[1], alternative))
+    # Mistakes whose predictions fit about as well as the best cannot be told apart.
+    best = max((least for least, _, _ in fits), default=0.0)
+    close = [(alternative, tried) for least, tried, alternative in fits if least > best - 2]
+    causes = tuple((alternative.name, alternative.cause) for alternative, _ in close)
+    return causes, frozenset().union(*(tried for _, tried in close))
+
+
+def _entries_to_try(usable: Iterable[Grade], store: Store, level: int) -> list[list[Quantity]]:
+    """Questions by entry: some with wrong answers first, then some whose answers are all right."""
+    by_entry: dict[str, list[Grade]] = {}
+    for grade in usable:
+        by_entry.setdefault(grade.id.rsplit("/", 1)[0], []).append(grade)
+    bad = [here for here in by_entry.values() if any(grade.failed for grade in here)]
+    good = [here for here in by_entry.values() if not any(grade.failed for grade in here)]
+    few = _MOST_ENTRIES[level]
+    chosen = [[store[grade.id] for grade in here] for here in (*_some(bad, few), *_some(good, few))]
+    if level == 6 and chosen:
+        # The first sample alone costs a twentieth of an orbit and rules most mistakes out.
+        places = [placed(quantity.name)[1] for quantity in chosen[0]]
+        first = min((float(place["t"]) for place in places if "t" in place), default=None)
+        early = [q for q, place in zip(chosen[0], places, strict=True) if "t" in place and float(place["t"]) == first]
+        chosen.insert(0, early or chosen[0])
+    return chosen
+
+
+def _some(entries: list[list[Grade]], count: int) -> list[list[Grade]]:
+    """``count`` of them, without the pattern that every n-th would have; the same ones each time."""
+    return entries if len(entries) <= count else random.Random(count).sample(entries, count)
+
+
+def _fit(
+    alternative: Alternative,
+    entries: list[list[Quantity]],
+    answers: dict[str, Decimal],
+    wrong: set[str],
+    store: Store,
+    level: int,
+) -> tuple[float, frozenset[str]] | None:
+    """(least digits, wrong answers tried) if every answer passes with the alternative for the truth."""
+    least, tried = math.inf, set()
+    for quantities in entries:
+        truth = {quantity.id: float(quantity) for quantity in quantities}
+        given = {quantity.id: near_float(answers[quantity.id]) for quantity in quantities}
+        expected = predicted(alternative, quantities, store, truth, given)
+        if not expected:
+            if any(quantity.id in wrong for quantity in quantities):
+                return None
+            continue
+        for quantity in quantities:
+            if quantity.id not in expected:
+                continue
+            digits = _digits(answers[quantity.id], expected[quantity.id], quantity)
+            if digits < FAILS_BELOW[level]:
+                return None
+            # A prediction that is the truth explains no wrong answer.
+            differs = _digits(Decimal(truth[quantity.id]), expected[quantity.id], quantity) < FAILS_BELOW[level]
+            if quantity.id in wrong and not differs:
+                return None
+            if quantity.id in wrong:
+                tried.add(quantity.id)
+                least = min(least, digits)
+    return (least, frozenset(tried)) if tried else None
+
+
+def near_float(answer: Decimal) -> float:
+    """The nearest double, or infinity for what has none."""
+    return float(answer) if not answer or abs(answer.adjusted()) < 300 else math.inf
+
+
+def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
+    """By the same measure as against the truth; a prediction has no more than sixteen."""
+    if not math.isfinite(expected):
+        return -99.0
+    prediction = Decimal(expected)
+    scale = max(scale_of(quantity, prediction), scale_of(quantity, Decimal(float(quantity))))
+    return digits_between(answer, prediction, scale, 16.0)

@@ -1,0 +1,205 @@
+"""Showing grades: a table for the terminal, a page for the browser, an object for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tippedisk_verify.conformance.diagnosis import Diagnosis
+from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, LevelGrade
+from tippedisk_verify.conformance.sheet import Answers
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["Report", "html_page", "print_report"]
+
+# From here down a colour; the words in the table say the same.
+_SHADES = ((14.0, "full"), (10.0, "high"), (6.0, "middle"), (3.0, "low"), (-math.inf, "none"))
+_TERMINAL = {"full": "bold green", "high": "green", "middle": "yellow", "low": "dark_orange", "none": "red"}
+_WORST = 12
+_MOST_ROWS = 4_000  # on a page; the JSON has all
+
+
+@dataclass(frozen=True)
+class Report:
+    """Everything about one graded sheet."""
+
+    source: str
+    answers: Answers
+    grades: Sequence[Grade]
+    levels: Sequence[LevelGrade]
+    diagnoses: Sequence[Diagnosis]
+
+    @property
+    def first_failure(self) -> LevelGrade | None:
+        return next((level for level in self.levels if level.failed), None)
+
+    def headline(self) -> str:
+        """The result in one sentence."""
+        if not self.grades:
+            return "no question was answered"
+        first = self.first_failure
+        if first is None:
+            reached = [level for level in self.levels if level.answered]
+            if not reached:
+                return "no answer could be graded"
+            least = min(level.least for level in reached)
+            answers = counted(sum(level.answered for level in reached), "answer agrees", "answers agree")
+            rounded = sum(level.rounded for level in reached)
+            said = f"{answers}, the least with {least:.1f} digits"
+            return said + (f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does" if rounded else "")
+        answers = counted(first.answered, "answer", "answers")
+        return f"level {first.level}, {first.name}, is the first that fails: {first.failed} of {answers}"
+
+    def remarks(self) -> list[str]:
+        """What was noticed about the sheet itself."""
+        said = []
+        if self.answers.undeclared:
+            answers = counted(self.answers.undeclared, "answer does", "answers do")
+            said.append(f"{answers} not say from which inputs; graded as from doubles")
+        if self.answers.unknown:
+            said.append(
+                f"{counted(len(self.answers.unknown), 'unknown id', 'unknown ids')}, such as {self.answers.unknown[0]}"
+            )
+        if self.answers.repeated:
+            said.append(
+                f"{counted(len(self.answers.repeated), 'id', 'ids')} answered more than once, such as"
+                f" {self.answers.repeated[0]}; "
+                "the first answer counts"
+            )
+        if self.answers.altered:
+            rows = counted(len(self.answers.altered), "row does", "rows do")
+            said.append(
+                f"{rows} not ask what the id stands for, such as {self.answers.altered[0]}: is the sheet damaged?"
+            )
+        if self.answers.short:
+            said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
+        rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
+        if rounded:
+            said.append(f"{counted(rounded, 'answer', 'answers')} said to be from decimals: exactly what doubles give")
+        untold = sum(grade.verdict == "no-truth" for grade in self.grades)
+        if untold:
+            said.append(
+                f"{counted(untold, 'answer', 'answers')} from doubles where doubles cannot tell the inputs apart:"
+                " not graded"
+            )
+        return said
+
+    def json(self) -> dict[str, Any]:
+        first = self.first_failure
+        return {
+            "source": self.source,
+            "headline": self.headline(),
+            "first_failing_level": None if first is None else first.level,
+            "levels": [level.json() for level in self.levels],
+            "diagnoses": [diagnosis.json() for diagnosis in self.diagnoses],
+            "remarks": self.remarks(),
+            "unknown": self.answers.unknown,
+            "repeated": self.answers.repeated,
+            "grades": [grade.json() for grade in self.grades],
+        }
+
+    def worst(self) -> list[Grade]:
+        """Failures of the first failing level first, then by digits."""
+        graded = [grade for grade in self.grades if grade.verdict != "no-truth"]
+        return sorted(graded, key=lambda grade: (not grade.failed, grade.failed and grade.level, grade.digits))[:_WORST]
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """A number of things, in words that agree with it."""
+    return f"{number} {one if number == 1 else many}"
+
+
+def shade(digits: float) -> str:
+    """The name of the colour for so many digits."""
+    return next((name for least, name in _SHADES if digits >= least), "none")
+
+
+def shown_digits(digits: float) -> str:
+    """One decimal, never "-0.0"; nothing for what has no digits."""
+    return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
+
+
+def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
+    """The answer's characters up to where it leaves the truth, and the rest; the whole if it never does."""
+    same = 0
+    for mine, right in zip(answer, truth, strict=False):
+        if mine != right:
+            break
+        same += 1
+    return answer[:same], answer[same:]
+
+
+def print_report(report: Report, console: Console) -> None:
+    """The table by level, the worst answers coloured by agreeing digits, the diagnosis."""
+    from rich.markup import escape
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=escape(f"{report.source}: {report.headline()}"), title_justify="left")
+    table.add_column("level")
+    for heading in ("answered", "least digits", "median", "needs", "wrong"):
+        table.add_column(heading, justify="right")
+    table.add_column("verdict")
+    for level in report.levels:
+        colour = _TERMINAL[shade(level.least)] if level.answered else "dim"
+        table.add_row(
+            f"{level.level} {level.name}",
+            f"{level.answered} of {level.asked}",
+            Text(shown_digits(level.least), style=colour),
+            Text(shown_digits(level.middle), style=_TERMINAL[shade(level.middle)]),
+            str(FAILS_BELOW[level.level]),
+            str(level.failed or ""),
+            Text("not answered", style="dim")
+            if not level.answered
+            else Text("fails", style="bold red")
+            if level.failed
+            else Text("agrees", style="green"),
+        )
+    console.print(table)
+    worst = Table(title="least digits", title_justify="left")
+    for heading in ("id", "answer", "truth", "digits", "verdict"):
+        worst.add_column(heading, overflow="fold")
+    for grade in report.worst():
+        right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
+        answer = Text(right, style="green") + Text(wrong, style="red")
+        digits = shown_digits(grade.digits)
+        worst.add_row(
+            grade.id, answer, grade.truth[:24], Text(digits, style=_TERMINAL[shade(grade.digits)]), grade.verdict
+        )
+    if report.grades:
+        console.print(worst)
+    for remark in report.remarks():
+        console.print(Text(f"note: {remark}"))
+    for diagnosis in report.diagnoses:
+        console.print(Text(diagnosis.says(), style="bold"))
+
+
+def html_page(report: Report) -> str:
+    """One self-contained page."""
+    from tippedisk_verify.web import rendered
+
+    shown = sorted(report.grades, key=lambda grade: (not grade.failed, grade.level))[:_MOST_ROWS]
+    rows = [
+        {
+            "grade": grade,
+            "shade": shade(grade.digits),
+            "parts": split_where_wrong(grade.answer[:60], grade.truth),
+            "digits": shown_digits(grade.digits),
+        }
+        for grade in shown
+    ]
+    levels = [{"grade": level, "shade": shade(level.least) if level.answered else "unasked"} for level in report.levels]
+    return rendered(
+        "tippedisk_verify.conformance",
+        "grades.html",
+        digits=shown_digits,
+        report=report,
+        levels=levels,
+        rows=rows,
+        hidden=len(report.grades) - len(shown),
+        needs=FAILS_BELOW,
+    )

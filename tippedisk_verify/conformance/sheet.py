@@ -1,0 +1,245 @@
+"""Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back again.
+
+In CSV every row stands for itself, parameters included, and no field needs quotes, so that a sheet can be read with
+``strtok``. In JSON the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import csv_text, printable, read_text
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
+
+_INPUTS = ("Omega", "beta", "gamma", "v")
+COLUMNS = (
+    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
+    *SYMBOLS,
+    *_INPUTS,
+    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
+)
+_QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
+_Row = tuple[str, str, str, dict[str, str]]  # id, reading, answer, and what else the row says
+_LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
+_LONGEST = 2_000  # characters of an answer
+_MOST_UNKNOWN = 1_000
+_READINGS = ("decimals", "doubles")
+
+
+@dataclass
+class Answers:
+    """What a sheet says: id -> (reading, text), and what could not be used."""
+
+    given: dict[str, tuple[str, str]] = field(default_factory=dict)
+    sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
+    unknown: list[str] = field(default_factory=list)  #: ids that are no question
+    repeated: list[str] = field(default_factory=list)  #: ids answered more than once; the first answer counts
+    altered: list[str] = field(default_factory=list)  #: rows whose columns are not those of the question: id, column
+    undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
+    short: int = 0  #: rows that end before the column answer
+
+
+def placed(name: str) -> tuple[str, dict[str, str]]:
+    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
+    if "@" in name:
+        plain, place = name.split("@", 1)
+        return plain, {"t": place}
+    if "#" in name:
+        plain, place = name.split("#", 1)
+        return plain, {"n": place}
+    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
+        return name, {"order": term[2]}
+    return name, {}
+
+
+def questions(
+    store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
+) -> list[Quantity]:
+    """The questions of the sets, laws and levels named (all where none is), in order of difficulty.
+
+    Raises InputError for names that no question has.
+    """
+    for asked, known, what in (
+        (sets, {quantity.set for quantity in store.values()}, "parameter set"),
+        (frictions, {"linear", "smooth"}, "friction law"),
+        (levels, {quantity.level for quantity in store.values()}, "level"),
+    ):
+        for name in asked:
+            if name not in known:
+                raise InputError(
+                    f"no reference data for {what} '{name!s:.40}': use {', '.join(map(str, sorted(known)))}"
+                )
+    chosen = [
+        quantity
+        for quantity in store.values()
+        if (not sets or quantity.set in sets)
+        and (not frictions or quantity.friction in (*frictions, "both"))
+        and (not levels or quantity.level in levels)
+    ]
+    if not chosen:
+        raise InputError("there is no such question: levels 3 to 5 are for the linear friction law")
+    return chosen
+
+
+def _row(store: Store, quantity: Quantity) -> dict[str, str]:
+    plain, place = placed(quantity.name)
+    parameters = {name: value["decimal"] for name, value in store.parameters[quantity.set].items()}
+    return {
+        "id": quantity.id,
+        "level": str(quantity.level),
+        "kind": quantity.kind,
+        "set": quantity.set,
+        "friction": quantity.friction,
+        "quantity": plain,
+        "unit": quantity.unit,
+        **parameters,
+        **quantity.inputs,
+        **place,
+        "from": "decimals" if "doubles" not in quantity.values else "",
+        "answer": "",
+    }
+
+
+def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
+    """The sheet as CSV. Where only decimals make sense, ``from`` is filled in."""
+    rows = (_row(store, quantity) for quantity in asked)
+    return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
+
+
+def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
+    """The sheet as JSON: one question to a line."""
+    lines = [json.dumps(_row(store, quantity), ensure_ascii=False) for quantity in asked]
+    return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
+
+
+def read_answers(path: Path, store: Store, default_reading: str | None = None) -> Answers:
+    """The answers of a sheet in either form; rows without an answer are left out.
+
+    ``default_reading`` is for answers that do not say what they were computed from. Raises InputError for a file that
+    cannot be read as a sheet at all.
+    """
+    text = read_text(path, _LARGEST)
+    answers = Answers()
+    try:
+        rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
+        return _collected(rows, store, default_reading, answers)
+    except InputError as fault:
+        raise InputError(f"{printable(path.name)}: {fault}") from None
+
+
+def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
+    def first_of_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        unique: dict[str, Any] = {}
+        for name, value in pairs:
+            if name in unique:
+                answers.repeated.append(printable(name)[:200])
+            else:
+                unique[name] = value
+        return unique
+
+    try:
+        # Numbers stay text: a double would lose digits of a fifty-digit answer.
+        content = json.loads(text, parse_float=str, parse_int=str, parse_constant=str, object_pairs_hook=first_of_each)
+    except (ValueError, RecursionError) as fault:
+        reason = str(fault).splitlines()[0][:120]
+        raise InputError(f"neither a CSV nor a JSON sheet: {reason}") from None
+    if not isinstance(content, dict):
+        raise InputError('a JSON sheet is an object with "questions" or "answers"')
+    everywhere = content.get("from", "")
+    if isinstance(content.get("answers"), dict):
+        for id_, answer in content["answers"].items():
+            yield id_, _said(everywhere), _said(answer), {}
+        return
+    rows = content.get("questions")
+    if not isinstance(rows, list):
+        raise InputError('a JSON sheet has either "questions" or "answers"')
+    for row in rows:
+        if not isinstance(row, dict) or "id" not in row:
+            raise InputError('each question of a JSON sheet has an "id"')
+        asked = {name: _said(row[name]) for name in _QUESTION if name in row}
+        yield _said(row["id"]), _said(row.get("from", "") or everywhere), _said(row.get("answer", "")), asked
+
+
+def _said(value: Any) -> str:
+    return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
+
+
+def _csv_rows(text: str, answers: Answers) -> Iterable[_Row]:
+    if "\0" in text:
+        raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
+    table = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        header = [name.strip() for name in next(table, [])]
+        if "id" not in header or "answer" not in header:
+            raise InputError(
+                "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, "
+                "separated by commas"
+            )
+        id_at, answer_at = header.index("id"), header.index("answer")
+        from_at = header.index("from") if "from" in header else None
+        # Single columns of such names may be somebody's own.
+        asked_at = {name: header.index(name) for name in _QUESTION} if set(_QUESTION) <= set(header) else {}
+        for row in table:
+            if len(row) > len(header):
+                raise InputError(
+                    f"line {table.line_num} has {len(row)} fields, the header {len(header)}: is there a decimal comma?"
+                )
+            if len(row) <= max(id_at, answer_at):
+                answers.short += bool(row)
+            else:
+                reading = row[from_at] if from_at is not None and len(row) > from_at else ""
+                asked = {name: row[place] for name, place in asked_at.items() if place < len(row)}
+                yield row[id_at], reading, row[answer_at], asked
+    except csv.Error as fault:
+        raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
+
+
+def _collected(rows: Iterable[_Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
+    for id_, reading, answer, asked in rows:
+        id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
+        if id_ in store:
+            answers.sets.add(store[id_].set)
+        if not answer:
+            continue
+        if id_ not in store:
+            if len(answers.unknown) < _MOST_UNKNOWN:
+                answers.unknown.append(id_[:200])
+            continue
+        if (column := _altered(asked, store, store[id_])) is not None:
+            answers.altered.append(f"{id_}, {column}")
+        if id_ in answers.given:
+            answers.repeated.append(id_)
+            continue
+        if not reading:
+            reading = default_reading or ("doubles" if "doubles" in store[id_].values else "decimals")
+            answers.undeclared += default_reading is None
+        if reading not in _READINGS:
+            raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
+        answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
+    return answers
+
+
+def _altered(said: dict[str, str], store: Store, quantity: Quantity) -> str | None:
+    """The first column that says something else than the question of that id; a number may be written otherwise."""
+    asked = _row(store, quantity) if said else {}
+    for name, text in said.items():
+        wanted, text = asked.get(name, ""), text.strip()
+        if text and text != wanted:
+            try:
+                if float(text) == float(wanted):
+                    continue
+            except ValueError:
+                pass
+            return name
+    return None

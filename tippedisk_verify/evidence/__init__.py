@@ -1,1 +1,0 @@
-"""What can be claimed about the paper and about other implementations, and how it is checked."""

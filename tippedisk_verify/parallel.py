@@ -1,0 +1,34 @@
+"""Work that may go to other processes, and the cores that there are for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, as_completed
+from typing import TypeVar
+
+__all__ = ["as_done", "usable_cores"]
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+
+
+def as_done(
+    function: Callable[[Job], Answer], jobs: Iterable[Job], executor: Executor | None
+) -> Iterator[tuple[Job, Answer]]:
+    """Each job with its answer: in order in this process if there is no executor, else as they are done.
+
+    An executor is given each job as soon as ``jobs`` has it.
+    """
+    if executor is None:
+        for job in jobs:
+            yield job, function(job)
+        return
+    waiting = {executor.submit(function, job): job for job in jobs}
+    for future in as_completed(waiting):
+        yield waiting[future], future.result()
+
+
+def usable_cores() -> int:
+    """The cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

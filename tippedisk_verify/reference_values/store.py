@@ -1,0 +1,180 @@
+"""Reading reference data: where they lie, and what an entry says. Imports nothing heavy.
+
+Every byte is held against the manifest on the way in, once in a process.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.reference_values.manifest import sound_files
+
+__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
+
+Reading = Literal["decimals", "doubles"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One reference value with what is known of it."""
+
+    id: str  #: ``set/friction/kind/entry/quantity``
+    level: int
+    kind: str
+    set: str
+    friction: str
+    name: str
+    unit: str
+    inputs: Mapping[str, str]  #: beside the parameters; decimals
+    values: Mapping[Reading, tuple[str, str]]  #: (value, uncertainty) as decimals, for each reading
+    grade: str  #: proved, two-method, agreed, or single
+    methods: Mapping[str, str]  #: how far each road's value lies from the one given
+    condition: Mapping[str, str]  #: change of the value per relative change of a parameter or input
+    proof: Mapping[str, str] | None = None  #: the enclosure's value and uncertainty, the statement and the command
+
+    def measured(self, reading: Reading = "decimals") -> Measured:
+        """The value from the decimals as they stand, or from the doubles nearest to them.
+
+        Raises InputError where there is no value for that reading.
+        """
+        from tippedisk_verify.model.exact import exact
+
+        if reading not in ("decimals", "doubles"):
+            raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
+        if reading not in self.values:
+            raise InputError(f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart")
+        value, uncertainty = self.values[reading]
+        return Measured(exact(value).rational, exact(uncertainty).rational)
+
+    def __float__(self) -> float:
+        """The double nearest to the value from doubles, or from decimals where there is none."""
+        return float(self.values.get("doubles", self.values["decimals"])[0])
+
+    def __str__(self) -> str:
+        """The value from decimals, with its half-width."""
+        return " ± ".join(self.values["decimals"])
+
+    def __format__(self, spec: str) -> str:
+        return format(self.measured(), spec) if spec else str(self)
+
+    def mpf(self) -> Any:
+        """The value from decimals as an mpmath number, to the precision that mpmath has at the time."""
+        return self.measured().mpf()
+
+    def json(self) -> dict[str, Any]:
+        value, uncertainty = self.values["decimals"]
+        entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
+        if "doubles" in self.values:
+            entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
+        return entry | {
+            "grade": self.grade,
+            "methods": dict(self.methods),
+            "condition": dict(self.condition),
+            "inputs": dict(self.inputs),
+            **({} if self.proof is None else {"proof": dict(self.proof)}),
+        }
+
+
+class Store(Mapping[str, Quantity]):
+    """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
+        self._quantities: dict[str, Quantity] = {}
+        documents = []
+        for name, text in sound_files(folder).items():
+            try:
+                documents.append(json.loads(text))
+            except (ValueError, RecursionError):
+                raise InputError(f"reference file {folder / name} cannot be read: run reference check") from None
+        if not documents:
+            raise InputError(f"no reference data in {folder}")
+        try:
+            documents.sort(key=lambda document: (document["level"], document["set"] != "printed"))
+            for document in documents:
+                self._take(document)
+        except (KeyError, TypeError, AttributeError, ValueError):
+            raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
+
+    def _take(self, document: dict[str, Any]) -> None:
+        self.parameters[document["set"]] = document["parameters"]
+        for entry in document["entries"]:
+            for name, told in entry["quantities"].items():
+                values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
+                if "from_doubles" in told:
+                    values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
+                id_ = f"{entry['id']}/{name}"
+                self._quantities[id_] = Quantity(
+                    id=id_,
+                    level=document["level"],
+                    kind=document["kind"],
+                    set=document["set"],
+                    friction=entry["id"].split("/")[1],
+                    name=name,
+                    unit=told["unit"],
+                    inputs=MappingProxyType(entry["inputs"]),
+                    values=values,
+                    grade=told["grade"],
+                    methods=MappingProxyType(told["methods"]),
+                    condition=MappingProxyType(told["condition"]),
+                    proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
+                )
+
+    def __getitem__(self, id_: str) -> Quantity:
+        return self._quantities[id_]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._quantities)
+
+    def __len__(self) -> int:
+        return len(self._quantities)
+
+    def matching(self, prefix: str) -> list[Quantity]:
+        """Those whose id starts with ``prefix``."""
+        return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
+
+
+def data_folder() -> Path:
+    """Where the reference data lie: inside the installed package, or beside it in a source checkout.
+
+    Raises InputError if they are in neither place.
+    """
+    package = Path(__file__).resolve().parent.parent
+    for folder in (package / "reference_data", package.parent / "reference_data"):
+        if (folder / "schema.json").is_file():
+            return folder
+    raise InputError("the reference data are not installed with this package: reinstall it, or give their folder")
+
+
+@lru_cache(maxsize=2)
+def stored(folder: Path | None = None) -> Store:
+    """The reference data of a folder (the installed ones if None), read once."""
+    return Store(folder if folder is not None else data_folder())
+
+
+def reference(id_: str) -> Quantity:
+    """The installed reference value of that id, for example ``printed/linear/limit-cycle/crit-0.5/period``.
+
+    Raises InputError if there is none, with the nearest ids.
+    """
+    if not isinstance(id_, str):
+        raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
+    quantity = stored().get(id_)
+    if quantity is None:
+        from difflib import get_close_matches
+
+        asked = id_[:200]
+        near = [known for known in stored() if asked and f"/{known}".endswith(f"/{asked}")][:3]
+        near = near or get_close_matches(asked, list(stored()), 3, 0.5)
+        hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
+        raise InputError(f"no reference value '{id_[:100]}'{hint}")
+    return quantity

@@ -1,0 +1,26 @@
+"""All cases together, and running them."""
+
+from __future__ import annotations
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.stress import cycle_cases, formulation_cases, motion_cases
+from tippedisk_verify.stress.case import Case, Outcome
+
+__all__ = ["CASES", "cases_named", "outcome_of"]
+
+CASES: tuple[Case, ...] = (*motion_cases.CASES, *cycle_cases.CASES, *formulation_cases.CASES)
+_BY_NAME = {case.name: case for case in CASES}
+
+
+def cases_named(names: tuple[str, ...], quick: bool = False) -> list[Case]:
+    """Those cases, or all (the quick ones only). Raises InputError for a name that no case has."""
+    for name in names:
+        if name not in _BY_NAME:
+            raise InputError(f"case '{name[:40]}' is not known: `stress --list` names them all")
+    chosen = [_BY_NAME[name] for name in dict.fromkeys(names)] or list(CASES)
+    return [case for case in chosen if case.quick or not quick]
+
+
+def outcome_of(name: str) -> Outcome:
+    """Run one case; by name, so that another process can do it."""
+    return Outcome.of(_BY_NAME[name])

@@ -1,0 +1,147 @@
+"""Limit cycles where they are hard to have: next to both ends of the family, and with multipliers that underflow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.stress.case import Case, Found, cycle_digits, refused
+from tippedisk_verify.theory.hopf import hopf_point, omega_crit
+
+__all__ = ["CASES"]
+
+_MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
+_EXPONENTS = ("log_multiplier_slow", "log_multiplier_fast")
+
+
+def _below_hopf(distance: str) -> Fraction:
+    # The speed is an exact decimal: Omega_crit rounded far below the distance.
+    return Fraction(omega_crit(PRINTED, 60).decimals()[0]) - exact(distance).rational
+
+
+def _near_hopf(distance: str, names: tuple[str, ...] = _MAIN) -> Callable[[], Found]:
+    def run() -> Found:
+        speed = _below_hopf(distance)
+        mine, sharp = (limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40))
+        return cycle_digits(mine, sharp, names)
+
+    return run
+
+
+def _near_omega_h(distance: str) -> Callable[[], Found]:
+    def run() -> Found:
+        mine, sharp = (
+            cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits) for digits in (12, 25)
+        )
+        return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
+
+    return run
+
+
+def _omega_h_by_two_roads() -> Found:
+    """The double next to Omega_h: bisection in double must hold what 40 digits say."""
+    return cycle_digits(
+        bisect_omega_h(PRINTED, default_engine()), heteroclinic(PRINTED, default_engine(), digits=40), ("omega_h",)
+    )
+
+
+def _one_ulp_above() -> Found:
+    """Omega given as the double next above Omega_h: T must be right for that double, or it must be said."""
+    engine = default_engine()
+    omega_h = heteroclinic(PRINTED, engine, digits=50).omega_h
+    speed = Fraction(float(omega_h))
+    if speed <= omega_h.value:
+        speed = Fraction(math.nextafter(float(speed), math.inf))
+    mine = cycle_near(PRINTED, speed, omega_h.value, engine, digits=12)
+    sharp = cycle_above(PRINTED, speed - omega_h.value, engine, digits=14)
+    return cycle_digits(mine, sharp, ("period",))
+
+
+def _one_ulp_below() -> Found:
+    """There is no cycle there: it must be said, and nothing found."""
+    engine = default_engine()
+    omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
+    speed = Fraction(float(omega_h))
+    if speed >= omega_h.value:
+        speed = Fraction(math.nextafter(float(speed), 0.0))
+    return refused(lambda: limit_cycle(PRINTED, speed, engine), NoSuchCycleError, Shortfall)
+
+
+def _underflow() -> Found:
+    """epsilon = 1e-3: the fast multiplier is some 1e-5000, its logarithm a number like any other."""
+    parameters = PRINTED.changed(epsilon="1e-3")
+    mine, sharp = (limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits) for digits in (12, 30))
+    answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
+    exponent = float(mine.log_multiplier_fast) / 2.302585092994046
+    return Found(answer.outcome, answer.digits, answer.honest and exponent < -324, f"fast multiplier 1e{exponent:.0f}")
+
+
+def _subcritical() -> Parameters:
+    """A / Bbar = 1.02 is below the limit of 1.036 for this disk: the cycles lie above Omega_crit, unstable."""
+    return PRINTED.changed(A=PRINTED.Bbar * Fraction(102, 100))
+
+
+def _no_cycle_below() -> Found:
+    parameters = _subcritical()
+    speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
+    return refused(lambda: limit_cycle(parameters, speed, default_engine()), NoSuchCycleError)
+
+
+def _no_cycle_above() -> Found:
+    return refused(lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError)
+
+
+def _subcritical_connection() -> Found:
+    mine, sharp = (heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30))
+    answer = cycle_digits(mine, sharp, ("omega_h",))
+    return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
+
+
+def _extremes(**changes: object) -> Callable[[], Found]:
+    """Eigenvalues, Omega_crit and the normal form of an extreme disk, 12 digits against 40."""
+
+    def run() -> Found:
+        parameters = PRINTED.changed(**changes)
+        mine, sharp = (hopf_point(parameters, digits) for digits in (12, 40))
+        return cycle_digits(mine, sharp, ("omega_crit", "period", "first_lyapunov_coefficient"))
+
+    return run
+
+
+def _cases() -> list[Any]:
+    said = ("digits", "NoSuchCycleError", "Shortfall")
+    return [
+        *(Case(f"Hopf - {text}", "the cycle this close below Omega_crit [rad/s]", _near_hopf(text), 11)
+          for text in ("1e-3", "1e-6")),
+        *(Case(f"Hopf - {text}", "amplitude about its square root; Newton's matrix nearly singular", _near_hopf(text),
+               11, said, quick=False) for text in ("1e-10", "1e-14")),
+        *(Case(f"Omega_h + {text}", "the cycle this close above Omega_h [rad/s]", _near_omega_h(text), 11,
+               quick=text == "1e-6") for text in ("1e-6", "1e-12", "1e-30")),
+        Case("Omega_h in double", "bisection in double against 40 digits", _omega_h_by_two_roads, 14),
+        Case("an ulp above Omega_h", "the next double: its distance has no digits unless Omega_h has more",
+             _one_ulp_above, 11, quick=False),
+        Case("an ulp below Omega_h", "no cycle: it must be refused", _one_ulp_below, 0,
+             ("NoSuchCycleError", "Shortfall"), quick=False),
+        Case("multipliers that underflow", "epsilon = 1e-3: logarithms with all their digits", _underflow, 11,
+             quick=False),
+        Case("subcritical, below", "a disk whose cycles lie above Omega_crit, asked below it", _no_cycle_below, 0,
+             ("NoSuchCycleError",)),
+        Case("above Omega_crit", "no cycle of the printed disk", _no_cycle_above, 0, ("NoSuchCycleError",)),
+        Case("connection of a subcritical disk", "there is one all the same", _subcritical_connection, 11, quick=False),
+        Case("Hopf point, epsilon 1e-6", "eigenvalues from 1e7 to 1", _extremes(epsilon="1e-6"), 11),
+        Case("Hopf point, mu 1e-6", "nearly no friction: three small eigenvalues", _extremes(mu="1e-6"), 11),
+        Case("Hopf point, e 1e-9 m", "nearly no eccentricity", _extremes(e="1e-9"), 11),
+    ]  # fmt: skip
+
+
+CASES: tuple[Case, ...] = tuple(_cases())

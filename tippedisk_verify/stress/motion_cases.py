@@ -1,0 +1,224 @@
+"""Runs that are hard: extreme parameters and states, backward time, events that hardly happen, odd tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import FLAT, Event, Request
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.precision import QUADRUPLE, bits
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.stress.case import Case, Found, digits_between, flown
+
+__all__ = ["CASES"]
+
+_START: tuple[Any, Any, Any] = ("1.4", "1.9", "0.5")
+_OMEGA = "30.4"
+_BROKEN = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")
+_GONE = ("digits", "no digits left", "rounding decides")
+
+
+def _run(duration: Any, parameters: Parameters = PRINTED, start: Any = _START, omega: Any = _OMEGA, **more: Any) -> Any:
+    """The case's action: the run in double against 60 digits (or ``truth``)."""
+    engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
+    request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
+    return partial(flown, request, **engine_options)
+
+
+def _parameters(**values: object) -> Callable[[], Parameters]:
+    return lambda: PRINTED.changed(**values)
+
+
+def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
+    """Parameters made when the case runs: what refuses them is then an outcome."""
+    return lambda: _run(duration, make(), **more)()
+
+
+def _thin(share: str) -> Callable[[], Parameters]:
+    """An eccentricity that is nearly the radius, e = r (1 - share), with inertias that such a body can have."""
+
+    def make() -> Parameters:
+        e = PRINTED.r * (1 - Fraction(share))
+        B = PRINTED.m * e**2 + PRINTED.Bbar
+        return PRINTED.changed(e=e, B=B, A=B * Fraction(11, 10), C=None)
+
+    return make
+
+
+def _friction_cases() -> list[Case]:
+    cases = []
+    # A tenth of a second is 13 times the decay time at epsilon = 0.1; at 1e-6 some 1e4 decay times are 0.001 s.
+    for text, duration in (("1e-6", "0.001"), ("1e-5", "0.01"), ("1e-4", "0.1"), ("1e-3", "0.5"), ("0.01", "1"),
+                           ("1", "1"), ("10", "1")):  # fmt: skip
+        sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
+        for friction in ("linear", "smooth"):
+            run = _later(duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp)
+            cases.append(
+                Case(f"epsilon {text}, {friction}", f"{duration} s with epsilon = {text} m/s", run, 9, quick=not sharp)
+            )
+    for text in ("1e-6", "10"):
+        run = _later("0.5", _parameters(mu=text), domain="none")
+        cases.append(Case(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
+    return cases
+
+
+def _shape_cases() -> list[Case]:
+    near = PRINTED.Bbar * (1 + Fraction(1, 10**12))
+    sets: tuple[tuple[str, str, Callable[[], Parameters]], ...] = (
+        ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
+        ("e 1e-15 m", "an eccentricity that rounding removes beside the radius", _parameters(e="1e-15")),
+        ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
+        ("A next to Bbar", "A = Bbar (1 + 1e-12)", lambda: PRINTED.changed(A=near + PRINTED.m * PRINTED.e**2)),
+    )
+    return [Case(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets]
+
+
+def _speed_cases() -> list[Case]:
+    cases = [
+        Case(f"Omega {omega}", f"{duration} s at Omega = {omega} rad/s", _run(duration, omega=omega, domain="none"), 8)
+        for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
+    ]
+    for v, duration in (("1e3", "0.01"), ("1e6", "1e-5"), ("-1e6", "1e-5")):
+        run = _run(duration, start=("1.4", "1.9", v), domain="none")
+        cases.append(Case(f"v {v}", f"{duration} s from v = {v} rad/s", run, 9))
+    return cases
+
+
+def _start_cases() -> list[Case]:
+    half = exact("pi/2")
+    tiny = Fraction(1, 10**12)
+    shift: dict[str, Any] = {"shifted": True, "domain": "none"}
+    return [
+        Case("next to inverted spinning", "1e-12 from the equilibrium, in shifted angles, where it has digits",
+             _run("2", start=(tiny, -tiny, 0), **shift), 10),
+        Case("on inverted spinning", "starts on it in plain angles: pi/2 is not a double",
+             _run("1", start=(half, half, 0), domain="none"), 10),
+        Case("next to noninverted spinning", "1e-12 from the saddle: expands by e^6.6t",
+             _run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"), 8),
+        Case("next to lying flat", "sin(beta) = 1e-12 and v away from it",
+             _run("0.2", start=(tiny, "1.9", "5"), domain="event"), 8),
+        Case("next to lying flat, falling", "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
+             _run("0.2", start=(tiny, "1.9", "-5"), domain="event"), 3, _GONE),
+        Case("flat", "starts at sin(beta) = 0: the model has no such state", _run("0.2", start=(0, "1.9", "5")), 0,
+             ("FLAT", *_GONE)),
+        Case("on the stable manifold", "passes the saddle within rounding, which then decides the side",
+             _stable_manifold, 0, _GONE),
+    ]  # fmt: skip
+
+
+def _stable_manifold() -> Found:
+    """From the heteroclinic cycle's own speed to double, along the unstable manifold to the other saddle and beyond."""
+    omega = bisect_omega_h(PRINTED, default_engine()).omega_h.value
+    start = (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0)
+    return flown(Request(PRINTED, omega, start, "12", domain="none"), bits(400))
+
+
+def _backward_cases() -> list[Case]:
+    """From the limit cycle errors grow by some e^100t backward: after 0.5 s hardly a digit is left, as must be said.
+
+    Whether one is depends on the start's last bits: how far they are from the cycle, beside the rounding on the way.
+    """
+
+    def back(duration: str) -> Found:
+        cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
+        start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
+        return flown(Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000))
+
+    cases = []
+    for duration, least in (("-0.05", 12.0), ("-0.1", 8.0), ("-0.2", 5.0), ("-0.3", 2.0), ("-0.5", 0.0)):
+        outcomes = ("digits",) if least else ("digits", "no digits left", "rounding decides", *_BROKEN)
+        cases.append(
+            Case(f"backward {duration} s", "backward from the cycle", partial(back, duration), least, outcomes)
+        )
+    return cases
+
+
+def _crossing(level: float) -> Event:
+    return Event(f"beta at {level!r}", lambda ops, c, omega, beta, gamma, v: beta - level, terminal=False)
+
+
+def _event_cases() -> list[Case]:
+    engine = default_engine()
+    # A turning point of beta on a run of half a second, to graze and to cut a little below.
+    turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
+
+    def peak() -> tuple[Any, float]:
+        result = engine(Request(PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)))
+        return result.time, float(result.state[0])
+
+    def below(ulps: float) -> Found:
+        _, top = peak()
+        level = _crossing(top - ulps * 2.0**-53)
+        return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(level,), domain="none"))
+
+    def pair() -> Found:
+        first, second = _crossing(1.45), _crossing(1.45 + 2.0**-52)
+        return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
+
+    return [
+        Case("events a rounding apart", "two surfaces an ulp apart, crossed one after the other", pair, 10, _GONE),
+        Case("grazing, missed", "a surface 100 ulps above the highest point", partial(below, -100), 10),
+        Case("grazing, touched", "a surface at the highest point, to rounding", partial(below, 0), 10, _GONE),
+        Case("grazing, cut", "crossed twice within some 1e-6 s, 1000 ulps below the top", partial(below, 1000), 10,
+             _GONE),
+        Case("flat twice", "the run ends at the first crossing of sin(beta) = 0",
+             _run("60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)), 6),
+    ]  # fmt: skip
+
+
+def _tolerance_cases() -> list[Case]:
+    """The estimate must hold at every tolerance: it compares with a run at round-off."""
+    cases = []
+    for tolerance, least in ((0.1, 0.5), (1e-3, 2.0), (1e-6, 5.0), (1e-9, 8.0), (1e-13, 12.0), (2.0**-53, 12.0)):
+        run = _run("1", tolerance=tolerance, domain="none")
+        cases.append(Case(f"tolerance {tolerance:.1e}", "1 s at this tolerance", run, least))
+    below = _run("1", tolerance=1e-30, domain="none")
+    cases.append(Case("tolerance below round-off", "1e-30 in double: no better than 1e-16, and no worse", below, 12))
+    return cases
+
+
+def _long_run() -> Found:
+    """The error of the phase after N periods of the limit cycle, for N up to some 1e5 s of motion.
+
+    The truth needs no integration: after N periods the cycle is where it was. Rounding acts on the period, so the
+    error grows linearly; a worse law would be a fault of the integrator.
+    """
+    engine = default_engine()
+    cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, engine, digits=30)
+    start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
+    points = []
+    for decade in range(6):
+        periods = round(10**decade / float(cycle.period))
+        duration = float(periods * cycle.period.value)
+        request = Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8)
+        end = engine(request).state
+        late = float(Fraction(duration) - periods * cycle.period.value)
+        # On the section beta_bar moves with v: its distance is the error of time; rounding the duration is known.
+        points.append((10.0**decade, abs(float(end[0]) / start[2] - late)))
+    far = points[-1][1]
+    x = [math.log10(t) for t, _ in points]
+    y = [math.log10(max(error, 1e-16)) for _, error in points]
+    middle, high = sum(x) / len(x), sum(y) / len(y)
+    slope = sum((a - middle) * (b - high) for a, b in zip(x, y, strict=True)) / sum((a - middle) ** 2 for a in x)
+    note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
+    # The random part of the errors at short times leaves the fitted exponent uncertain by some 0.1.
+    return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
+
+
+CASES: tuple[Case, ...] = (
+    *_friction_cases(),
+    *_shape_cases(),
+    *_speed_cases(),
+    *_start_cases(),
+    *_backward_cases(),
+    *_event_cases(),
+    *_tolerance_cases(),
+    Case("100,000 s", "on the limit cycle: the phase error grows linearly, not worse", _long_run, 7, quick=False),
+)
