@@ -5,17 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import (
-    CLOSED_FORM,
-    EXACT,
-    Audit,
-    Claim,
-    Examination,
-    ProofOffer,
-    compared,
-    number,
-    per_set,
-)
+from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import chi, critical_period
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.theory import harmonic_balance, hopf
@@ -187,7 +177,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "below Eq. Csol",
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
-        number(chi, "the printed formula", CLOSED_FORM),
+        number(chi, "the printed formula", ("closed form",)),
         unit="kg m^3",
         formula=r"\chi = A(r-2e) - \bar{B}\,\frac{2r^2+e(r+e)}{2(r+e)}",
         proof=ProofOffer("Theorem 3", "certify hopf", "an enclosure of the number", law="linear"),
@@ -240,7 +230,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "text below Eq. omega_sol",
         "the period at the Hopf point is 0.886 s",
         "0.886",
-        number(critical_period, "0.8867 for Table 1 as rounded", CLOSED_FORM),
+        number(critical_period, "0.8867 for Table 1 as rounded", ("closed form",)),
         unit="s",
         formula=r"T_\text{crit} = \frac{2\pi}{\Omega_\text{crit}}\sqrt{\frac{r+e}{e}}",
         proof=ProofOffer(

@@ -25,7 +25,6 @@ from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
 __all__ = [
-    "CLOSED_FORM",
     "EXACT",
     "Audit",
     "Claim",
@@ -216,8 +215,8 @@ def examined(audit: Audit, claim: Claim) -> Finding:
         return Finding(dict.fromkeys(audit.sets, "-"), answers, note=str(reason))
 
 
-#: The methods of an examination that computes nothing but a formula.
-CLOSED_FORM, EXACT = ("closed form",), ("exact arithmetic",)
+#: The methods of an examination in rational numbers.
+EXACT = ("exact arithmetic",)
 #: What is computed for one set, and whether the claim holds for it.
 Answer = tuple[Measured | str, bool | None]
 Examination = Callable[[Audit, str], Finding]

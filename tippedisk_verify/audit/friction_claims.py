@@ -73,14 +73,9 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
     times = numpy.linspace(0, float(linear.period), 200)
     start = (0, linear.gamma_bar_0.value, linear.v_0.value)
     request = Request(
-        parameters.with_friction("linear"),
-        linear.omega.value,
-        start,
-        float(linear.period),
-        shifted=True,
-        times=times,
+        parameters.with_friction("linear"), linear.omega.value, start, float(linear.period), shifted=True, times=times,
         domain="none",
-    )
+    )  # fmt: skip
     states = audit.engine(request).samples
     constants = parameters.at(DOUBLE)
     half_pi = numpy.pi / 2

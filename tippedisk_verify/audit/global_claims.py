@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
 
 from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, compared, per_set
 from tippedisk_verify.errors import NoSuchCycleError
@@ -13,7 +12,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.scenes import INITIAL_STATES
+from tippedisk_verify.orbits.scenes import INITIAL_STATES, Ending
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]
@@ -30,12 +29,12 @@ def _scene(name: str, note: str) -> Examination:
     return compared(one, note, ("trajectories",))
 
 
-def _said(ending: Any) -> str:
+def _said(ending: Ending) -> str:
     if ending.time is not None:
         return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
     if ending.amplitude is not None:
         return f"limit cycle, {float(ending.amplitude):.4f} rad"
-    return str(ending.kind)
+    return ending.kind
 
 
 def _branch(audit: Audit, name: str) -> tuple[str, bool]:

@@ -5,17 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import (
-    CLOSED_FORM,
-    EXACT,
-    Audit,
-    Claim,
-    Examination,
-    ProofOffer,
-    compared,
-    number,
-    per_set,
-)
+from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Constants
@@ -150,7 +140,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "Eq. approx_omega_crit",
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
-        number(critical_speed, "Table 1 as rounded gives less; a set inside its rounding gives it", CLOSED_FORM),
+        number(critical_speed, "Table 1 as rounded gives less; a set inside its rounding gives it", ("closed form",)),
         unit="rad/s",
         formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
         proof=_theorem_1("the formula, and an enclosure of the number"),
@@ -180,7 +170,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         number(
             stiff_eigenvalue,
             "the number is A_33, the leading term; the eigenvalue itself depends on Omega",
-            CLOSED_FORM,
+            ("closed form",),
         ),
         unit="1/s",
         formula=r"\lambda_3 \approx -\frac{\mu m g}{\varepsilon\bar{B}}(r+e)^2",

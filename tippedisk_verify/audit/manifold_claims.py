@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import CLOSED_FORM, Audit, Claim, compared, per_set
+from tippedisk_verify.audit.claims import Audit, Claim, compared, per_set
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -125,7 +125,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "below Eq. slow_manifold_tippdisk",
         "the attraction rate is strictly negative for beta in (0, pi)",
         "negative",
-        per_set(_attraction, "but it tends to 0 at both ends, so attraction is not uniform", CLOSED_FORM),
+        per_set(_attraction, "but it tends to 0 at both ends, so attraction is not uniform", ("closed form",)),
         formula=(
             r"\frac{\partial g_0}{\partial y} = -\frac{\mu m g}{M}(r+e\,\sin\gamma)^2\,\sin^2\beta < 0"
             r"\quad\text{for}\quad \beta\in(0,\pi)"
@@ -145,7 +145,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "(3 pi/2, pi/2, 0) is the second noninverted state",
         "(3 pi/2, pi/2, 0)",
         compared(
-            _second_state, "outside the model's domain; the cycle's other saddle is (pi/2, 3 pi/2, 0)", CLOSED_FORM
+            _second_state, "outside the model's domain; the cycle's other saddle is (pi/2, 3 pi/2, 0)", ("closed form",)
         ),
         formula=r"x_\text{non} = (3\pi/2,\,\pi/2,\,0)",
     ),

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -103,12 +104,9 @@ def epsilon_growth() -> list[Growth]:
     for text in _EPSILONS:
         parameters = PRINTED.changed(epsilon=text)
         request = Request(parameters, omega, start, _SPAN, tolerance=1e-12, domain="none", max_steps=10_000_000)
-        points["full"].append((float(text), _warm(lambda request=request: engine(request), 5, engine)))  # type: ignore[misc]
+        points["full"].append((float(text), _warm(partial(engine, request), 5, engine)))
         for order, flow in reduced.items():
-
-            def job(flow: ReducedFlow = flow, parameters: Any = parameters) -> Any:
-                return flow(parameters, omega, start[:2], _SPAN)
-
+            job = partial(flow, parameters, omega, start[:2], _SPAN)
             points[f"reduced, order {order}"].append((float(text), _warm(job, 5, engine)))
     return [Growth(what, "epsilon", tuple(here), exponent(here[2:])) for what, here in points.items()]
 

@@ -11,10 +11,10 @@ from typing import Any
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.bench.shooting import Flight, period_by_newton
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, Status
+from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
-from tippedisk_verify.model.equations import shifted
+from tippedisk_verify.model.equations import jacobian, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits, heyoka_module
 
@@ -69,14 +69,14 @@ class Method:
         return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
 
 
-def _by_engine(engine: Any, problem: Problem, **options: Any) -> Prepared:
-    plain: Request = problem.request(**options)
-    precision: Precision = plain.precision
+def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
+    plain = problem.request(**options)
+    precision = plain.precision
     times = precision.array(problem.times)
-    sampling: Request = problem.request(times=times, **options)
+    sampling = problem.request(times=times, **options)
 
     def sampled() -> Outcome:
-        result: Result = engine(sampling)
+        result = engine(sampling)
         status = "reached" if result.status is Status.REACHED else result.status.value
         samples = [] if result.samples is None else result.samples
         return Outcome(status, samples, result.steps or engine(plain).steps, result.evaluations)
@@ -106,13 +106,13 @@ def double_rates(problem: Problem) -> Any:
     return vector_field(shifted(math), problem.parameters.at(DOUBLE), problem.omega, problem.friction)
 
 
-def _solving_by_engine(engine: Any, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
+def _solving_by_engine(engine: Engine, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
     def flight(gamma_bar: Any, v: Any, duration: Any) -> Any:
         request = Request(
             problem.parameters, problem.omega, (zero, gamma_bar, v), duration, shifted=True, precision=precision,
             variations=STATE_VARIATIONS, domain="none", **options,
         )  # fmt: skip
-        result: Result = engine(request)
+        result = engine(request)
         if result.status is not Status.REACHED:
             raise ArithmeticError(result.status.value)
         if precision == DOUBLE:  # Python's own floats are faster than numpy's
@@ -128,10 +128,13 @@ def _solving_by_engine(engine: Any, problem: Problem, precision: Precision = DOU
     return solving(flight, rates, (gamma_bar, v, half), float(precision.epsilon))
 
 
-def _taylor(**chosen: bool) -> tuple[Callable[[Problem, float], Prepared], Callable[[Problem, float], Prepared]]:
+def _engine(
+    make: Callable[..., Engine], *options: str, **more: bool
+) -> tuple[Callable[[Problem, float], Prepared], Callable[[Problem, float], Prepared]]:
+    """How an engine, made anew for each problem and tolerance, integrates, and how it solves for the period."""
     return (
-        lambda problem, tolerance: _by_engine(Taylor(**chosen), problem, tolerance=tolerance),
-        lambda problem, tolerance: _solving_by_engine(Taylor(**chosen), problem, tolerance=tolerance),
+        lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance),
+        lambda problem, tolerance: _solving_by_engine(make(*options, **more), problem, tolerance=tolerance),
     )
 
 
@@ -146,22 +149,20 @@ def _period_beyond_double(problem: Problem, precision: str) -> Prepared:
     return _solving_by_engine(Taylor(), problem, _PRECISIONS[precision])
 
 
-def _scipy(method: str) -> tuple[Callable[[Problem, float], Prepared], Callable[[Problem, float], Prepared]]:
-    return (
-        lambda problem, tolerance: _by_engine(Baseline(method), problem, tolerance=tolerance),
-        lambda problem, tolerance: _solving_by_engine(Baseline(method), problem, tolerance=tolerance),
-    )
+def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
+    """heyoka, the state's symbols, and what a formula of the linear law gives for them."""
+    hy = heyoka_module()
+    state = hy.make_vars("beta", "gamma", "v")
+    constants = Constants(*map(float, problem.parameters.rational()))
+    return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 
 def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
     """The linear law's right-hand side as machine code, for packages that call it from Python."""
     import numpy
 
-    hy = heyoka_module()
-    state = hy.make_vars("beta", "gamma", "v")
-    constants = Constants(*map(float, problem.parameters.rational()))
-    rates = vector_field(hy, constants, problem.omega, "linear")(*state)
-    function = hy.cfunc(list(rates), list(state))
+    hy, state, rates = _in_symbols(problem, vector_field)
+    function = hy.cfunc(list(rates), state)
     return lambda t, y: function(numpy.ascontiguousarray(y))
 
 
@@ -169,13 +170,8 @@ def compiled_jacobian(problem: Problem) -> Callable[[float, Any], Any]:
     """Its Jacobian likewise."""
     import numpy
 
-    from tippedisk_verify.model.equations import jacobian
-
-    hy = heyoka_module()
-    state = hy.make_vars("beta", "gamma", "v")
-    constants = Constants(*map(float, problem.parameters.rational()))
-    rows = jacobian(hy, constants, problem.omega, "linear")(*state)
-    function = hy.cfunc([hy.expression(0.0) + entry for row in rows for entry in row], list(state))
+    hy, state, rows = _in_symbols(problem, jacobian)
+    function = hy.cfunc([hy.expression(0.0) + entry for row in rows for entry in row], state)
     return lambda t, y: function(numpy.ascontiguousarray(y)).reshape(3, 3)
 
 
@@ -239,19 +235,18 @@ def _reduced(problem: Problem, order: int) -> Prepared:
     constants = problem.parameters.at(DOUBLE)
     begin = (problem.start[0], problem.start[1])
 
+    def lifted(beta: float, gamma: float) -> tuple[float, float, float]:
+        series = orders(math, constants, problem.omega, beta, gamma, order)
+        return beta, gamma, sum(h * constants.epsilon**n for n, h in enumerate(series))
+
     def sampled() -> Outcome:
         times = numpy.array(problem.times)
         status, _, samples = flow(problem.parameters, problem.omega, begin, problem.duration, times)
-        rows = []
-        for beta, gamma in samples.tolist():
-            series = orders(math, constants, problem.omega, beta, gamma, order)
-            rows.append([beta, gamma, sum(h * constants.epsilon**n for n, h in enumerate(series))])
+        rows = [lifted(*sample) for sample in samples.tolist()]
         return Outcome("reached" if status is Status.REACHED else status.value, rows)
 
     def run(duration: float) -> Any:
-        beta, gamma = flow(problem.parameters, problem.omega, begin, duration)[1].tolist()
-        series = orders(math, constants, problem.omega, beta, gamma, order)
-        return beta, gamma, sum(h * constants.epsilon**n for n, h in enumerate(series))
+        return lifted(*flow(problem.parameters, problem.omega, begin, duration)[1].tolist())
 
     return Prepared(run, sampled)
 
@@ -261,12 +256,15 @@ def _linear(problem: Problem) -> bool:
 
 
 METHODS: tuple[Method, ...] = (
-    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, *_taylor()),
-    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, *_taylor(fast_math=True)),
-    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), *_taylor(high_accuracy=True)),
+    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor)),
+    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor, fast_math=True)),
+    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), *_engine(Taylor, high_accuracy=True)),
     Method("taylor beyond double", "heyoka", tuple(_PRECISIONS), _taylor_beyond_double, _period_beyond_double),
-    *(Method(f"scipy {name}", "scipy", _TOLERANCES, *_scipy(name)) for name in ("RK45", "LSODA", "Radau", "BDF")),
-    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, *_scipy("DOP853")),
+    *(
+        Method(f"scipy {name}", "scipy", _TOLERANCES, *_engine(Baseline, name))
+        for name in ("RK45", "LSODA", "Radau", "BDF")
+    ),
+    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, *_engine(Baseline, "DOP853")),
     Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), None, _linear),
     Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), None, _linear),
     Method("mpmath odefun", "mpmath", (20,), _odefun, None, _linear),

@@ -92,8 +92,6 @@ def overheads() -> list[Overhead]:
     problem = problem_named("cycle")
     request = problem.request()
     bare = _Bare(request)
-    measured = [_compared("trajectory", lambda: engine(request), lambda: bare(problem.start, problem.duration))]
-
     period = problem_named("period")
     guess = period.start[1:]
     flights: list[Request] = []
@@ -105,17 +103,13 @@ def overheads() -> list[Overhead]:
         for flight, start in starts:
             flight(start, 200.0)
 
-    def solve() -> None:
-        shoot(period.parameters, period.omega, guess, engine)
-
-    measured.append(_compared("Newton iteration for a limit cycle", solve, bare_flights))
-    speed = period.omega
-
-    def measure() -> None:
-        limit_cycle(period.parameters, speed, engine, guess=guess)
-
-    measured.append(_compared("limit cycle with half-widths, over the same flights", measure, bare_flights))
-    return measured
+    solve = partial(shoot, period.parameters, period.omega, guess, engine)
+    measure = partial(limit_cycle, period.parameters, period.omega, engine, guess=guess)
+    return [
+        _compared("trajectory", partial(engine, request), partial(bare, problem.start, problem.duration)),
+        _compared("Newton iteration for a limit cycle", solve, bare_flights),
+        _compared("limit cycle with half-widths, over the same flights", measure, bare_flights),
+    ]
 
 
 def _compared(what: str, suite: Callable[[], Any], bare: Callable[[], Any]) -> Overhead:

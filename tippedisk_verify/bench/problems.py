@@ -11,11 +11,14 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
+from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
 from tippedisk_verify.model.precision import bits
+from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
@@ -86,8 +89,6 @@ PROBLEMS: tuple[Problem, ...] = (
 
 def problem_named(name: str) -> Problem:
     """The problem of that name. Raises InputError if there is none."""
-    from tippedisk_verify.errors import InputError
-
     for problem in PROBLEMS:
         if problem.name == name:
             return problem
@@ -105,8 +106,6 @@ def truth_of(problem: Problem) -> Truth:
         for row, other in zip(rough.samples, sharp.samples, strict=True)
     ]
     precision = bits(_BITS)
-    from tippedisk_verify.model.equations import right_hand_side
-
     rates = right_hand_side(
         precision.ops, problem.parameters.at(precision), precision.number(problem.omega), rough.state, problem.friction
     )
@@ -119,8 +118,6 @@ def truth_of(problem: Problem) -> Truth:
 
 def _cycle(problem: Problem) -> Truth:
     """(gamma_bar, v, T): one sample."""
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     cycle = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
     sample = (cycle.gamma_bar_0, cycle.v_0, cycle.period)
     return Truth((sample,), float(max(part.uncertainty for part in sample)), ())

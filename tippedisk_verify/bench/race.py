@@ -141,6 +141,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
 def _score(entry: _Entry, truth: Truth) -> Score:
     reached = entry.status == "reached" and entry.outcome is not None
     errors = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome is not None else None
+    error, over_samples, phase, shape = errors or (None, None, None, None)
     seconds = statistics.median(entry.seconds) if entry.seconds else None
     return Score(
         problem=entry.problem.name,
@@ -148,10 +149,10 @@ def _score(entry: _Entry, truth: Truth) -> Score:
         family=entry.method.family,
         setting=entry.method.label(entry.setting),
         status=entry.status,
-        error=None if errors is None else errors[0],
-        error_over_samples=None if errors is None else errors[1],
-        phase=None if errors is None else errors[2],
-        shape=None if errors is None else errors[3],
+        error=error,
+        error_over_samples=over_samples,
+        phase=phase,
+        shape=shape,
         seconds=seconds,
         spread=(max(entry.seconds) - min(entry.seconds)) / seconds if entry.seconds and seconds else None,
         preparation=entry.preparation,

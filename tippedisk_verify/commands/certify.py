@@ -5,20 +5,18 @@ Exit status 0: proved; 1: not proved, and the status says where the proof stoppe
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tippedisk_verify.commands.certify_orbit import orbit
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_result,
-    progress,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.errors import InputError, NoConnectionError
+
+if TYPE_CHECKING:
+    from tippedisk_verify.certified.heteroclinic import ProvedConnection
+    from tippedisk_verify.certified.no_connection import ProvedAbsence
+    from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["COMMANDS"]
 
@@ -79,15 +77,16 @@ def table(common: Common, omega_h: bool) -> int:
     if omega_h:
         disks = [with_gravity(known, study.gravity) for known in (PRINTED, CALIBRATED)]
         proofs = {disk.name: _connection(common, disk, 6, None) for disk in disks}
-        given = [(disk, proofs[disk.name].omega_h) for disk in disks if proofs[disk.name].proved]
+        # Only what is proved has an Omega_h.
+        given = [(disk, omega) for disk in disks if (omega := proofs[disk.name].omega_h) is not None]
         low, high = rounding_interval(OMEGA_H)
         # Of Table 1 as it stands more is asked than that the connection found is another one.
-        table_1, connection = disks[0], proofs[disks[0].name]
-        missed = connection.proved and not low <= connection.omega_h.value <= high
+        table_1, first = disks[0], proofs[disks[0].name].omega_h
+        missed = first is not None and not low <= first.value <= high
         absences = {table_1.name: _absence(common, table_1, low, high)} if missed else {}
         result["omega_h"] = {name: proof.json() for name, proof in proofs.items()}
         result["no_omega_h"] = {name: absence.json() for name, absence in absences.items()}
-        result["proved"] = all(proof.proved for proof in (*proofs.values(), *absences.values()))
+        result["proved"] = all(p.proved for p in proofs.values()) and all(p.proved for p in absences.values())
         excluded = [name for name, absence in absences.items() if absence.proved]
         statements += omega_h_statements(given, study.witness, excluded=excluded)
         result["statements"] = statements
@@ -119,7 +118,7 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     return 0 if proof.proved else 1
 
 
-def _connection(common: Common, parameters: Any, digits: int, near: str | None) -> Any:
+def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
     """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
     from tippedisk_verify.certified.heteroclinic import Status, not_proved, prove_connection
 
@@ -141,7 +140,7 @@ def _connection(common: Common, parameters: Any, digits: int, near: str | None) 
     return proof
 
 
-def _absence(common: Common, parameters: Any, low: object, high: object) -> Any:
+def _absence(common: Common, parameters: Parameters, low: object, high: object) -> ProvedAbsence:
     """The proof that no speed of an interval has a connection."""
     from tippedisk_verify.certified.no_connection import prove_absence
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -58,7 +59,6 @@ class Common:
 
 def common_options(command: F) -> F:
     """Add the common options and hand them to the command as one `Common`."""
-    from functools import wraps
 
     @wraps(command)
     def checked(parameters: str, friction: str, digits: int, as_json: bool, quiet: bool, **options: Any) -> Any:
@@ -66,41 +66,48 @@ def common_options(command: F) -> F:
         from tippedisk_verify.model.precision import checked_digits
 
         named = Parameters.named(parameters).with_friction(checked_friction(friction))
-        chosen = Common(named, checked_digits(digits), as_json, quiet)
-        return command(chosen, **options)
+        return command(Common(named, checked_digits(digits), as_json, quiet), **options)
 
-    for option in reversed(
-        (
-            click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
-                         help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
-            click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
-                         help="The friction law."),
-            click.option("--digits", type=int, default=12, show_default=True, metavar="N",
-                         help="Significant digits of each main result, at least."),
-            *_OUTPUT_OPTIONS,
-        )
-    ):  # fmt: skip
-        checked = option(checked)
-    return checked  # type: ignore[return-value]
-
-
-_OUTPUT_OPTIONS = (
-    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
-    click.option("--quiet", is_flag=True, help="No progress and no table."),
-)
+    return _with(checked, *_QUESTION_OPTIONS, *_OUTPUT_OPTIONS)  # type: ignore[return-value]
 
 
 def plain_options(command: F) -> F:
     """The common options of commands that read or make files, whose contents say what they are for."""
-    from functools import wraps
 
     @wraps(command)
     def wrapped(as_json: bool, quiet: bool, **options: Any) -> Any:
         return command(Common(None, 12, as_json, quiet), **options)
 
-    for option in reversed(_OUTPUT_OPTIONS):
-        wrapped = option(wrapped)
-    return wrapped  # type: ignore[return-value]
+    return _with(wrapped, *_OUTPUT_OPTIONS)  # type: ignore[return-value]
+
+
+def speed_options(command: F) -> F:
+    """Add the two ways to give the speed."""
+    return _with(command, *_SPEED_OPTIONS)
+
+
+def _with(command: F, *options: Callable[[F], F]) -> F:
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+_QUESTION_OPTIONS = (
+    click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
+                 help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
+    click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
+                 help="The friction law."),
+    click.option("--digits", type=int, default=12, show_default=True, metavar="N",
+                 help="Significant digits of each main result, at least."),
+)  # fmt: skip
+_OUTPUT_OPTIONS = (
+    click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
+    click.option("--quiet", is_flag=True, help="No progress and no table."),
+)
+_SPEED_OPTIONS = (
+    click.option("--omega", metavar="X", help="The spinning speed [rad/s]."),
+    click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s]."),
+)
 
 
 def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Fraction:
@@ -118,11 +125,6 @@ def speed(common: Common, omega: str | None, below_crit: str | None, others: tup
     if omega is not None:
         return checked_speed(omega)
     return speed_below_crit(common.parameters, below_crit, common.digits)
-
-
-def speed_options(command: F) -> F:
-    command = click.option("--below-crit", metavar="D", help="Omega_crit - D [rad/s].")(command)
-    return click.option("--omega", metavar="X", help="The spinning speed [rad/s].")(command)
 
 
 def print_result(common: Common, result: dict[str, Any], lines: Iterable[object] | None = None) -> None:

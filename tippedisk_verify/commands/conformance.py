@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tippedisk_verify.commands.common import Common, console, plain_options, print_result
 from tippedisk_verify.errors import InputError
+
+if TYPE_CHECKING:
+    from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["COMMANDS"]
 
@@ -47,7 +50,7 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
     return 0
 
 
-def _refuse_filled_in(target: Path, store: Any) -> None:
+def _refuse_filled_in(target: Path, store: Store) -> None:
     """What somebody has filled in is not written over, nor what cannot be read: it may be answers with a mistake."""
     from tippedisk_verify.conformance.sheet import read_answers
 

@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_result,
-    progress,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
 

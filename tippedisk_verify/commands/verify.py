@@ -63,7 +63,7 @@ def verify(
     from tippedisk_verify.audit.catalogue import selected
     from tippedisk_verify.audit.claims import Finding
     from tippedisk_verify.cache import Cache, default_folder
-    from tippedisk_verify.report.results import results_json, summary
+    from tippedisk_verify.report.results import results_json, run_facts, summary
     from tippedisk_verify.report.work import AuditJob, run, tasks_for
 
     began = time.monotonic()
@@ -79,14 +79,7 @@ def verify(
         records = {task.name: record for task, record in outcome.records.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
-        this_run = {
-            "ended": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
-            "seconds": f"{time.monotonic() - began:.1f}",
-            "tasks": len(tasks),
-            "kept": len(outcome.kept),
-            "computed": len(tasks) - len(outcome.kept),
-        }
-        results = results_json(order, findings, figures, this_run)
+        results = results_json(order, findings, figures, run_facts(began, len(tasks), len(outcome.kept)))
         if folder is not None:
             from tippedisk_verify.report.files import write_report
 

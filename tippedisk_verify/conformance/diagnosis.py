@@ -15,14 +15,7 @@ from decimal import Decimal
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.conformance.grading import (
-    FAILS_BELOW,
-    LEVEL_NAMES,
-    Grade,
-    as_decimal,
-    digits_between,
-    scale_of,
-)
+from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal, digits_between, scale_of
 from tippedisk_verify.conformance.predictions import predicted
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store

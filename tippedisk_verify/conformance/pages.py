@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, LevelGrade
 from tippedisk_verify.conformance.sheet import Answers
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 __all__ = ["Report", "html_page", "print_report"]
 
@@ -130,7 +133,7 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
     return answer[:same], answer[same:]
 
 
-def print_report(report: Report, console: Any) -> None:
+def print_report(report: Report, console: Console) -> None:
     """The table by level, the worst answers coloured by agreeing digits, the diagnosis."""
     from rich.markup import escape
     from rich.table import Table

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -113,11 +113,8 @@ def _row(store: Store, quantity: Quantity) -> dict[str, str]:
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
     """The sheet as CSV. Where only decimals make sense, ``from`` is filled in."""
-    stream = io.StringIO(newline="")
-    table = csv.DictWriter(stream, COLUMNS, restval="", lineterminator="\n")
-    table.writeheader()
-    table.writerows(_row(store, quantity) for quantity in asked)
-    return stream.getvalue()
+    rows = (_row(store, quantity) for quantity in asked)
+    return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
 
 
 def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:

@@ -107,10 +107,7 @@ def draw_switching_order(points: Sequence[OrderPoint], columns: int = 2) -> Any:
                 color=BLACK if law == "linear" else GREEN,
                 label=f"{law} law",
             )
-        axis.set_ylim(low, high)
-        axis.set_title(title)
-        axis.set_xlabel("tolerance [1]")
-        axis.set_ylabel("error after 3 s [rad, rad/s]")
+        axis.set(ylim=(low, high), title=title, xlabel="tolerance [1]", ylabel="error after 3 s [rad, rad/s]")
         axis.grid(lw=0.3, alpha=0.5)
         axis.legend(frameon=False)
     return figure

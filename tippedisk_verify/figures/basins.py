@@ -52,8 +52,7 @@ def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
         marks.append(Line2D([], [], color=RED, lw=1.2, label="stable manifolds of the unstable rotating cycles"))
         axis.set(xlim=(-math.pi / 2, 3 * math.pi / 2), ylim=(0, math.pi))
     axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
-    axis.set_xlabel("γ [rad]")
-    axis.set_ylabel("β [rad]")
+    axis.set(xlabel="γ [rad]", ylabel="β [rad]")
     axis.set_title(
         f"Ω = {float(plane.omega):.4f} rad/s, {plane.parameters.friction} law, start at dβ/dt = {plane.v:g} rad/s,"
         f" {plane.duration:g} s",

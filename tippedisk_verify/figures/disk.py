@@ -144,8 +144,7 @@ def draw_inversion(parameters: Parameters, times: Any, states: Any, moments: Seq
             f"({place + 1})", (times[moment], 1e3 * height[moment]), xytext=(5, -10), textcoords="offset points"
         )
     axis.margins(y=0.12)
-    axis.set_xlabel("t [s]")
-    axis.set_ylabel("height of S [mm]")
+    axis.set(xlabel="t [s]", ylabel="height of S [mm]")
     axis.grid(lw=0.3, alpha=0.5)
     return figure
 

@@ -50,8 +50,7 @@ def draw_branch(rows: Rows, law: Rows, columns: int = 3) -> Any:
         axis.plot([r[0] for r in rows], [r[column] for r in rows], color=GREEN, lw=1.8, label="shooting")
         if column < 3:
             axis.plot([r[0] for r in law], [r[column] for r in law], "--", color=BLACK, lw=1.1, label="printed law")
-        axis.set_xlabel("Ω [rad/s]")
-        axis.set_ylabel(name)
+        axis.set(xlabel="Ω [rad/s]", ylabel=name)
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].legend(frameon=False)
     return figure
@@ -76,9 +75,7 @@ def draw_sketch(rows: Rows, marks: Sequence[tuple[str, float, bool, float | None
         place = top if top is not None else 0.0
         axis.annotate(name, (omega, place), xytext=(5, 5), textcoords="offset points", fontsize=10)
     axis.axvline(rows[0][0], color=BLUE, lw=0.8, ls=":", label=r"$\Omega_\mathrm{h}$")
-    axis.set_xlim(left, right)
-    axis.set_xlabel("Ω [rad/s]")
-    axis.set_ylabel("largest |β − π/2| [rad]")
+    axis.set(xlim=(left, right), xlabel="Ω [rad/s]", ylabel="largest |β − π/2| [rad]")
     axis.margins(y=0.1)
     axis.grid(lw=0.3, alpha=0.5)
     axis.legend(frameon=False)

@@ -62,8 +62,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
             )
         axis.axvline(crit, color="black", lw=0.7, ls=":", label=r"$\Omega_\mathrm{crit}$")
         axis.axhline(0, color="black", lw=0.6)
-        axis.set_xlabel("Ω [rad/s]")
-        axis.set_ylabel(name)
+        axis.set(xlabel="Ω [rad/s]", ylabel=name)
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].legend(frameon=False)
     return figure
@@ -127,8 +126,7 @@ def draw_harmonic_balance(curves: dict[str, list[tuple[float, float, float]]], c
             )
         begin = curves["numerical"][0]
         axis.plot(begin[0], begin[column], "D", color=BLACK, ms=5, label="Hopf point")
-        axis.set_xlabel("Ω [rad/s]")
-        axis.set_ylabel(name)
+        axis.set(xlabel="Ω [rad/s]", ylabel=name)
         axis.grid(lw=0.3, alpha=0.5)
     axes[0].margins(y=0.08)
     axes[0].legend(frameon=False)

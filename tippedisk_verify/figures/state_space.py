@@ -83,10 +83,7 @@ def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
             axis.plot(cycle[:, 0], cycle[:, 1], color=GREEN, lw=2.0, zorder=3)
         for gamma, stable in _equilibria(panel, gammas):
             _equilibrium_mark(axis, (math.pi / 2,), (gamma,), stable)
-        axis.set_title(panel.scene.title)
-        axis.set_xlabel("β [rad]")
-        axis.set_ylabel("γ [rad]")
-        axis.set_xlim(0, math.pi)
+        axis.set(title=panel.scene.title, xlabel="β [rad]", ylabel="γ [rad]", xlim=(0, math.pi))
         _angle_axis(axis.xaxis, 0, math.pi)
         _angle_axis(axis.yaxis, min(gammas), max(gammas))
         axis.grid(lw=0.3, alpha=0.5)

@@ -6,7 +6,7 @@ import json
 import random
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,7 @@ class CheckReport:
     faults: tuple[str, ...]
 
     def json(self) -> dict[str, object]:
-        return {
-            "files": self.files,
-            "numbers": self.numbers,
-            "recomputed": self.recomputed,
-            "faults": list(self.faults),
-        }
+        return asdict(self) | {"faults": list(self.faults)}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import TURN, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import TURN, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
@@ -144,19 +144,11 @@ def _multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -
 
 
 def _period_from(case: Case, start: list[Any], period: Fraction, precision: Precision) -> Result:
-    result = default_engine()(
-        Request(
-            case.parameters,
-            case.inputs["Omega"],
-            start,
-            period,
-            precision=precision,
-            variations=("beta", "gamma", "v", "Omega"),
-            divergence=True,
-            events=(_EXTREME,),
-            domain="none",
-        )
-    )
+    request = Request(
+        case.parameters, case.inputs["Omega"], start, period, precision=precision,
+        variations=("beta", "gamma", "v", "Omega"), divergence=True, events=(_EXTREME,), domain="none",
+    )  # fmt: skip
+    result = default_engine()(request)
     if result.status is not Status.REACHED:
         raise Shortfall(f"{case.item.id}: {result.status.value}")
     return result
@@ -179,7 +171,7 @@ def _scipy(case: Case, known: Values) -> Values:
     }
 
 
-def _shot(case: Case, known: Values, engine: Any) -> dict[str, float]:
+def _shot(case: Case, known: Values, engine: Engine) -> dict[str, float]:
     guess = (float(known["gamma_bar_0"]), float(known["v_0"]))
     shot = shoot(case.parameters, case.inputs["Omega"], guess, engine)
     here = shot.map

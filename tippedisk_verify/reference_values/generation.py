@@ -8,8 +8,6 @@ the same bytes on the same machine.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +18,7 @@ from typing import Any
 
 from tippedisk_verify.checksums import digest, read_checked, write_checked
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, output_folder, read_text, remains_of
+from tippedisk_verify.files import alone, csv_text, output_folder, read_text, remains_of
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -203,17 +201,11 @@ def _json(value: Any) -> str:
 
 def values_csv(documents: Sequence[dict[str, Any]]) -> str:
     """All numbers of a set as one table, for those who would rather not read JSON."""
-    stream = io.StringIO(newline="")
-    table = csv.writer(stream, lineterminator="\n")
-    table.writerow(_COLUMNS)
+    rows = []
     for document in documents:
         for entry in document["entries"]:
             for name, quantity in entry["quantities"].items():
                 doubles = quantity.get("from_doubles", {"value": "", "uncertainty": ""})
-                table.writerow(
-                    (
-                        *(entry["id"], name, quantity["unit"], quantity["value"], quantity["uncertainty"]),
-                        *(doubles["value"], doubles["uncertainty"], quantity["grade"]),
-                    )
-                )
-    return stream.getvalue()
+                given = (entry["id"], name, quantity["unit"], quantity["value"], quantity["uncertainty"])
+                rows.append((*given, doubles["value"], doubles["uncertainty"], quantity["grade"]))
+    return csv_text(_COLUMNS, rows)

@@ -108,16 +108,10 @@ def faults_in_files(folder: Path) -> list[str]:
         files, faults = _manifest_files(folder)
     except InputError as fault:
         return list(fault.faults)
-    for name, expected in files.items():
-        content = _sound(folder, name, expected)
-        if isinstance(content, str):
-            faults.append(content)
-    faults += [
-        f"{printable(name)[:200]} is not in the manifest"
-        for path in _files(folder)
-        if (name := path.relative_to(folder).as_posix()) not in files
-    ]
-    return faults
+    contents = [_sound(folder, name, expected) for name, expected in files.items()]
+    faults += [content for content in contents if isinstance(content, str)]
+    present = [path.relative_to(folder).as_posix() for path in _files(folder)]
+    return faults + [f"{printable(name)[:200]} is not in the manifest" for name in present if name not in files]
 
 
 def _manifest_files(folder: Path) -> tuple[dict[str, Any], list[str]]:

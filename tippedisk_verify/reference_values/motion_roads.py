@@ -39,21 +39,14 @@ def trajectory_unit(quantity: str) -> str:
 
 def _run(
     case: Case, precision: Precision, engine: Engine, *, shift: bool = False, tolerance: float | None = None
-) -> Any:
+) -> dict[str, Any]:
     start: list[Any] = [case.inputs[name] for name in _NAMES]
     if shift:
         start[:2] = [exact(angle) - _QUARTER for angle in start[:2]]
     request = Request(
-        case.parameters,
-        case.inputs["Omega"],
-        start,
-        _DURATION,
-        shifted=shift,
-        precision=precision,
-        tolerance=tolerance,
-        times=[precision.number(time) for time in _TIMES],
-        events=(_CROSSING,),
-    )
+        case.parameters, case.inputs["Omega"], start, _DURATION, shifted=shift, precision=precision,
+        tolerance=tolerance, times=[precision.number(time) for time in _TIMES], events=(_CROSSING,),
+    )  # fmt: skip
     result = engine(request)
     if result.status not in (Status.REACHED, Status.FLAT):
         raise Shortfall(f"{case.item.id}: {result.status.value}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from collections.abc import Sequence
 from shlex import quote
 from typing import Any
@@ -17,7 +18,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.work import AuditJob
 
-__all__ = ["claim_json", "results_json", "shown", "summary", "totals"]
+__all__ = ["claim_json", "results_json", "run_facts", "shown", "summary", "totals"]
 
 Findings = Sequence[tuple[Claim, Finding]]
 
@@ -128,6 +129,17 @@ def results_json(
         **facts,
         "provenance": _provenance(),
         "run": run or {},
+    }
+
+
+def run_facts(began: float, tasks: int, kept: int) -> dict[str, Any]:
+    """What is to be said of one run alone; ``began`` is what time.monotonic() was at its start."""
+    return {
+        "ended": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
+        "seconds": f"{time.monotonic() - began:.1f}",
+        "tasks": tasks,
+        "kept": kept,
+        "computed": tasks - kept,
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -112,8 +112,8 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
     are gone, or that rounding decides the end, that is the outcome, and honest unless the status is wrong.
     """
     engine = engine or default_engine()
-    mine = engine(_with(request, error_estimate=True))
-    sharp = engine(_with(request, precision=truth, tolerance=None))
+    mine = engine(replace(request, error_estimate=True))
+    sharp = engine(replace(request, precision=truth, tolerance=None))
     assert mine.error is not None
     if not math.isfinite(mine.error.largest):
         return Found("rounding decides", note=mine.status.value)
@@ -122,12 +122,6 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
     if not mine.status.usable:
         return Found(mine.status.name, note=mine.status.value)
     return against(mine, sharp)
-
-
-def _with(request: Request, **changes: Any) -> Request:
-    from dataclasses import replace
-
-    return replace(request, **changes)
 
 
 def against(mine: Result, sharp: Result) -> Found:

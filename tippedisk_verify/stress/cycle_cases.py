@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -10,8 +11,12 @@ from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near
+from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.stress.case import Case, Found, cycle_digits, refused
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.hopf import hopf_point, omega_crit
 
 __all__ = ["CASES"]
 
@@ -25,22 +30,15 @@ def _below_hopf(distance: str) -> Fraction:
 
 
 def _near_hopf(distance: str, names: tuple[str, ...] = _MAIN) -> Callable[[], Found]:
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     def run() -> Found:
         speed = _below_hopf(distance)
-        return cycle_digits(
-            limit_cycle(PRINTED, speed, default_engine(), digits=12),
-            limit_cycle(PRINTED, speed, default_engine(), digits=40),
-            names,
-        )
+        mine, sharp = (limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40))
+        return cycle_digits(mine, sharp, names)
 
     return run
 
 
 def _near_omega_h(distance: str) -> Callable[[], Found]:
-    from tippedisk_verify.orbits.near_connection import cycle_above
-
     def run() -> Found:
         mine, sharp = (
             cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits) for digits in (12, 25)
@@ -52,9 +50,6 @@ def _near_omega_h(distance: str) -> Callable[[], Found]:
 
 def _omega_h_by_two_roads() -> Found:
     """The double next to Omega_h: bisection in double must hold what 40 digits say."""
-    from tippedisk_verify.orbits.bisection import bisect_omega_h
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-
     return cycle_digits(
         bisect_omega_h(PRINTED, default_engine()), heteroclinic(PRINTED, default_engine(), digits=40), ("omega_h",)
     )
@@ -62,11 +57,6 @@ def _omega_h_by_two_roads() -> Found:
 
 def _one_ulp_above() -> Found:
     """Omega given as the double next above Omega_h: T must be right for that double, or it must be said."""
-    import math
-
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-    from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near
-
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=50).omega_h
     speed = Fraction(float(omega_h))
@@ -79,11 +69,6 @@ def _one_ulp_above() -> Found:
 
 def _one_ulp_below() -> Found:
     """There is no cycle there: it must be said, and nothing found."""
-    import math
-
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
     speed = Fraction(float(omega_h))
@@ -94,8 +79,6 @@ def _one_ulp_below() -> Found:
 
 def _underflow() -> Found:
     """epsilon = 1e-3: the fast multiplier is some 1e-5000, its logarithm a number like any other."""
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     parameters = PRINTED.changed(epsilon="1e-3")
     mine, sharp = (limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits) for digits in (12, 30))
     answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
@@ -109,22 +92,16 @@ def _subcritical() -> Parameters:
 
 
 def _no_cycle_below() -> Found:
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     parameters = _subcritical()
     speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
     return refused(lambda: limit_cycle(parameters, speed, default_engine()), NoSuchCycleError)
 
 
 def _no_cycle_above() -> Found:
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     return refused(lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError)
 
 
 def _subcritical_connection() -> Found:
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-
     mine, sharp = (heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30))
     answer = cycle_digits(mine, sharp, ("omega_h",))
     return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
@@ -132,7 +109,6 @@ def _subcritical_connection() -> Found:
 
 def _extremes(**changes: object) -> Callable[[], Found]:
     """Eigenvalues, Omega_crit and the normal form of an extreme disk, 12 digits against 40."""
-    from tippedisk_verify.theory.hopf import hopf_point
 
     def run() -> Found:
         parameters = PRINTED.changed(**changes)

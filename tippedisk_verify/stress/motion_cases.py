@@ -13,6 +13,8 @@ from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.stress.case import Case, Found, digits_between, flown
 
 __all__ = ["CASES"]
@@ -113,8 +115,6 @@ def _start_cases() -> list[Case]:
 
 def _stable_manifold() -> Found:
     """From the heteroclinic cycle's own speed to double, along the unstable manifold to the other saddle and beyond."""
-    from tippedisk_verify.orbits.bisection import bisect_omega_h
-
     omega = bisect_omega_h(PRINTED, default_engine()).omega_h.value
     start = (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0)
     return flown(Request(PRINTED, omega, start, "12", domain="none"), bits(400))
@@ -127,8 +127,6 @@ def _backward_cases() -> list[Case]:
     """
 
     def back(duration: str) -> Found:
-        from tippedisk_verify.orbits.periodic import limit_cycle
-
         cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
         start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
         return flown(Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000))
@@ -192,8 +190,6 @@ def _long_run() -> Found:
     The truth needs no integration: after N periods the cycle is where it was. Rounding acts on the period, so the
     error grows linearly; a worse law would be a fault of the integrator.
     """
-    from tippedisk_verify.orbits.periodic import limit_cycle
-
     engine = default_engine()
     cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, engine, digits=30)
     start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))

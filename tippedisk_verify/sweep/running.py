@@ -187,11 +187,7 @@ def _belonging(first: bytes, plan: Plan) -> str:
 
 
 def _line(index: int, row: Mapping[str, str]) -> str:
-    return json.dumps({"point": index, "row": row, "checksum": _checksum(index, row)}) + "\n"
-
-
-def _checksum(index: int, row: Mapping[str, str]) -> str:
-    return digest([index, row])[:16]
+    return json.dumps({"point": index, "row": row, "checksum": digest([index, row])[:16]}) + "\n"
 
 
 def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
@@ -199,7 +195,7 @@ def _kept(line: bytes, count: int) -> tuple[int, dict[str, str]] | None:
     try:
         entry = json.loads(line)
         index, row = entry["point"], entry["row"]
-        good = line.endswith(b"\n") and entry["checksum"] == _checksum(index, row) and 0 <= index < count
+        good = line.endswith(b"\n") and entry["checksum"] == digest([index, row])[:16] and 0 <= index < count
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
     return (index, row) if good and isinstance(row, dict) else None
