@@ -21,11 +21,11 @@ iterating towards m uses midpoints, for it only finds m.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 from tippedisk_verify.certified.balls import (
     arb,
@@ -46,7 +46,20 @@ from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 
-__all__ = ["CycleProof", "Inclusion", "Status", "inclusion", "prove_cycle"]
+__all__ = [
+    "Attempt",
+    "CycleProof",
+    "Flight",
+    "Inclusion",
+    "OrbitProof",
+    "Status",
+    "inclusion",
+    "midpoint_inverse",
+    "product",
+    "prove_cycle",
+]
+
+Flight = Callable[..., HalfFlight]  # encloses a section's map over a box of its two coordinates
 
 _GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
 _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
@@ -55,9 +68,6 @@ _REMOTE_BITS = 64  # enough for the wide boxes that show how far the next fixed 
 _REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MOST_ITERATIONS = 25
 _MOST_ATTEMPTS = 6
-_MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
-_NUMBERS = (*_MAIN, "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega",
-            "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
 
 
 class Status(Enum):
@@ -88,28 +98,23 @@ class Inclusion:
 
 
 @dataclass(frozen=True)
-class CycleProof:
-    """What is proved of one limit cycle; every number is a ball that holds the true one. Without a proof: None.
+class OrbitProof:
+    """What is proved of one limit cycle; every number is a ball that holds the true one. Without a proof: None."""
 
-    The fields' names are those of `orbits.periodic.LimitCycle`.
-    """
+    unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
+    main: ClassVar[tuple[str, ...]]  #: names of the numbers that come to the digits asked for
 
     status: Status
     where: str  #: how far the proof came
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
-    unique_within: Any = None  #: distances (gamma_bar [rad], v [rad/s]) within which P has no other fixed point
+    unique_within: Any = None  #: distances of the two coordinates within which the map has no other fixed point
     period: Any = None  #: T [s]
-    gamma_bar_0: Any = None  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]
-    v_0: Any = None  #: v there [rad/s]
-    beta_max: Any = None  #: largest |beta - pi/2| [rad]
     multiplier_slow: Any = None  #: the larger non-trivial Floquet multiplier [1]
-    log_multiplier_slow: Any = None  #: its natural logarithm
+    log_multiplier_slow: Any = None  #: natural logarithm of its absolute value
     log_multiplier_fast: Any = None  #: that of the smaller one
     dperiod_domega: Any = None  #: [s^2/rad]
-    dgamma_bar_0_domega: Any = None  #: [s]
-    dv_0_domega: Any = None  #: [1]
     stable: bool | None = None  #: asymptotically stable (True) or unstable (False), proved; None if not decided
     flights: tuple[HalfFlight, ...] = field(default=(), repr=False)
 
@@ -123,30 +128,27 @@ class CycleProof:
         if not self.proved:
             return f"nothing is proved: {self.status.value} ({self.where})."
         manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
-        numbers = self.numbers()
-        gamma_bar, v = (_decimal_below(distance) for distance in self.unique_within)
-        return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
-            f"{exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to the next "
-            "crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a fixed point "
-            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and v_0 = "
-            f"{numbers['v_0']} rad/s, and no other with gamma within {gamma_bar} rad and v within {v} rad/s of it; "
-            f"through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice "
-            f"a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less than 1.5707; its "
-            f"period is T = {numbers['period']} s, its larger Floquet multiplier other than 1 is "
-            f"{numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the logarithm of the "
-            f"smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = {numbers['dperiod_domega']} s^2/rad, "
-            f"d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {numbers['dv_0_domega']}."
-        )
+        return self._sentence(manner, *(_decimal_below(distance) for distance in self.unique_within))
+
+    def _sentence(self, manner: str, first: str, second: str) -> str:
+        """The statement; the cycle's stability, and how far from it there is no other, are words already."""
+        raise NotImplementedError
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The names of the numbers."""
+        slopes = (f"d{name}_domega" for name in cls.unknowns)
+        others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
+        return *cls.main, *others, *slopes
 
     def lacking_bits(self, digits: int) -> int:
         """Bits by which the worst number misses ``digits`` significant digits, or decimals if it is no main result."""
         worst = 0
-        for name in _NUMBERS:
+        for name in self.names():
             value = getattr(self, name)
             if not value.is_finite():
                 return 64
-            size = _exponent(value) if name in _MAIN else max(0, _exponent(value))
+            size = _exponent(value) if name in self.main else max(0, _exponent(value))
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
             worst = max(worst, _exponent(value.rad()) - size + 2 + math.ceil(digits * math.log2(10)))
         return worst
@@ -155,7 +157,7 @@ class CycleProof:
         """The enclosures as exact rational midpoints and radii. Raises InputError if there is no proof."""
         if not self.proved:
             raise InputError(self.statement)
-        return {name: measured(getattr(self, name)) for name in _NUMBERS}
+        return {name: measured(getattr(self, name)) for name in self.names()}
 
     def json(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
@@ -164,9 +166,39 @@ class CycleProof:
         if self.proved:
             entries |= {name: value.json() for name, value in self.numbers().items()}
             entries["stable"] = self.stable
-            names = ("gamma_bar_0", "v_0")
-            entries["unique_within"] = {n: _decimal_below(d) for n, d in zip(names, self.unique_within, strict=True)}
+            distances = zip(self.unknowns, self.unique_within, strict=True)
+            entries["unique_within"] = {name: _decimal_below(distance) for name, distance in distances}
         return entries | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
+
+
+@dataclass(frozen=True)
+class CycleProof(OrbitProof):
+    """What is proved of a limit cycle that S maps to itself. Names are those of `orbits.cycles.LimitCycle`."""
+
+    unknowns = ("gamma_bar_0", "v_0")
+    main = ("period", "gamma_bar_0", "v_0", "beta_max")
+
+    gamma_bar_0: Any = None  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]
+    v_0: Any = None  #: v there [rad/s]
+    beta_max: Any = None  #: largest |beta - pi/2| [rad]
+    dgamma_bar_0_domega: Any = None  #: [s]
+    dv_0_domega: Any = None  #: [1]
+
+    def _sentence(self, manner: str, first: str, second: str) -> str:
+        numbers = self.numbers()
+        return (
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
+            f"{exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to the next "
+            "crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a fixed point "
+            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and v_0 = "
+            f"{numbers['v_0']} rad/s, and no other with gamma within {first} rad and v within {second} rad/s of it; "
+            f"through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice "
+            f"a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less than 1.5707; its "
+            f"period is T = {numbers['period']} s, its larger Floquet multiplier other than 1 is "
+            f"{numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the logarithm of the "
+            f"smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = {numbers['dperiod_domega']} s^2/rad, "
+            f"d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {numbers['dv_0_domega']}."
+        )
 
 
 def _decimal_below(x: Any) -> str:
@@ -176,40 +208,46 @@ def _decimal_below(x: Any) -> str:
     return rounded_down(least) if least > 0 else "0"
 
 
-def inclusion(model: Model, middle: Sequence[Any], radii: Sequence[Any], centre: HalfFlight | None = None) -> Inclusion:
+def inclusion(
+    model: Model,
+    middle: Sequence[Any],
+    radii: Sequence[Any],
+    centre: HalfFlight | None = None,
+    flight: Flight = half_flight,
+) -> Inclusion:
     """Krawczyk's test on the box ``middle`` ± ``radii`` of (gamma_bar, v), at the working precision.
 
-    ``centre`` is the half map at ``middle``, if it is known already.
+    ``centre`` is the half map at ``middle``, if it is known already; ``flight`` may be that of another section's map.
     """
     m = [ball(part).mid() for part in middle]
     box = [point + arb(0, radius) for point, radius in zip(m, radii, strict=True)]
     if centre is None:
-        centre = half_flight(model, *m)
+        centre = flight(model, *m)
     if centre.status is not HalfStatus.RETURNED:
         return Inclusion(False, m, failed=centre)
-    wide = half_flight(model, *box, derivatives=True)
+    wide = flight(model, *box, derivatives=True)
     if wide.status is not HalfStatus.RETURNED:
         return Inclusion(False, m, centre=centre, failed=wide)
     value = [after - before for after, before in zip(centre.image, m, strict=True)]
     (a, b), (c, d) = wide.matrix
     jacobian = ((a - 1, b), (c, d - 1))
-    inverse = _midpoint_inverse(jacobian)
-    residual = _product(inverse, value)
+    inverse = midpoint_inverse(jacobian)
+    residual = product(inverse, value)
     rest = [[int(i == j) - sum(inverse[i][k] * jacobian[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
-    spread = _product(rest, [whole - part for whole, part in zip(box, m, strict=True)])
+    spread = product(rest, [whole - part for whole, part in zip(box, m, strict=True)])
     image = [part - shift + width for part, shift, width in zip(m, residual, spread, strict=True)]
     included = all(inside(part, whole) for part, whole in zip(image, box, strict=True))
     return Inclusion(included, m, image, residual, centre, wide)
 
 
-def _midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
     """The inverse of the midpoints' matrix, as points: any regular matrix will do, and inclusion shows that it is."""
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
     return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
 
 
-def _product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
+def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
     return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
 
 
@@ -228,37 +266,41 @@ def prove_cycle(
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v")
-    attempt = _Attempt(parameters, speed.rational, digits, most_bits)
-    return attempt.run([exact(part) for part in guess])
+    attempt = Attempt(parameters, speed.rational, digits, most_bits)
+    proof: CycleProof = attempt.run([exact(part) for part in guess])
+    return proof
 
 
-class _Attempt:
-    """A proof under way: the precision and box in use, and how to report an end."""
+class Attempt:
+    """A proof under way: the precision and box in use, and how to report an end. A subclass has another section."""
+
+    proof: type[OrbitProof] = CycleProof
+    flight: Flight = staticmethod(half_flight)
 
     def __init__(self, parameters: Parameters, omega: Fraction, digits: int, most_bits: int) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = parameters, omega, digits, most_bits
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
-    def ended(self, status: Status, where: str) -> CycleProof:
-        return CycleProof(status, where, self.parameters, self.omega, self.bits)
+    def ended(self, status: Status, where: str) -> Any:
+        return self.proof(status, where, self.parameters, self.omega, self.bits)
 
-    def not_followed(self, flight: HalfFlight) -> CycleProof:
+    def not_followed(self, flight: HalfFlight) -> Any:
         return self.ended(Status.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}")
 
     def model(self) -> Model:
         """At the working precision, which must be in force."""
         return Model(ball_constants(self.parameters), ball(self.omega))
 
-    def run(self, guess: Sequence[Any]) -> CycleProof:
+    def run(self, guess: Sequence[Any]) -> Any:
         middle = self.sharpened(guess)
-        if isinstance(middle, CycleProof):
+        if isinstance(middle, OrbitProof):
             return middle
-        outcome: CycleProof | None = None
+        outcome: OrbitProof | None = None
         for _ in range(_MOST_ATTEMPTS):
             with working_precision(self.bits):
                 radii = [abs(part) * arb(2) ** -self.box_bits for part in middle]
-                verdict = inclusion(self.model(), middle, radii)
+                verdict = inclusion(self.model(), middle, radii, flight=self.flight)
                 if verdict.included:
                     proof = self.concluded(verdict, radii)
                     lacking = proof.lacking_bits(self.digits)
@@ -282,8 +324,8 @@ class _Attempt:
         assert outcome is not None
         return outcome
 
-    def sharpened(self, guess: Sequence[Any]) -> list[Any] | CycleProof:
-        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints."""
+    def sharpened(self, guess: Sequence[Any]) -> Any:
+        """A point within the box's radius of the fixed point, by Newton's iteration on midpoints; or how that ended."""
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
@@ -293,14 +335,14 @@ class _Attempt:
         known, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * known + 64))):
-                flight = half_flight(self.model(), *state, derivatives=matrix is None)
+                flight = self.flight(self.model(), *state, derivatives=matrix is None)
                 if flight.status is not HalfStatus.RETURNED:
                     return self.not_followed(flight)
                 if matrix is None:
                     (a, b), (c, d) = flight.matrix
                     matrix = ((a - 1, b), (c, d - 1))
-                inverse = _midpoint_inverse(matrix)
-                step = _product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
+                inverse = midpoint_inverse(matrix)
+                step = product(inverse, [new - old for new, old in zip(flight.image, state, strict=True)])
                 if not all(part.is_finite() for part in step):
                     return self.ended(Status.NOT_CONVERGED, "the derivative of the half map is singular")
             with working_precision(self.bits):
@@ -328,7 +370,10 @@ class _Attempt:
             model = self.model()
             for size in _REMOTE_BOXES:
                 wide = [abs(part) * arb(2) ** -size for part in verdict.middle]
-                if size < self.box_bits and inclusion(model, verdict.middle, wide, verdict.centre).included:
+                if (
+                    size < self.box_bits
+                    and inclusion(model, verdict.middle, wide, verdict.centre, self.flight).included
+                ):
                     widest = wide
                     break
         # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
@@ -338,25 +383,17 @@ class _Attempt:
         )
         return near, far
 
-    def concluded(self, verdict: Inclusion, radii: Sequence[Any]) -> CycleProof:
+    def concluded(self, verdict: Inclusion, radii: Sequence[Any]) -> OrbitProof:
         """The cycle's numbers from an inclusion, on balls."""
         centre, box = verdict.centre, verdict.box
         assert centre is not None
         assert box is not None
         shift = [part - point for part, point in zip(verdict.image, verdict.middle, strict=True)]
-
-        def along(derivatives: Sequence[Any]) -> Any:
-            return derivatives[0] * shift[0] + derivatives[1] * shift[1]
-
-        (a, b), (c, d) = box.matrix
-        trace, shrinking = a + d, box.divergence.exp()  # det P = -shrinking
-        root = (trace * trace / 4 + shrinking).sqrt()
-        # The root of larger size; where the trace's sign is not certain the sum holds both signs' cases.
-        larger = abs(trace) / 2 + root
-        slow = larger * larger
-        log_slow = slow.log()
-        log_fast = 2 * box.divergence - log_slow
+        laps = self.laps
+        log_slow, slow = self.slow_multiplier(box)
+        log_fast = laps * box.divergence - log_slow
         # (1 - P') x' = P_Omega
+        (a, b), (c, d) = box.matrix
         determinant = (1 - a) * (1 - d) - b * c
         by_omega = (
             ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
@@ -368,26 +405,44 @@ class _Attempt:
             stable = True
         elif positive(log_slow):
             stable = False
-        return CycleProof(
+        return self.proof(
             Status.PROVED,
             f"in {self.bits} bits, {centre.steps} + {box.steps} steps",
             self.parameters,
             self.omega,
             self.bits,
             unique_within=tuple(radii),
-            period=2 * (centre.time + along(time_by)),
-            gamma_bar_0=verdict.image[0],
-            v_0=verdict.image[1],
-            beta_max=-(centre.beta_least + along(box.turn_by_start)),
+            period=laps * (centre.time + _along(time_by, shift)),
             multiplier_slow=slow,
             log_multiplier_slow=log_slow,
             log_multiplier_fast=log_fast,
-            dperiod_domega=2 * (time_by[0] * by_omega[0] + time_by[1] * by_omega[1] + box.time_by_omega),
-            dgamma_bar_0_domega=by_omega[0],
-            dv_0_domega=by_omega[1],
+            dperiod_domega=laps * (_along(time_by, by_omega) + box.time_by_omega),
             stable=stable,
             flights=(centre, box),
+            **dict(zip(self.proof.unknowns, verdict.image, strict=True)),
+            **{f"d{name}_domega": part for name, part in zip(self.proof.unknowns, by_omega, strict=True)},
+            **self.others(centre, box, shift),
         )
+
+    laps = 2  # flights a period
+
+    def slow_multiplier(self, box: HalfFlight) -> tuple[Any, Any]:
+        """The larger one's logarithm and itself. The half map's have opposite signs: det P = -exp(divergence)."""
+        (a, _), (_, d) = box.matrix
+        trace, shrinking = a + d, box.divergence.exp()
+        root = (trace * trace / 4 + shrinking).sqrt()
+        # The root of larger size; where the trace's sign is not certain the sum holds both signs' cases.
+        larger = abs(trace) / 2 + root
+        slow = larger * larger
+        return slow.log(), slow
+
+    def others(self, centre: HalfFlight, box: HalfFlight, shift: Sequence[Any]) -> dict[str, Any]:
+        """What this kind of cycle has besides."""
+        return {"beta_max": -(centre.beta_least + _along(box.turn_by_start, shift))}
+
+
+def _along(derivatives: Sequence[Any], shift: Sequence[Any]) -> Any:
+    return derivatives[0] * shift[0] + derivatives[1] * shift[1]
 
 
 def _exponent(x: Any) -> int:

@@ -27,9 +27,9 @@ from tippedisk_verify.certified.balls import arb, ball, inside, negative, positi
 from tippedisk_verify.certified.flow import Model, Path, Step
 from tippedisk_verify.certified.flow import Status as FlowStatus
 
-__all__ = ["HalfFlight", "Status", "half_flight"]
+__all__ = ["UPRIGHT", "HalfFlight", "Status", "half_flight", "moment_of_zero"]
 
-_UPRIGHT = 1.5707  # rad, below pi/2: |beta_bar| less than this means that sin(beta) > 0
+UPRIGHT = 1.5707  #: rad, below pi/2: |beta_bar| less than this means that sin(beta) > 0
 _MOST_CUTS = 40
 _NEWTON_STEPS = 4
 
@@ -51,7 +51,8 @@ class HalfFlight:
     """What is proved of all orbits from a box on the section. Only Status.RETURNED makes the rest mean anything.
 
     ``image`` is S of the end, (gamma_bar, v); ``matrix`` and ``by_omega`` are the half map's derivatives by
-    (gamma_bar, v) and by Omega, over the box and the speeds in their ball.
+    (gamma_bar, v) and by Omega, over the box and the speeds in their ball. For the turn map read beta_bar for
+    gamma_bar, and the end itself for its image under S.
     """
 
     status: Status
@@ -116,12 +117,12 @@ class _Walk:
             return True
         if not positive(beta_end):
             return False
-        self.crossing = _zero(step, 0, v_all, lambda state: state[2])
+        self.crossing = moment_of_zero(step, 0, v_all, lambda state: state[2])
         return self.crossing is not None
 
     def _turn(self, step: Step) -> bool:
         rates = self.model.rates
-        moment = _zero(step, 2, rates(step.enclosure)[2], lambda state: rates(state)[2])
+        moment = moment_of_zero(step, 2, rates(step.enclosure)[2], lambda state: rates(state)[2])
         if moment is None:
             return False
         self.beta_least = step.at(moment)[0]
@@ -143,7 +144,7 @@ def _resolved(walk: _Walk) -> Step | Status:
         step = walk.path.step(length)
         if step is None:
             break
-        upright = inside(step.enclosure[0], arb(0, _UPRIGHT))
+        upright = inside(step.enclosure[0], arb(0, UPRIGHT))
         if upright and walk.shows(step):
             return step
         length = 0.7 * step.length
@@ -154,14 +155,14 @@ def _resolved(walk: _Walk) -> Step | Status:
     return Status.TOO_WIDE if walk.path.status is FlowStatus.TOO_WIDE else Status.NO_ENCLOSURE
 
 
-def _zero(step: Step, index: int, slope: Any, slope_at: Callable[[Any], Any]) -> Any:
-    """The moment in the step when a state's component vanishes, given its slope's positive enclosure over the step.
+def moment_of_zero(step: Step, index: int, slope: Any, slope_at: Callable[[Any], Any], level: Any = 0) -> Any:
+    """The moment in the step when a state's component is at a level, given its slope's positive enclosure over it.
 
-    The component is proved to change sign, so there is a zero, and only one. None if its enclosure pokes out of the
-    step's time.
+    The component is proved to pass the level, so there is such a moment, and only one. None if its enclosure pokes out
+    of the step's time.
     """
-    guess = _approximate_zero(step, index)
-    value = step.at(guess)[index]
+    guess = _approximate_zero(step, index, level)
+    value = step.at(guess)[index] - level
     moment = guess - value / slope
     for _ in range(_NEWTON_STEPS):
         if not _within(moment, step):
@@ -182,19 +183,19 @@ def _within(time: Any, step: Step) -> bool:
     return positive(time) and negative(time - step.length)
 
 
-def _approximate_zero(step: Step, index: int) -> Any:
+def _approximate_zero(step: Step, index: int, level: Any) -> Any:
     """A number in the step near the zero, by bisection and then Newton's iteration on the midpoints."""
     low, high = 0.0, step.length
     for _ in range(20):
         middle = (low + high) / 2
-        if step.at(ball(middle))[index].mid() < 0:
+        if (step.at(ball(middle))[index] - level).mid() < 0:
             low = middle
         else:
             high = middle
     guess, before = ball((low + high) / 2), ball((low + high) / 2 + 0.01 * step.length)
-    f_before = step.at(before)[index].mid()
+    f_before = (step.at(before)[index] - level).mid()
     for _ in range(12):  # a secant's order is 1.6: from 20 bits to 20 * 1.6^12 = 5600
-        f = step.at(guess)[index].mid()
+        f = (step.at(guess)[index] - level).mid()
         if f == f_before:
             break
         ahead = (guess - f * (guess - before) / (f - f_before)).mid()
