@@ -34,7 +34,11 @@ def lies_flat(engine, disk, omega, state) -> bool:
 
 @pytest.mark.honest
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("omega", ["30.0388", "30.386592688643567", ABOVE_CRIT], ids=["below", "between", "above"])
+@pytest.mark.parametrize(
+    "omega",
+    [pytest.param("30.0388", marks=pytest.mark.slow(minutes=1)), "30.386592688643567", ABOVE_CRIT],
+    ids=["below", "between", "above"],
+)
 def test_half_widths_hold(taylor, friction, omega) -> None:
     disk = PRINTED.with_friction(friction)
     if (friction, omega) == ("smooth", "30.0388"):
@@ -50,11 +54,12 @@ def test_half_widths_hold(taylor, friction, omega) -> None:
 
 
 @pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
-def test_a_thousand_starts_on_either_side_end_where_it_says(taylor, omega) -> None:
+@pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.slow(minutes=1))])
+def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     boundary = BasinBoundary(PRINTED, omega, taylor)
     random = numpy.random.default_rng(5)
     inside, outside = [], []
-    for gamma, v in zip(random.uniform(-1.5, 4.7, 1000), random.uniform(-4, 4, 1000), strict=True):
+    for gamma, v in zip(random.uniform(-1.5, 4.7, count), random.uniform(-4, 4, count), strict=True):
         lower, upper = map(float, boundary.sheets(gamma, v))
         sheet, outward = ((upper, 1) if random.random() < 0.5 else (lower, -1))  # fmt: skip
         inside.append((sheet - outward * 1e-6, gamma, v))
@@ -63,12 +68,13 @@ def test_a_thousand_starts_on_either_side_end_where_it_says(taylor, omega) -> No
     standing = "rotating limit cycle" if omega == "30.04" else "inverted spinning"
     for starts, ending in ((inside, standing), (outside, "lies flat")):
         outcomes = classified_lanes(numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors)
-        assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * 1000
+        assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * count
 
 
 @pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
-def test_nothing_is_undecided_away_from_the_boundary(taylor, omega) -> None:
-    plane = basins(PRINTED, omega, count=1000)
+@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow(minutes=2))])
+def test_nothing_is_undecided_away_from_the_boundary(taylor, omega, count) -> None:
+    plane = basins(PRINTED, omega, count=count)
     boundary = BasinBoundary(PRINTED, omega, taylor)
     for beta, gamma, outcome in zip(plane.beta.ravel(), plane.gamma.ravel(), plane.outcome.ravel(), strict=True):
         margin = boundary.margin((beta, gamma, 0.0))

@@ -27,6 +27,7 @@ _FORGOTTEN = 37.0  # of the fast direction exp(-this) is left, which is below a 
 _FEWEST_TURNS, _MOST_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
 _DIFFERENCES = 4  # of roots after different numbers of turns, for a half-width: as for cycles, see `cycle_budget`
+_BESIDE = 1e-6  # rad; a root after another number of turns is looked for so close to the first one
 _ROUNDINGS = Fraction(1, 10**14)  # rad; what the last bits of the start and of pi do
 _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 _UPRIGHT = Event("upright", SECTION.function)
@@ -66,15 +67,16 @@ class BasinBoundary:
 
     def _upper(self, gamma: float, v: float) -> Measured:
         """beta on the sheet of larger beta."""
-        roots = [self._root(gamma, v, self._turns + more) for more in range(2)]
-        width = _DIFFERENCES * abs(Fraction(roots[0]) - Fraction(roots[1])) + _ROUNDINGS
-        return Measured(Fraction(roots[0]), width)
+        root = self._root(gamma, v, self._turns, (0.0, math.pi))
+        again = self._root(gamma, v, self._turns + 1, (max(0.0, root - _BESIDE), min(math.pi, root + _BESIDE)))
+        width = _DIFFERENCES * abs(Fraction(root) - Fraction(again)) + _ROUNDINGS
+        return Measured(Fraction(root), width)
 
-    def _root(self, gamma: float, v: float, turns: int) -> float:
+    def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
         """Where `_beyond` changes its sign, by bisection until it is finite and then by Brent's method."""
         from scipy.optimize import brentq
 
-        low, high = 0.0, math.pi
+        low, high = between
         at_low, at_high = -math.inf, math.inf
         while math.isinf(at_low) or math.isinf(at_high):
             middle = (low + high) / 2

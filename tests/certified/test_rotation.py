@@ -1,0 +1,150 @@
+"""Proved rotating cycles and their fold: against the ordinary roads, and what must not be proved."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import pytest
+
+from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.certified.cycle import Status
+from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.rotation import prove_rotation, turn_flight
+from tippedisk_verify.certified.rotation_fold import prove_rotation_fold
+from tippedisk_verify.certified.section import Status as FlightStatus
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.rotating import rotating_cycle
+from tippedisk_verify.orbits.rotation_fold import rotation_fold
+from tippedisk_verify.orbits.turn_map import TurnFlights
+from tippedisk_verify.theory.spectral_rotation import spectral_rotation
+
+SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
+
+
+def flown(beta_bar, v, omega="30.0388", **options):
+    """A turn on balls, and its status."""
+    with working_precision(100):
+        return turn_flight(Model(ball_constants(PRINTED), ball(omega)), ball(beta_bar), ball(v), **options)
+
+
+def test_a_turn_off_the_cycle_against_the_ordinary_road(taylor) -> None:
+    """In double: the turn map amplifies rounding some thousand times."""
+    ordinary = TurnFlights(PRINTED, Fraction("30.2"), taylor, DOUBLE).map((0.5, 0.6))
+    flight = flown("0.5", "0.6", "30.2", derivatives=True)
+    assert flight.status is FlightStatus.RETURNED
+    pairs = [
+        (flight.time, ordinary.time),
+        (flight.image[0], ordinary.residual[0] + 0.5),
+        (flight.image[1], ordinary.residual[1] + 0.6),
+        *zip((*flight.matrix[0], *flight.matrix[1]), (*ordinary.matrix[0], *ordinary.matrix[1]), strict=True),
+        *zip(flight.by_omega, ordinary.by_omega, strict=True),
+        *zip(flight.time_by_state, ordinary.time_by_state, strict=True),
+        (flight.time_by_omega, ordinary.time_by_omega),
+    ]
+    for mine, theirs in pairs:
+        assert float(mine.mid()) == pytest.approx(float(theirs), rel=1e-10, abs=1e-11)
+
+
+def test_the_image_of_a_box_holds_those_of_its_corners() -> None:
+    step = arb(1) / 2**40
+    with working_precision(100):
+        model = Model(ball_constants(PRINTED), ball("30.2"))
+        whole = turn_flight(model, ball("0.5") + arb(0, step), ball("0.6") + arb(0, step), derivatives=True)
+        for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+            corner = turn_flight(model, ball("0.5") + signs[0] * step, ball("0.6") + signs[1] * step)
+            assert all(wide.contains(point) for wide, point in zip(whole.image, corner.image, strict=True))
+            assert whole.time.contains(corner.time)
+
+
+@pytest.mark.parametrize(
+    ("omega", "stable"),
+    [
+        pytest.param("30.0388", True, marks=pytest.mark.slow(minutes=0.5)),
+        ("31.386592688643567", False),
+        pytest.param("30.0388", False, marks=pytest.mark.slow(minutes=0.5)),
+    ],
+)
+def test_both_other_roads_lie_in_the_proved_intervals(taylor, omega, stable) -> None:
+    ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
+    proof = prove_rotation(PRINTED, omega, (ordinary.beta_bar_top.value, ordinary.v_top.value), digits=12)
+    assert proof.proved, proof.statement
+    assert proof.stable is stable
+    numbers = proof.numbers()
+    for name, number in numbers.items():
+        theirs = getattr(ordinary, name)
+        assert abs(number.value - theirs.value) <= number.uncertainty + theirs.uncertainty, name
+    spectral = spectral_rotation(PRINTED, omega, stable=stable, digits=14)
+    for name in SHARED:
+        theirs = getattr(spectral, name)
+        assert abs(numbers[name].value - theirs.value) <= numbers[name].uncertainty + theirs.uncertainty, name
+    assert "unstable" in proof.statement or stable
+
+
+def test_what_is_not_proved() -> None:
+    """Off the cycle, on an orbit that turns back, and on one that lies flat."""
+    assert prove_rotation(PRINTED, "30.2", ("0.52", "0.6"), digits=8, most_bits=200).status in (
+        Status.NOT_CONVERGED, Status.NOT_INCLUDED, Status.NOT_FOLLOWED
+    )  # fmt: skip
+    assert flown("0.3", "0.3").status is not FlightStatus.RETURNED
+    assert flown("1.2", "1").status is not FlightStatus.RETURNED
+    assert flown("-0.5", "-0.5").status is not FlightStatus.RETURNED
+    with pytest.raises(InputError, match="linear"):
+        prove_rotation(PRINTED.with_friction("smooth"), "30.06", ("0.45", "0.55"))
+    with pytest.raises(InputError, match="two components"):
+        prove_rotation(PRINTED, "30.06", ("0.45",))
+    with pytest.raises(InputError, match="positive decimal"):
+        prove_rotation(PRINTED, "-1", ("0.45", "0.55"))
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
+def test_the_fold_is_proved(taylor, disk) -> None:
+    fold = rotation_fold(disk, taylor, digits=30)
+    proof = prove_rotation_fold(disk, fold.beta_bar_top.value, fold.v_top.value, fold.omega.value, digits=12)
+    assert proof.proved, proof.statement
+    for name in ("omega", "beta_bar_top", "v_top", "period"):
+        assert getattr(proof, name).contains(getattr(fold, name)), name
+    assert proof.omega.uncertainty < proof.omega.value / 10**12
+
+
+@pytest.mark.slow(minutes=2)
+def test_no_fold_is_proved_beside_it(taylor) -> None:
+    """On an arc of the family on which Omega only rises, and where there is no cycle at all."""
+    cycle = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
+    beside = prove_rotation_fold(PRINTED, cycle.beta_bar_top.value, cycle.v_top.value, Fraction("30.02"), digits=8)
+    assert not beside.proved
+    off = prove_rotation_fold(PRINTED, "0.463", "0.526", "30.004", digits=8)
+    assert not off.proved
+    assert "nothing is proved" in off.statement
+
+
+def test_the_command(capsys) -> None:
+    words = [
+        "certify",
+        "orbit",
+        "--rotating",
+        "--unstable",
+        "--omega",
+        "31.386592688643567",
+        "--json",
+        "--digits",
+        "10",
+    ]
+    assert main(words) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["proved"] is True
+    assert shown["stable"] is False
+    assert main(["certify", "orbit", "--rotating", "--omega", "31"]) == 1
+    assert "nothing is proved" in capsys.readouterr().out
+    for words, told in (
+        (["--at-fold"], "belong to --rotating"),
+        (["--rotating", "--at-fold", "--omega", "30"], "leave out"),
+        (["--rotating"], "give the speed"),
+        (["--rotating", "--omega", "30.06", "--friction", "smooth"], "linear"),
+    ):
+        assert main(["certify", "orbit", *words]) == 2
+        assert told in capsys.readouterr().err
