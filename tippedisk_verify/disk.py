@@ -280,6 +280,17 @@ class Disk(Parameters):
             raise InputError("below_het leads to stable rotating cycles: give the unstable one's speed with omega")
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
+    def rotating_branch(
+        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None
+    ) -> list[RotatingCycle]:
+        """The family of rotating cycles: at each of these speeds the stable one, if any, and then the unstable one.
+
+        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit.
+        """
+        from tippedisk_verify.orbits.rotating import rotating_branch
+
+        return list(rotating_branch(self, self._engine(engine), omegas))
+
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
         from tippedisk_verify.orbits.rotation_fold import rotation_fold

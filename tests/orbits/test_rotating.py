@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 import math
 from fractions import Fraction
+from random import Random
 
 import numpy
 import pytest
 
 import tippedisk_verify as tv
+from tests.stress.honesty.draws import disk as random_disk
 from tippedisk_verify.cli import main
 from tippedisk_verify.flow.contract import Request, Status
+from tippedisk_verify.model.equations import field, normal_force_over_weight, shifted
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
-from tippedisk_verify.model.precision import QUADRUPLE
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, rotating_cycle
+from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.spectral_rotation import spectral_fold, spectral_rotation
@@ -191,6 +196,20 @@ def test_the_branch_goes_through_the_fold(taylor) -> None:
     assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
 
 
+@pytest.mark.parametrize("omega", [30.4, 33.0, 60.0])
+def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
+    """At higher speeds too the disk does not lie flat, and the contact, which only pushes, does not open."""
+    cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
+    assert cycle.beta_max < 1.5
+    constants = PRINTED.at(DOUBLE)
+    rates = field(math, constants, omega, "linear")
+    forces = [
+        normal_force_over_weight(math, constants, omega, state, rates(*state)[2])
+        for state in cycle.orbit(201)[1].T.tolist()
+    ]
+    assert 0.8 < min(forces) < 1 < max(forces) < 1.1
+
+
 def test_other_disks(taylor) -> None:
     for changes in ({"e": "0.003"}, {"mu": "0.4"}, {"epsilon": "0.05"}, {"A": "0.26e-3"}):
         numbers = {name: str(getattr(PRINTED, name)) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
@@ -223,3 +242,66 @@ def test_the_command(capsys) -> None:
         captured = capsys.readouterr()
         assert told in captured.err, words
         assert captured.err.count("\n") == 1
+
+
+# ----------------------------------------------------------------------------------------------- disks of every kind
+def true_rotation(engine, disk, cycle) -> dict[str, Fraction]:
+    """The cycle by Newton's iteration at fixed time, in an arithmetic much wider than what is claimed."""
+    precision = bits(200)
+    ctx = precision.context
+    omega = precision.number(cycle.omega.value)
+    rates = field(shifted(precision.ops), disk.at(precision), omega, disk.friction)
+    state = [precision.number(part.value) for part in (cycle.beta_bar_top, cycle.v_top, cycle.period)]
+    for _ in range(12):
+        beta, v, period = state
+        run = engine(
+            Request(disk, cycle.omega.value, (beta, 0, v), period, shifted=True, precision=precision, domain="none",
+                    variations=("beta", "gamma", "v", "Omega"))
+        )  # fmt: skip
+        end, rows = run.state, run.derivatives
+        speeds = rates(*end)
+        matrix = ctx.matrix(
+            [[precision.mpf(rows[i][0] - (i == 0)), precision.mpf(rows[i][2] - (i == 2)), precision.mpf(speeds[i])]
+             for i in range(3)]
+        )  # fmt: skip
+        off = [end[0] - beta, end[1] - 2 * precision.pi, end[2] - v]
+        step = ctx.lu_solve(matrix, ctx.matrix([precision.mpf(part) for part in off]))
+        state = [part - precision.number(change) for part, change in zip(state, step, strict=True)]
+        if max(abs(change) for change in step) < ctx.mpf(10) ** -30:  # the next one would be below rounding
+            slopes = ctx.lu_solve(matrix, ctx.matrix([-precision.mpf(rows[i][3]) for i in range(3)]))
+            break
+    else:
+        raise AssertionError("no truth")
+    # The monodromy matrix has the eigenvalues 1, slow and fast; the fast one is a correction to the trace.
+    other = sum((precision.mpf(rows[i][i]) for i in range(3)), ctx.mpf(0)) - 1
+    both = ctx.exp(ctx.mpf(float((cycle.log_multiplier_slow + cycle.log_multiplier_fast).value)))
+    slow = other / 2 + ctx.sign(other) * ctx.sqrt(other * other / 4 - both)
+    values = (*state, slow, slopes[0], slopes[1], slopes[2])
+    names = ("beta_bar_top", "v_top", "period", "multiplier_slow")
+    return dict(
+        zip((*names, "dbeta_bar_top_domega", "dv_top_domega", "dperiod_domega"), map(fraction, values), strict=True)
+    )
+
+
+@pytest.mark.slow(minutes=3)
+@pytest.mark.parametrize("friction", LAWS)
+def test_half_widths_hold_for_random_disks(taylor, friction) -> None:
+    """Forty speeds on both sides of the fold, for disks near the paper's and far from it; some have no such family."""
+    random = Random(21)
+    compared = 0
+    while compared < 40:
+        disk = random_disk(random, random.choice(("named", "nearby", "friction", "far"))).with_friction(friction)
+        try:
+            family = RotatingFamily(disk, taylor)
+            low, high = family.near_fold().omega, float(family.omega_h)
+        except (tv.InputError, tv.Shortfall):
+            continue
+        stable = random.random() < 0.5
+        reach = random.uniform(0.05, 0.99) * (high - low) if stable else random.uniform(0.001, 0.03) * low
+        try:
+            cycle = rotating_cycle(disk, Fraction(f"{low + reach:.9f}"), taylor, stable=stable)
+        except (tv.InputError, tv.Shortfall):
+            continue
+        for name, truth in true_rotation(taylor, disk, cycle).items():
+            assert getattr(cycle, name).holds(truth), (disk.definition(), float(cycle.omega), name)
+        compared += 1
