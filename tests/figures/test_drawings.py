@@ -75,7 +75,7 @@ def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
     audit = Audit(PRINTED, taylor)
     for exhibit in EXHIBITS:
-        if exhibit.name in ("eigenvalues", "branch", "sketch", "inversion", "scenes_2d"):
+        if exhibit.name in ("eigenvalues", "branch", "scenario", "sketch", "inversion", "scenes_2d"):
             figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
             for axis in figure.axes:
                 if axis.axison and axis.name != "3d":
