@@ -19,7 +19,16 @@ from tippedisk_verify.orbits.scenes import SCENES
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
-__all__ = ["EXHIBITS", "branch_rows", "draw_branch", "draw_scenario", "draw_sketch", "law_rows", "rotating_rows"]
+__all__ = [
+    "EXHIBITS",
+    "branch_rows",
+    "draw_branch",
+    "draw_scenario",
+    "draw_sketch",
+    "law_rows",
+    "rotating_rows",
+    "scenario",
+]
 
 Rows = list[tuple[float, ...]]
 _SPEEDS = 24  # of the scenario, on either side of Omega_h
@@ -108,7 +117,7 @@ def draw_scenario(librating: Rows, stable: Rows, unstable: Rows, omega_h: float,
         margin = (max(heights) - min(heights)) / 20
         inset.set(xlim=(near, far), ylim=(min(heights) - margin, max(heights) + margin))
         inset.tick_params(labelsize=7)
-        inset.locator_params(axis="x", nbins=4)
+        inset.locator_params(axis="x", nbins=3)
         axis.indicate_inset_zoom(inset, edgecolor=BLACK, lw=0.6)
     axes[1].set_ylim(0)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -158,7 +167,8 @@ def _branch(audit: Audit, examined: Sequence[str]) -> Drawing:
     )
 
 
-def _scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
+def scenario(audit: Audit, examined: Sequence[str] = ()) -> Drawing:
+    """Every family of limit cycles of the audited disk. Raises Shortfall where no rotating cycles are found."""
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, crit = audit.omega_h(name).value, omega_crit(parameters, 20).value
     fold = audit.rotation_fold(name)
@@ -239,7 +249,7 @@ EXHIBITS = (
         alternative="Two panels against Omega, largest lean and period: librating cycles between Omega_h and the Hopf "
         "point, stable rotating cycles in a short range below Omega_h down to a fold, and from it dashed unstable ones "
         "over the whole range of speeds; at Omega_h the periods of both stable families go to infinity.",
-        draw=_scenario,
+        draw=scenario,
         cost=8,
     ),
     Exhibit(
