@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import subprocess
 import sys
 import textwrap
@@ -18,6 +20,7 @@ SAYS = {
     "grade_from_python": "digits: agrees",
     "limit_cycles": "",
     "one_limit_cycle": "SciPy comes back to within",
+    "scenario_picture": "from a fold at 30.00346 rad/s",
     "scenes_picture": "scene d: limit cycle, scene f: inverted spinning",
 }
 
@@ -38,6 +41,23 @@ def test_the_example_in_the_readme_is_one_of_them() -> None:
     """So it runs as printed, and mypy reads it."""
     code = (ROOT / "examples" / "from_python.py").read_text(encoding="utf-8").partition("\n\n")[2]
     assert textwrap.indent(code, "    ") in README
+
+
+@pytest.mark.slow(minutes=1.5)
+def test_the_commands_of_the_scenario_print_its_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    """Digits are cut off there, so they are a part of what is printed; so are the speeds found."""
+    from tippedisk_verify.cli import main
+
+    page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+    rows = [cells for line in page.splitlines() if len(cells := line.split("|")) == 6 and "`" in cells[4]]
+    for speed, *told, command in ([cell.strip() for cell in cells[1:5]] for cells in rows):
+        assert main(shlex.split(command.strip("`"))) == 0
+        printed = capsys.readouterr().out
+        numbers = re.findall(r"[0-9]+\.[0-9]+(?= s| %| 1/s|$)", " ".join(told))
+        assert numbers, command
+        for number in [*numbers, *re.findall(r"^[0-9.]{12,}$", speed)]:
+            assert re.search(rf"(?<![0-9.]){re.escape(number)}", printed), (command, number)
+    assert len(rows) == 11
 
 
 def test_the_headline_digits_of_the_readme() -> None:

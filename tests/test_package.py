@@ -54,7 +54,7 @@ def test_rooms_import_only_from_rooms_before_them(room: str) -> None:
                     assert parts[1] in ALLOWED[room], f"{path.name} imports {name}"
                 if parts[0] in ("matplotlib", "mpl_toolkits"):
                     # A limit cycle that is told to plot itself opens axes if it is given none.
-                    assert room == "figures" or path.name == "periodic.py", f"{path.name} imports {name}"
+                    assert room == "figures" or path.name == "cycles.py", f"{path.name} imports {name}"
                 if parts[0] == "heyoka":
                     # What starting is measured against is heyoka and nothing else.
                     assert path.name in ("precision.py", "bare_builds.py"), f"{path.name} imports heyoka by itself"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy
 import pytest
@@ -13,8 +14,11 @@ from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
 from tippedisk_verify.figures.exhibit import Table, drawn
 from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows, harmonic_balance_rows
+from tippedisk_verify.figures.state_space import _last_turn
 from tippedisk_verify.figures.style import encoded, pyplot
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.orbits.scenes import compute, scene_named
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -71,13 +75,22 @@ def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
     audit = Audit(PRINTED, taylor)
     for exhibit in EXHIBITS:
-        if exhibit.name in ("eigenvalues", "branch", "sketch", "inversion", "scenes_2d"):
+        if exhibit.name in ("eigenvalues", "branch", "scenario", "sketch", "inversion", "scenes_2d"):
             figure = exhibit.draw(audit, claims_drawn_in(exhibit.name)).figure(2)
             for axis in figure.axes:
                 if axis.axison and axis.name != "3d":
                     assert axis.get_xlabel().endswith("]"), exhibit.name
                     assert axis.get_ylabel().endswith("]"), exhibit.name
             pyplot().close(figure)
+
+
+def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
+    omega_h = Measured(Fraction("30.12"), Fraction(0))  # so that panel a is at 30.02 rad/s, where both ways round occur
+    turn = _last_turn(compute(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
+    gamma = turn[:, 1]
+    assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
+    assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)  # a sample is missing at either end
+    assert numpy.ptp(numpy.sign(numpy.diff(gamma))) == 0
 
 
 def test_records_are_plain_data(taylor) -> None:

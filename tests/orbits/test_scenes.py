@@ -16,6 +16,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.rotating import rotating_cycle
+from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.scenes import (
     INITIAL_STATES,
     SCENES,
@@ -73,7 +75,7 @@ def test_interpolated_crossings_against_located_ones(taylor) -> None:
     times = numpy.arange(0, 2001) / 100
     sampled = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, times=times, dense=True))
     located = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, events=(crossing,)))
-    mine = section_amplitudes(times, sampled)
+    _, mine = section_amplitudes(times, sampled)
     theirs = [abs(record.state[1] - numpy.pi / 2) for record in located.events if record.time > 0]
     assert len(mine) == len(theirs)
     assert max(abs(mine - theirs)) < 1e-12  # rounding, over passages that cost two digits
@@ -84,6 +86,50 @@ def test_the_smooth_law_has_the_same_outcomes(taylor) -> None:
     for name in SCENES:
         panel = compute(name, PRINTED.with_friction("smooth"), taylor, omega_h=omega_h)
         assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[name.name]] * 2
+
+
+def orbits_at(omega, parameters, engine):
+    """Panel a, moved to another speed."""
+    return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
+
+
+@pytest.mark.honest
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
+    """Their lean at the top against shooting, which knows nothing of the orbit."""
+    disk = PRINTED.with_friction(friction)
+    omega = bisect_omega_h(disk, taylor, confirm=False).omega_h.value - Fraction(1, 50)
+    cycle = rotating_cycle(disk, omega, taylor)
+    for orbit in orbits_at(omega, disk, taylor):
+        assert orbit.ending.kind == "rotating limit cycle"
+        assert orbit.ending.amplitude.contains(cycle.beta_bar_top)
+        assert orbit.ending.amplitude.uncertainty < Fraction(1, 10**10)
+        assert set(orbit.ending.json()) == {"kind", "reason", "beta_bar_at_top"}
+
+
+@pytest.mark.honest
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
+    """Just below the fold orbits linger, for longer than a scene lasts, where just above it a cycle is."""
+    disk = PRINTED.with_friction(friction)
+    fold = rotation_fold(disk, taylor).omega.value
+    for distance in ("-2e-4", "-3e-5", "-1e-7"):
+        kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
+        assert kinds <= {"flat", "undecided"}, distance
+    for distance in ("1e-5", "5e-5", "1e-3"):
+        truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
+        for ending in (orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)):
+            told = ending.kind == "rotating limit cycle"
+            assert told or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
+            assert not told or ending.amplitude.contains(truth)
+
+
+def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
+    """Next to Omega_h the first orbit turns some times before a well keeps it."""
+    far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
+    assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
+    one, other = far.ending.amplitude, near.ending.amplitude
+    assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < Fraction(1, 10**10)
 
 
 def test_refusals(taylor) -> None:

@@ -7,6 +7,7 @@ result; only the suite's own cross-checks (``own_check``) can fail.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from decimal import Decimal
 from enum import Enum
@@ -14,7 +15,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -22,6 +23,8 @@ from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
+from tippedisk_verify.orbits.rotating_family import RotatingFamily
+from tippedisk_verify.orbits.rotation_fold import fold_in_double
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
 __all__ = [
@@ -145,6 +148,7 @@ class Audit:
     digits: int = 12
     omega_h_builds: dict[Build, None] = field(default_factory=dict)
     _connections: dict[str, Heteroclinic] = field(default_factory=dict)
+    _folds: dict[str, dict[str, float] | None] = field(default_factory=dict)
     _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
     _families: dict[str, tuple[LimitCycle, ...]] = field(default_factory=dict)
 
@@ -172,6 +176,14 @@ class Audit:
     def omega_h(self, name: str) -> Measured:
         """Omega_h [rad/s] of a set. Raises Shortfall if there is no connection."""
         return self.connection(name).omega_h
+
+    def rotation_fold(self, name: str) -> dict[str, float] | None:
+        """The fold of a set's rotating limit cycles, as `fold_in_double` has it; None if none is found."""
+        if name not in self._folds:
+            self._folds[name] = None
+            with suppress(NoSuchCycleError, NoConnectionError, Shortfall):
+                self._folds[name] = fold_in_double(RotatingFamily(self._set(name), self.engine))
+        return self._folds[name]
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
         """An overview of a set's limit cycles."""

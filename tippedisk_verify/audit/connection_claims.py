@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
-from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
@@ -16,6 +16,7 @@ from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation
+from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS"]
@@ -44,7 +45,22 @@ def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:
     for sign in (-1, 1):
         result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine)
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
-    return f"{ends[0]} below, {ends[1]} above", ends[0] in ("passes", "flat") and ends[1] == "turns back"
+    holds = ends[0] in ("passes", "flat") and ends[1] == "turns back"
+    return f"{ends[0]} below, {ends[1]} above; {_takes_over(audit, name)}", holds
+
+
+def _takes_over(audit: Audit, name: str) -> str:
+    """The rotating cycles below Omega_h: where they begin, and the one halfway."""
+    found = audit.rotation_fold(name)
+    if found is None:
+        return "no rotating cycles found with a fold"
+    omega_h, fold = audit.omega_h(name).value, found["omega"]
+    halfway = (omega_h + Fraction(fold)) / 2
+    try:
+        period = float(rotating_cycle(audit.sets[name], halfway, audit.engine).period)
+    except (NoSuchCycleError, Shortfall) as reason:
+        return f"rotating cycles from a fold at {fold:.5f} rad/s, and none found halfway: {reason}"
+    return f"stable rotating cycles from a fold at {fold:.5f} rad/s to Omega_h, halfway with T = {period:.4f} s"
 
 
 def _attracting(audit: Audit, name: str) -> tuple[str, bool | None]:
@@ -112,6 +128,10 @@ def _two_roads(audit: Audit, printed: str) -> Finding:
     return Finding({name: one}, {name: agreed}, note, ("manifolds", "limit-cycles"))
 
 
+_WHERE = (
+    "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic solution ends there; on the"
+    " cylinder, gamma modulo 2 pi, others may take over (claim only_above_omega_h)"
+)
 _SAME_CYCLE = "that this limit cycle is the one born at Omega_crit (measured)"
 
 
@@ -126,7 +146,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "text below Figure Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
-        number(Audit.omega_h, "where the saddles' unstable and stable manifolds meet", ("manifolds",)),
+        number(Audit.omega_h, _WHERE, ("manifolds",)),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
         proof=_theorems_6_to_8(
@@ -159,8 +179,15 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "Section sec:discussion",
         "the periodic solution exists above Omega_h only: below, the saddle's unstable branch leaves the well",
         "existence above",
-        per_set(_both_sides, "what the unstable branch does a thousandth off Omega_h", ("trajectories",)),
+        per_set(
+            _both_sides,
+            "what the unstable branch does a thousandth off Omega_h, for gamma in R, where the cycle about inverted"
+            " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo 2 pi",
+            ("trajectories", "shooting"),
+        ),
         formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
+        figures=("scenario",),
+        cost=5,
     ),
     Claim(
         "both_connections",
@@ -180,7 +207,12 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "Section sec:discussion",
         "with the noninverted equilibria identified the connections are homoclinic",
         "homoclinic",
-        per_set(_identified, "the field has period 2 pi in gamma, and the two states are 2 pi apart", ("symmetry",)),
+        per_set(
+            _identified,
+            "the field has period 2 pi in gamma, and the two states are 2 pi apart: on the cylinder both connections"
+            " lead back to one saddle, as a figure of eight",
+            ("symmetry",),
+        ),
         formula=r"F(\beta,\,\gamma+2\pi,\,v) = F(\beta,\,\gamma,\,v)",
     ),
     Claim(
@@ -188,7 +220,11 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "Section sec:discussion",
         "the periodic orbit that arises at Omega_h is stable",
         "stable",
-        per_set(_attracting, "saddle value lambda_u + lambda_s, negative: attracting", ("eigenvalues",)),
+        per_set(
+            _attracting,
+            "saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, rotating ones too",
+            ("eigenvalues",),
+        ),
         formula=r"\lambda_u + \lambda_s < 0",
         proof=_theorems_6_to_8("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
     ),

@@ -7,11 +7,13 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, per_set
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine, Request
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.basin_boundary import BasinBoundary
 from tippedisk_verify.orbits.basins import basins
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -115,9 +117,18 @@ def _almost_all(audit: Audit, name: str) -> tuple[str, bool]:
     flat, inverted = shares["lies flat"], shares["inverted spinning"]
     text = (
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"
-        f" {100 * flat[0]:.0f} % lie flat"
+        f" {100 * flat[0]:.0f} % lie flat; {_boundary(parameters, omega, audit.engine)}"
     )
     return text, 1 - inverted[0] < inverted[1]
+
+
+def _boundary(parameters: Parameters, omega: Fraction, engine: Engine) -> str:
+    """How far from inverted spinning what separates the two passes."""
+    try:
+        room = BasinBoundary(parameters, omega, engine).margin((math.pi / 2, math.pi / 2, 0.0))
+    except (NoSuchCycleError, NoConnectionError, Shortfall):
+        return "no unstable rotating cycle found that separates them"
+    return f"the boundary between them is at {float(room):.4f} rad in beta from inverted spinning"
 
 
 #: In the order of the paper.
@@ -165,8 +176,12 @@ FRICTION_CLAIMS: tuple[Claim, ...] = (
         "above Omega_crit inverted spinning attracts almost all trajectories",
         "almost all",
         per_set(
-            _almost_all, f"{_STATES} starts over the whole strip between noninverted states, 20 s", ("trajectories",)
+            _almost_all,
+            f"{_STATES} starts over the whole strip between noninverted states, 20 s; a boundary told is the"
+            " stable manifold of an unstable rotating cycle, with its image under the point symmetry",
+            ("trajectories", "shooting"),
         ),
         formula=r"x(t) \to (\pi/2,\,\pi/2,\,0) \quad\text{for}\quad \Omega > \Omega_\text{crit}",
+        cost=3,
     ),
 )

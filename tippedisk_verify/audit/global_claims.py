@@ -12,28 +12,45 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.scenes import INITIAL_STATES, Ending
+from tippedisk_verify.orbits.scenes import INITIAL_STATES, Ending, Panel
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]
 
 
 def _scene(name: str, note: str) -> Examination:
-    def one(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
-        expected = "flat" if printed == "repelled" else printed
-        endings = [orbit.ending for orbit in audit.panel(name, set_name).orbits]
-        undecided = any(ending.kind == "undecided" for ending in endings)
-        outcome = None if undecided else all(ending.kind == expected for ending in endings)
-        return "; ".join(_said(ending) for ending in endings), outcome
+    return compared(
+        lambda audit, set_name, printed: _ends(audit.panel(name, set_name), printed), note, ("trajectories",)
+    )
 
-    return compared(one, note, ("trajectories",))
+
+def _ends(panel: Panel, *expected: str) -> tuple[str, bool | None]:
+    """What a panel's orbits end on, and whether that is as expected."""
+    endings = [orbit.ending for orbit in panel.orbits]
+    undecided = any(ending.kind == "undecided" for ending in endings)
+    outcome = None if undecided else all(ending.kind in expected for ending in endings)
+    return "; ".join(_said(ending) for ending in endings), outcome
+
+
+def _repelled(audit: Audit, name: str) -> tuple[str, bool | None]:
+    """Panel a, and whether its speed lies below the fold of the rotating cycles: from there up they hold orbits up."""
+    panel, fold = audit.panel("a", name), audit.rotation_fold(name)
+    if fold is None:
+        place, held_up = "no fold of rotating cycles found", True
+    else:
+        above = float(panel.omega) - fold["omega"]
+        side = "above" if above > 0 else "below"
+        place = f"{abs(above):.4f} rad/s {side} the rotating cycles' fold at {fold['omega']:.5f} rad/s"
+        held_up = above > 0
+    said, outcome = _ends(panel, "flat", *["rotating limit cycle"] * held_up)
+    return f"{said}; {place}", outcome
 
 
 def _said(ending: Ending) -> str:
     if ending.time is not None:
         return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
     if ending.amplitude is not None:
-        return f"limit cycle, {float(ending.amplitude):.4f} rad"
+        return f"{ending.kind}, {float(ending.amplitude):.4f} rad"
     return ending.kind
 
 
@@ -139,10 +156,15 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "Figure sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        _scene("a", "and go on past noninverted states until the disk lies flat, where the model ends"),
+        per_set(
+            _repelled,
+            "orbits go on past noninverted states; what can hold them up below Omega_h, a stable rotating cycle, exists"
+            " from the fold up only; the model ends where the disk lies flat",
+            ("trajectories", "shooting"),
+        ),
         formula=r"\Omega = \Omega_\text{h} - 0.1",
         figures=("scenes_3d", "scenes_2d"),
-        cost=4,
+        cost=6,
     ),
     *(
         Claim(

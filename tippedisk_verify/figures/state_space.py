@@ -38,13 +38,20 @@ def _clipped(states: Any) -> Any:
 
 
 def _last_turn(panel: Panel) -> Any:
-    """One period of the limit cycle, from the end of the orbit that has settled best; None elsewhere."""
+    """One period of the limit cycle, from the end of the orbit that has settled best; None elsewhere.
+
+    A rotating one is taken from one noninverted state to the next, in the middle well.
+    """
     import numpy
 
-    settled = [orbit for orbit in panel.orbits if orbit.ending.kind == "limit cycle"]
+    settled = [orbit for orbit in panel.orbits if orbit.ending.amplitude]
     if not settled:
         return None
     best = min(settled, key=lambda orbit: float(orbit.ending.amplitude.uncertainty) if orbit.ending.amplitude else 1.0)
+    if best.ending.kind == "rotating limit cycle":
+        well = numpy.floor((best.states[:, 1] + math.pi / 2) / (2 * math.pi))
+        first, last = numpy.flatnonzero(numpy.diff(well))[-2:] + 1
+        return best.states[first:last] - [0, 2 * math.pi * well[first], 0]
     falling = numpy.flatnonzero((best.states[:-1, 0] > math.pi / 2) & (best.states[1:, 0] <= math.pi / 2))
     return best.states[falling[-2] : falling[-1] + 2] if len(falling) > 1 else None
 

@@ -22,7 +22,7 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights, TurnMap
 
-__all__ = ["RotationFold", "rotation_fold"]
+__all__ = ["RotationFold", "fold_in_double", "rotation_fold"]
 
 _DIFFERENCE = 1e-5  # of the unknowns: errors of rounding and of the third derivatives are about alike, some 1e-9
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
@@ -74,6 +74,16 @@ def rotation_fold(
         if number.uncertainty > abs(number.value) / 10**digits:
             raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
     return fold
+
+
+def fold_in_double(family: RotatingFamily) -> dict[str, float]:
+    """The numbers of the family's fold to some ten digits, by their names in `RotationFold`. Raises as that does.
+
+    Nothing is compiled for them that the cycles' family does not need.
+    """
+    near, jacobian = _in_double(family.parameters, family.near_fold().at, family.engine)
+    numbers = _numbers(family.parameters, near, jacobian, family.engine, DOUBLE)
+    return {name: float(number) for name, number in numbers.items()}
 
 
 def _conditions(mapped: TurnMap) -> tuple[Any, Any, Any]:

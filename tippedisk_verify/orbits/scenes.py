@@ -7,6 +7,7 @@ model, needs the event sin(beta) = 0 as well. Nothing else is built for them.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -22,7 +23,17 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["INITIAL_STATES", "SCENES", "Ending", "Orbit", "Panel", "Scene", "scene_named", "section_amplitudes"]
+__all__ = [
+    "INITIAL_STATES",
+    "SCENES",
+    "Ending",
+    "Orbit",
+    "Panel",
+    "Scene",
+    "scene_named",
+    "section_amplitudes",
+    "top_leans",
+]
 
 _QUARTER = PI * Fraction(1, 2)
 #: The paper's initial states x_0^1 and x_0^2, as (beta, gamma, v) [rad, rad, rad/s].
@@ -36,6 +47,8 @@ _DURATION = 120
 _SAMPLES_PER_SECOND = 100
 # What an orbit ends on does not need the baseline's last digits, and they cost it tenfold.
 _LOOSER = 1e-10
+_FEWEST = 12  # crossings that tell what an orbit ends on
+_MOST_BENT = 0.5  # there the parabola's zero is a sixth farther than the line's
 # A section amplitude below this is close to the inverted state [rad].
 _SMALL = 0.05
 # Error of a section amplitude [rad]: the Taylor engine's dense output is as good as its steps, and an orbit near an
@@ -43,7 +56,9 @@ _SMALL = 0.05
 _TAYLOR_CROSSING_ERROR = 1e-12
 _SCIPY_CROSSING_ERROR = 1e-7
 
-AttractorKind = Literal["inverted spinning", "limit cycle", "flat", "undecided"]
+AttractorKind = Literal["inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"]
+#: What an amplitude is called in JSON.
+_AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "beta_bar_at_top"}
 
 
 @dataclass(frozen=True)
@@ -98,7 +113,8 @@ class Ending:
     kind: AttractorKind
     reason: str
     time: Measured | None = None  #: when the disk lies flat [s]
-    amplitude: Measured | None = None  #: |gamma - pi/2| of the limit cycle at beta = pi/2 [rad]
+    #: |gamma - pi/2| of the limit cycle at beta = pi/2, |beta - pi/2| of the rotating one at gamma = pi/2 [rad]
+    amplitude: Measured | None = None
     wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
 
     def json(self) -> dict[str, object]:
@@ -106,7 +122,7 @@ class Ending:
         if self.time is not None:
             entries["time"] = self.time.json()
         if self.amplitude is not None:
-            entries["gamma_bar_at_section"] = self.amplitude.json()
+            entries[_AMPLITUDES[self.kind]] = self.amplitude.json()
         if self.wells_passed is not None:
             entries["wells_passed"] = self.wells_passed
         return entries
@@ -195,54 +211,96 @@ def classified(
 ) -> tuple[Ending, tuple[Build, ...]]:
     """What an orbit ends on, and what was built to say so.
 
-    *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| at the crossings of
-    beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted spinning*: it is
-    asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05 rad. *Limit cycle*:
-    the changes A_(n+1) - A_n shrink geometrically, and the limit they tend to lies above 0.05 rad, with a remaining
-    distance below a hundredth of it. Anything else is *undecided*.
+    *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| modulo 2 pi at the
+    crossings of beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted
+    spinning*: it is asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05 rad.
+    *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically, and the limit they tend to lies above 0.05 rad, with
+    a remaining distance below a hundredth of it. *Rotating limit cycle*: beta has not crossed pi/2 for twelve turns of
+    gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has such a limit. Anything else is *undecided*.
     """
     if result.status is Status.FLAT:
         return _flat(result, request, engine, omega)
-    amplitudes = [float(value) for value in section_amplitudes(request.times, result)]
     error = _TAYLOR_CROSSING_ERROR if engine.measures_error else _SCIPY_CROSSING_ERROR
-    if len(amplitudes) < 12:
+    upright, amplitudes = section_amplitudes(request.times, result)
+    tops, leans = top_leans(request.times, result, float(omega))
+    # While beta stays on one side of pi/2 gamma goes one way: gamma' = -Omega cos(beta).
+    turns = leans[tops > upright[-1]] if len(upright) else leans
+    if len(turns) >= _FEWEST:
+        return _on_a_cycle("rotating limit cycle", turns.tolist(), error), ()
+    if len(amplitudes) < _FEWEST:
         return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
-    final = amplitudes[-1]
+    recent = amplitudes[-11:]
+    if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
+        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"), ()
+    return _on_a_cycle("limit cycle", amplitudes.tolist(), error), ()
+
+
+def _on_a_cycle(kind: AttractorKind, amplitudes: list[float], error: float) -> Ending:
+    """A cycle of that kind if the amplitudes, each off by ``error``, converge to one."""
     changes = [after - before for before, after in pairwise(amplitudes)]
-    if inverted_stable and max(changes[-10:]) < 0 and final < _SMALL:
-        return Ending("inverted spinning", f"section amplitude falls steadily, to {final:.2g} rad"), ()
     # The rate is measured where changes stand out of the amplitudes' own error; the last of these are the ones closest
     # to the limit. What happens after the last crossing follows from the last change, or from that error if it is less.
     telling = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
-    ratio = (telling[-1] / telling[0]) ** (1 / (len(telling) - 1)) if len(telling) > 2 else math.inf
+    ratio = _rate(telling)
     if ratio >= 1:
-        return Ending("undecided", "section amplitudes have not settled; integrate longer"), ()
+        return Ending("undecided", "section amplitudes have not settled; integrate longer")
+    # As a function of the amplitude the change is a line close to the cycle. A parabola through the two halves has a
+    # zero too if this is below 1; it is 1 at a fold of cycles, below which orbits slow down and then go on.
+    early, late = _rate(telling[:6]), _rate(telling[4:])
+    bend = 4 * telling[-1] * (late - early) / (sum(telling) * (1 - late) ** 2) if max(early, late) < 1 else 0.0
+    if bend > _MOST_BENT:
+        return Ending("undecided", "section amplitudes settle ever more slowly; integrate longer")
     remaining = max(abs(changes[-1]), error) * ratio / (1 - ratio)
-    limit = final + math.copysign(remaining, changes[-1])
+    limit = amplitudes[-1] + math.copysign(remaining, changes[-1])
     if limit > _SMALL and remaining < limit / 100:
         # Twice the distance still to go, because the ratio is an estimate.
         amplitude = Measured.of(limit, 2 * remaining + error)
-        return Ending("limit cycle", "section amplitudes converge geometrically", amplitude=amplitude), ()
-    return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away"), ()
+        return Ending(kind, "section amplitudes converge geometrically", amplitude=amplitude)
+    return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away")
 
 
-def section_amplitudes(times: Any, result: Result) -> Any:
-    """|gamma - pi/2| [rad] at the crossings of beta = pi/2 after the start.
+def _rate(changes: list[float]) -> float:
+    """The factor by which each change is smaller than the one before, on average; infinite if there are too few."""
+    return (changes[-1] / changes[0]) ** (1 / (len(changes) - 1)) if len(changes) > 2 else math.inf
 
-    Neighbouring samples enclose a crossing; Newton's method on the dense output (its slope is v) locates it.
+
+def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
+    """When [s] beta passes pi/2 after the start, and |gamma - pi/2| [rad] there, in the well that gamma is in."""
+    when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
+    return when, abs(_from_inverted(states[:, 1]))
+
+
+def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
+    """When [s] gamma passes pi/2 modulo 2 pi after the start, and |beta - pi/2| [rad] there."""
+    when, states = _crossings(times, result, lambda y: _from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0]))
+    return when, abs(states[:, 0] - math.pi / 2)
+
+
+def _from_inverted(gamma: Any) -> Any:
+    """gamma - pi/2 modulo 2 pi, from -pi to pi."""
+    return (gamma + math.pi / 2) % (2 * math.pi) - math.pi
+
+
+def _crossings(
+    times: Any, result: Result, offset: Callable[[Any], Any], slope: Callable[[Any], Any]
+) -> tuple[Any, Any]:
+    """Times and states (n, 3) where the offset from a section, with this slope in time, is zero after the start.
+
+    Neighbouring samples enclose a crossing; Newton's method on the dense output locates it.
     """
     if result.dense is None:
-        raise InputError("section amplitudes need dense output")
-    offset = result.samples[1:, 0] - math.pi / 2
-    index = numpy.flatnonzero(offset[:-1] * offset[1:] < 0)
+        raise InputError("crossings of a section need dense output")
+    offsets = offset(result.samples[1:])
+    left, right = offsets[:-1], offsets[1:]
+    index = numpy.flatnonzero((left * right < 0) & (abs(left - right) < math.pi))  # an angle's jump is no crossing
     if not len(index):
-        return numpy.empty(0)
-    left, right = offset[index], offset[index + 1]
-    crossing = times[index + 1] + (times[index + 2] - times[index + 1]) * left / (left - right)
+        return numpy.empty(0), numpy.empty((0, 3))
+    left, right = left[index], right[index]
+    when = times[index + 1] + (times[index + 2] - times[index + 1]) * left / (left - right)
     for _ in range(4):  # from a secant over 0.01 s the error is squared to below rounding
-        state = result.dense(crossing)
-        crossing = crossing - (state[:, 0] - math.pi / 2) / state[:, 2]
-    return abs(result.dense(crossing)[:, 1] - math.pi / 2)
+        states = result.dense(when)
+        when = when - offset(states) / slope(states)
+    return when, result.dense(when)
 
 
 def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
