@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Self
 
 import numpy
 
@@ -80,6 +80,10 @@ class BatchCycles:
     def log_multipliers(self) -> Any:
         """The sum of both logarithms, which is the integral of the divergence."""
         return self.log_multiplier_slow + self.log_multiplier_fast
+
+    def only(self, which: Any) -> Self:
+        """Some of them."""
+        return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
 
 
 @dataclass(frozen=True)

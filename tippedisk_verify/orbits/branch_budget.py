@@ -13,6 +13,7 @@ by starts moved much farther than rounding moves them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -42,7 +43,7 @@ class BranchBudget:
     """Half-widths of the numbers of cycles on a branch, measured on some of its nodes.
 
     ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
-    Rounding is measured on every so many nodes.
+    Rounding is measured on every so many nodes. ``scale``, of abscissas, times a spread is what is interpolated.
     """
 
     def __init__(
@@ -55,9 +56,10 @@ class BranchBudget:
         *,
         section: BatchSection = LIBRATING,
         every: int = _EVERY,
+        scale: Callable[[Array], Any] = numpy.ones_like,
     ) -> None:
-        self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
-        self._section, self._every = section, every
+        self._constants, self._nodes, self.s, self._room, self._lanes = constants, nodes, s, room, lanes
+        self._section, self._every, self._scale = section, every, scale
         by_omega = tuple(f"d{name}_domega" for name in ("period", *section.names))
         # Those of the multipliers follow (`multiplier_widths`).
         self._measured = ("period", *section.names, *section.measures, "log_multipliers", "map_multiplier", *by_omega)
@@ -75,20 +77,20 @@ class BranchBudget:
         """The same of the measured numbers."""
         s_known, spreads, slopes = self._sources
         last = numpy.abs(cycles.last_step).T
-        widths = {}
+        widths, scale = {}, self._scale(s)
         for name in self._measured:
-            widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) + 2 * _UNIT * numpy.abs(
+            widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) / scale + 2 * _UNIT * numpy.abs(
                 getattr(cycles, name)
             )
             for slope, step in zip(slopes.get(name, ()), last, strict=False):
-                widths[name] += _SLOPE * numpy.interp(s, s_known, slope) * step
+                widths[name] += _SLOPE * numpy.interp(s, s_known, slope) / scale * step
         return widths
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """On some nodes, in rising s: the spread of each number, and its change with the start."""
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
-        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -self._every), 0)
+        every = numpy.append(numpy.arange(len(self.s) - 1, 0, -self._every), 0)
         nodes, omegas, section = self._nodes, self._nodes.omega[every], self._section
         constants = numpy.broadcast_to(self._constants, (len(every), len(self._constants)))
         start = section.guess(nodes)[:, every]
@@ -105,7 +107,10 @@ class BranchBudget:
             guess = section.guess(cycles)
             for name, known in values.items():
                 known.append(getattr(cycles, name))
-        spreads = {name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
+        scale = self._scale(self.s[every])
+        spreads = {
+            name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0) * scale) for name, known in values.items()
+        }
         slopes: dict[str, list[Any]] = {name: [] for name in self._before}
         away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
         for index in range(3):
@@ -114,8 +119,9 @@ class BranchBudget:
             guessed = Guess(*guess)
             cycles = corrected(constants, omegas, guessed, self._lanes, section=section, tolerance=1e-5, whole=False)
             for name in self._before:
-                slopes[name].append(numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every]) / away[index])
-        return self._s[every], spreads, slopes
+                moved_by = numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every])
+                slopes[name].append(moved_by / away[index] * scale)
+        return self.s[every], spreads, slopes
 
 
 def multiplier_widths(
