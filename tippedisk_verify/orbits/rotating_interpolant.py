@@ -17,7 +17,6 @@ from contextlib import suppress
 from typing import Any
 
 import numpy
-from scipy.interpolate import CubicHermiteSpline
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
@@ -136,6 +135,8 @@ class RotatingInterpolant:
 
     def _between(self, points: Sequence[RotationPoint]) -> Any:
         """(beta_bar, v, T) over s by cubics between points of the family."""
+        from scipy.interpolate import CubicHermiteSpline
+
         omegas, slopes = numpy.array([(point.omega, point.tangent[2]) for point in points]).T
         s = self._abscissas(omegas, slopes < 0)
         values = numpy.array([(*point.at[:2], point.period) for point in points])
