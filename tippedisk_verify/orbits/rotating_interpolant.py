@@ -33,6 +33,8 @@ _NEAREST = 1.2e-4  # of Omega_h, the least distance from it: closer, and doubles
 _HELD = 1e-12  # the relative half-width of a number with twelve digits
 _EVERY = 3  # nodes between those where rounding is measured
 _AROUND_THE_FOLD = 3  # points on either side that tell where it is, to rounding if they are nodes
+_TRIES = 4  # at the nodes
+_FLAT = 0.01  # d(Omega) by arclength; |sigma| is some 1e-3 there, and Omega at the fold known to some 1e-10
 _NEWTON_STEPS = 8  # from a point next to the fold to where the slope is zero
 
 
@@ -110,9 +112,15 @@ class RotatingInterpolant:
         s = _chebyshev(bottom, top, count)
         sigma = self._sigma(s)
         stable, omegas = sigma < 0, self._fold + sigma**2
-        guess = Guess(*self._between(points)(s).T)
-        nodes = corrected(self._constants, omegas, guess, self._lanes, section=ROTATING)
-        if not nodes.converged.all():
+        known = list(points)
+        for _ in range(_TRIES):
+            guess = Guess(*self._between(known)(s).T)
+            nodes = corrected(self._constants, omegas, guess, self._lanes, section=ROTATING)
+            if nodes.converged.all():
+                break
+            # Stiff disks ask for better guesses: those that were found lead to their neighbours.
+            known = [*points, *(_point(nodes, k, stable[k]) for k in numpy.flatnonzero(nodes.converged).tolist())]
+        else:
             return
         # The nodes tell to more digits than the family's points where the fold is, and s feels that.
         if min(stable.sum(), (~stable).sum()) >= _AROUND_THE_FOLD:
@@ -137,10 +145,13 @@ class RotatingInterpolant:
         """(beta_bar, v, T) over s by cubics between points of the family."""
         from scipy.interpolate import CubicHermiteSpline
 
-        omegas, slopes = numpy.array([(point.omega, point.tangent[2]) for point in points]).T
+        # Next to the fold sigma is lost in rounding.
+        told = [point for point in points if abs(point.tangent[2]) > _FLAT]
+        told.sort(key=lambda point: math.copysign(point.omega - self._fold, point.tangent[2]))
+        omegas, slopes = numpy.array([(point.omega, point.tangent[2]) for point in told]).T
         s = self._abscissas(omegas, slopes < 0)
-        values = numpy.array([(*point.at[:2], point.period) for point in points])
-        rates = numpy.array([(*point.tangent[:2], point.period_rate) for point in points])
+        values = numpy.array([(*point.at[:2], point.period) for point in told])
+        rates = numpy.array([(*point.tangent[:2], point.period_rate) for point in told])
         return CubicHermiteSpline(s, values, rates * (2 * self._sigma(s) * numpy.exp(s) / slopes)[:, None])
 
     def _ratios(self, s: Array) -> Any:
