@@ -1,15 +1,18 @@
 """Limit cycles at many speeds at once, in double, one in each SIMD lane.
 
-The half-period problem with the flight time as an unknown: the flow over tau followed by the symmetry S must return to
-the start on the section. Without an event to stop at, a Newton step costs one variational flight per lane and nothing
-else. Runs that have converged leave; the others go on.
+With the flight time as an unknown: the flow over tau followed by the section's symmetry must return to the start. For
+librating cycles that is the point symmetry S after half a period, for rotating ones a turn of gamma back after a whole
+one. Without an event to stop at, a Newton step costs one variational flight per lane and nothing else. Runs that have
+converged leave; the others go on.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from typing import Any, Self
 
 import numpy
 
@@ -17,107 +20,242 @@ from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import acceleration, shifted
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.orbits.half_map import EXTREME, VARIATIONS
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.half_map import EXTREME, VARIATIONS, HalfFlights
+from tippedisk_verify.orbits.turn_map import BOTTOM, TurnFlights
 
-__all__ = ["Cycles", "Guess", "corrected", "flight_errors"]
+__all__ = [
+    "LIBRATING",
+    "ROTATING",
+    "BatchCycles",
+    "BatchSection",
+    "Cycles",
+    "Guess",
+    "RotatingCycles",
+    "corrected",
+    "flight_errors",
+    "measured_cycles",
+]
 
-_BACK = (1.0, -1.0, -1.0)  # S, the linear part
 _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
+_UNIT = 2.0**-53
 #: What a run keeps of its last step, and the shape of it.
-_LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "half_map": (2, 2), "residual": (), "trivial": ()}
+_LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "map": (2, 2), "residual": (), "trivial": ()}
 
 
 @dataclass(frozen=True)
 class Guess:
-    """Where to start: (n,) arrays."""
+    """Where to start: (n,) arrays of the section's two coordinates and of the flight time."""
 
-    gamma_bar_0: Array  #: [rad]
-    v_0: Array  #: [rad/s]
-    half_period: Array  #: [s]
+    first: Array  #: gamma_bar_0, or beta_bar_top [rad]
+    second: Array  #: v_0, or v_top [rad/s]
+    flight: Array  #: half a period, or a whole one [s]
 
 
 @dataclass(frozen=True)
-class Cycles:
+class BatchCycles:
     """n limit cycles as (n,) arrays of doubles; NaN where none was found."""
 
     omega: Array  #: [rad/s]
     period: Array  #: T [s]
-    gamma_bar_0: Array  #: [rad]
     v_0: Array  #: [rad/s]
     beta_max: Array  #: [rad]
-    half_multiplier: Array  #: of the half map, the larger one; of a complex pair its modulus, signed [1]
-    multiplier_slow: Array  #: its square [1]
+    map_multiplier: Array  #: of the section's map, the larger one; of a complex pair its modulus, signed [1]
+    multiplier_slow: Array  #: of a whole period [1]
     log_multiplier_slow: Array
     log_multiplier_fast: Array
     trivial_multiplier_defect: Array
     dperiod_domega: Array  #: [s^2/rad]
-    dgamma_bar_0_domega: Array  #: [s]
-    dv_0_domega: Array  #: [1]
     converged: Any  #: whether Newton's iteration ended
-    residual: Array  #: |S(flow) - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
-    last_step: Array  #: (n, 3) the last Newton step, of (gamma_bar_0, v_0, T / 2): derivatives were taken before it
-    sensitivity: Array  #: (n, 3, 3) d(gamma_bar_0, v_0, tau) / d(end of the flight), what an error in the flow does
+    residual: Array  #: |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
+    last_step: Array  #: (n, 3) the last Newton step, of the `Guess`: derivatives were taken before it
+    sensitivity: Array  #: (n, 3, 3) d(the `Guess`) / d(end of the flight), what an error in the flow does
 
     @property
     def log_multipliers(self) -> Any:
         """The sum of both logarithms, which is the integral of the divergence."""
         return self.log_multiplier_slow + self.log_multiplier_fast
 
+    def only(self, which: Any) -> Self:
+        """Some of them."""
+        return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
+
+
+@dataclass(frozen=True)
+class Cycles(BatchCycles):
+    """Librating ones; `cycles.LimitCycle` says what each number is."""
+
+    gamma_bar_0: Array  #: [rad]
+    dgamma_bar_0_domega: Array  #: [s]
+    dv_0_domega: Array  #: [1]
+
+
+@dataclass(frozen=True)
+class RotatingCycles(BatchCycles):
+    """Rotating ones; `cycles.RotatingCycle` says what each number is."""
+
+    beta_bar_top: Array  #: [rad]
+    v_top: Array  #: [rad/s]
+    beta_bar_0: Array  #: [rad]
+    dbeta_bar_top_domega: Array  #: [s]
+    dv_top_domega: Array  #: [1]
+
+
+@dataclass(frozen=True)
+class BatchSection:
+    """Where the cycles of a kind start, and what closes them."""
+
+    flights: type[HalfFlights]  #: the same section for one cycle at a time
+    cycles: type[BatchCycles]  #: what many of them are
+    across: int  #: the component of the state that is fixed there
+    unknowns: list[int]  #: the other two
+    moving: tuple[int, ...]  #: those that change there
+    image: float  #: the linear part of the symmetry that follows the flow
+    turn: tuple[float, float]  #: by how much the fixed component grows, and what its rounding left [rad]
+    possible: Callable[[Array, Array], Any]  #: which coordinates a start may have
+    measures: tuple[str, ...]  #: what the events of a flight give
+
+    @property
+    def laps(self) -> int:
+        """Flights that make up a period."""
+        return self.flights.per_period
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the two coordinates."""
+        return self.flights.unknowns
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """All numbers of a cycle that have half-widths."""
+        by_omega = (f"d{name}_domega" for name in ("period", *self.names))
+        multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
+        return ("period", *self.names, *self.measures, *multipliers, *by_omega)
+
+    def guess(self, cycles: BatchCycles) -> Any:
+        """(3, n): what Newton's iteration starts from to find these cycles again."""
+        first, second = (getattr(cycles, name) for name in self.names)
+        return numpy.stack((first, second, cycles.period / self.laps))
+
+
+#: gamma' is zero on the section, and v < 0 tells its sides apart.
+LIBRATING = BatchSection(
+    flights=HalfFlights,
+    cycles=Cycles,
+    across=0,
+    unknowns=[1, 2],
+    moving=(0, 2),
+    image=-1.0,
+    turn=(0.0, 0.0),
+    possible=lambda gamma_bar, v: (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0),
+    measures=("beta_max",),
+)
+#: 2 pi is not a double: the difference is known.
+ROTATING = BatchSection(
+    flights=TurnFlights,
+    cycles=RotatingCycles,
+    across=1,
+    unknowns=[0, 2],
+    moving=(0, 1, 2),
+    image=1.0,
+    turn=(2 * math.pi, 2.4492935982947064e-16),
+    possible=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < math.pi / 2),
+    measures=("beta_max", "beta_bar_0", "v_0"),
+)
+
 
 def corrected(
-    constants: Any, omegas: Any, guess: Guess, lanes: BatchTaylor, *, whole: bool = True, tolerance: Any = _SMALL_STEP
-) -> Cycles:
-    """Newton's iteration for every speed, then all numbers of the cycles found.
+    constants: Any,
+    omegas: Any,
+    guess: Guess,
+    lanes: BatchTaylor,
+    *,
+    section: BatchSection = LIBRATING,
+    whole: bool = True,
+    tolerance: Any = _SMALL_STEP,
+) -> Any:
+    """Newton's iteration for every speed, then all numbers of the cycles found, as the section's ``cycles``.
 
-    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`. With ``whole=False`` beta_max and the fast
-    multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after
-    which it ends.
+    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`. With ``whole=False`` the section's ``measures``
+    and the fast multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative
+    step after which it ends.
     """
     omegas = numpy.asarray(omegas, dtype=float)
-    count = len(omegas)
+    count, laps = len(omegas), section.laps
     tolerance = numpy.broadcast_to(tolerance, count)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
-    unknowns = numpy.stack((guess.gamma_bar_0, guess.v_0, guess.half_period), axis=1).astype(float)
-    converged, last = _iterated(constants, omegas, unknowns, tolerance, lanes)
-    (a, b), (c, d) = last["half_map"].transpose(1, 2, 0)
+    unknowns = numpy.stack((guess.first, guess.second, guess.flight), axis=1).astype(float)
+    converged, last = _iterated(constants, omegas, unknowns, tolerance, lanes, section)
+    (a, b), (c, d) = last["map"].transpose(1, 2, 0)
     trace, determinant = a + d, a * d - b * c
     discriminant = trace**2 / 4 - determinant
     root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
     # Of a complex pair the modulus, with the sign that the larger one has where they meet.
-    half = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
-    slow = half**2
-    log_slow = numpy.log(slow)
-    beta_max = log_fast = numpy.full(count, numpy.nan)
+    larger = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
+    slow = larger**laps
+    log_slow = numpy.log(numpy.abs(slow))
+    measures = dict.fromkeys(section.measures, numpy.full(count, numpy.nan))
+    log_fast = numpy.full(count, numpy.nan)
     if whole:
-        beta_max, divergence = _turned(constants, omegas, unknowns, converged, lanes)
-        log_fast = 2 * divergence - log_slow
-    return Cycles(
+        measures, divergence = _measured(constants, omegas, unknowns, converged, lanes, section)
+        log_fast = laps * divergence - log_slow
+    first, second = section.names
+    numbers = {first: unknowns[:, 0], second: unknowns[:, 1], **measures}
+    for index, name in enumerate(section.names):
+        numbers[f"d{name}_domega"] = last["by_omega"][:, index]
+    return section.cycles(
         omega=omegas,
-        period=2 * unknowns[:, 2],
-        gamma_bar_0=unknowns[:, 0],
-        v_0=unknowns[:, 1],
-        beta_max=beta_max,
-        half_multiplier=half,
+        period=laps * unknowns[:, 2],
+        map_multiplier=larger,
         multiplier_slow=slow,
         log_multiplier_slow=log_slow,
         log_multiplier_fast=log_fast,
-        trivial_multiplier_defect=abs(last["trivial"] ** 2 - 1),
-        dperiod_domega=2 * last["by_omega"][:, 2],
-        dgamma_bar_0_domega=last["by_omega"][:, 0],
-        dv_0_domega=last["by_omega"][:, 1],
+        trivial_multiplier_defect=abs(last["trivial"] ** laps - 1),
+        dperiod_domega=laps * last["by_omega"][:, 2],
         converged=converged,
         residual=last["residual"],
         last_step=last["step"],
         sensitivity=last["inverse"],
+        **numbers,
     )
 
 
+def measured_cycles(
+    cycles: BatchCycles, widths: dict[str, Array], section: BatchSection, parameters: Parameters
+) -> Any:
+    """A list of the result objects that single speeds give, with these half-widths (n,) of the section's numbers."""
+    columns = {name: (getattr(cycles, name).tolist(), widths[name].tolist()) for name in section.numbers}
+    defects, residuals = cycles.trivial_multiplier_defect.tolist(), cycles.residual.tolist()
+    results = []
+    for index, omega in enumerate(cycles.omega.tolist()):
+        measured = {
+            name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
+            for name, (values, uncertainties) in columns.items()
+        }
+        slow = measured["multiplier_slow"]
+        certain = abs(abs(slow.value) - 1) > slow.uncertainty
+        results.append(
+            section.flights.result(
+                omega=Measured(Fraction(omega), Fraction(0)),
+                **measured,
+                trivial_multiplier_defect=Measured.of(defects[index], 2 * defects[index] + 2 * _UNIT),
+                stable=bool(abs(slow.value) < 1) if certain else None,
+                residuals=(residuals[index],),
+                parameters=parameters,
+                engine="lanes",
+                precision=DOUBLE.name,
+            )
+        )
+    return results
+
+
 def _iterated(
-    constants: Array, omegas: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor
+    constants: Array, omegas: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: BatchSection
 ) -> tuple[Any, dict[str, Any]]:
     """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
 
@@ -126,15 +264,15 @@ def _iterated(
     count = len(omegas)
     last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
     converged = numpy.zeros(count, dtype=bool)
-    active = numpy.flatnonzero(_possible(unknowns))
+    active = numpy.flatnonzero(_possible(unknowns, section))
     smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
     for _ in range(_MOST_STEPS):
         if not len(active):
             break
-        step = _Step(constants[active], omegas[active], unknowns[active], lanes)
+        step = _Step(constants[active], omegas[active], unknowns[active], lanes, section)
         unknowns[active] += step.step
         size = numpy.abs(step.step).max(axis=1)
-        inside = _possible(unknowns[active]) & (unknowns[active, 0] > smallest[active])
+        inside = _possible(unknowns[active], section) & (unknowns[active, 0] > smallest[active])
         small = inside & (size <= tolerance[active] * numpy.abs(unknowns[active]).max(axis=1))
         converged[active[small]] = True
         for name, values in last.items():
@@ -144,61 +282,76 @@ def _iterated(
     return converged, last
 
 
-def _possible(unknowns: Array) -> Any:
-    """Which runs may go on: on the right side of the section, within the well, and forward in time."""
-    gamma_bar, v, half_period = unknowns.T
-    inside = (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0) & (half_period > 0) & (half_period < _LONGEST)
+def _possible(unknowns: Array, section: BatchSection) -> Any:
+    """Which runs may go on: within the section, and forward in time."""
+    first, second, flight = unknowns.T
+    inside = section.possible(first, second) & (flight > 0) & (flight < _LONGEST)
     return inside & numpy.isfinite(unknowns).all(axis=1)
 
 
-def _starts(unknowns: Array) -> Array:
-    return numpy.stack((numpy.zeros(len(unknowns)), unknowns[:, 0], unknowns[:, 1]), axis=1)
+def _starts(unknowns: Array, section: BatchSection) -> Array:
+    starts = numpy.zeros((len(unknowns), 3))
+    starts[:, section.unknowns] = unknowns[:, :2]
+    return starts
 
 
-def _errors(flights: BatchResult, unknowns: Array) -> Array:
-    """How far S of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
-    beta, gamma, v = flights.states.T
-    return numpy.stack((beta, -gamma - unknowns[:, 0], -v - unknowns[:, 1]), axis=1)
+def _errors(flights: BatchResult, starts: Array, section: BatchSection) -> Array:
+    """How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
+    errors = section.image * flights.states - starts
+    for part in section.turn:
+        errors[:, section.across] -= part
+    return errors
 
 
 def flight_errors(constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor) -> Array:
     """(n, 3) errors at the end of half a period from (gamma_bar_0, v_0, T / 2), as `Cycles.sensitivity` takes them."""
-    flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True)
-    return _errors(flights, unknowns) * _BACK
+    starts = _starts(unknowns, LIBRATING)
+    flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True)
+    return _errors(flights, starts, LIBRATING) * LIBRATING.image
+
+
+def _rates(constants: Array, omegas: Array, states: Array) -> Array:
+    """(n, 3): the field at shifted states."""
+    beta, gamma, v = states.T
+    field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
+    v_rate = acceleration(shifted(numpy), field, omegas, beta, gamma, v, "linear")
+    return numpy.stack((v, omegas * numpy.sin(beta), v_rate), axis=1)
 
 
 class _Step:
     """One Newton step of every run that is still under way."""
 
-    def __init__(self, constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor) -> None:
-        flights = lanes(constants, omegas, _starts(unknowns), unknowns[:, 2], shifted=True, variations=VARIATIONS)
-        beta, gamma, v = flights.states.T
-        ops = shifted(numpy)
-        field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
-        v_rate = acceleration(ops, field, omegas, beta, gamma, v, "linear")
-        gamma_rate = omegas * numpy.sin(beta)
-        errors = _errors(flights, unknowns)
-        rows = flights.derivatives
+    def __init__(
+        self, constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor, section: BatchSection
+    ) -> None:
+        starts = _starts(unknowns, section)
+        flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
+        rates = _rates(constants, omegas, flights.states)
+        errors = _errors(flights, starts, section)
+        rows, free = flights.derivatives, section.unknowns
         matrix = numpy.empty((len(omegas), 3, 3))
-        matrix[:, 0, :2], matrix[:, 0, 2] = rows[:, 0, 1:3], v
-        matrix[:, 1, :2], matrix[:, 1, 2] = -rows[:, 1, 1:3], -gamma_rate
-        matrix[:, 2, :2], matrix[:, 2, 2] = -rows[:, 2, 1:3], -v_rate
-        matrix[:, 1, 0] -= 1
-        matrix[:, 2, 1] -= 1
-        # The Rayleigh quotient of the half map on the flow's direction (v, 0, v'); the linear part of S is -1.
-        beta_start, gamma_start, v_start = _starts(unknowns).T
-        start_rate = acceleration(ops, field, omegas, beta_start, gamma_start, v_start, "linear")
-        beta_image = rows[:, 0, 0] * v_start + rows[:, 0, 2] * start_rate
-        v_image = rows[:, 2, 0] * v_start + rows[:, 2, 2] * start_rate
-        self.trivial = -(v_start * beta_image + start_rate * v_image) / (v_start**2 + start_rate**2)
-        signs = numpy.array(_BACK)
-        self.inverse = _inverse(matrix) * signs
-        self.step = -(self.inverse @ (errors * signs)[:, :, None])[:, :, 0]
+        matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, free], section.image * rates
+        for column, axis in enumerate(free):
+            matrix[:, axis, column] -= 1
+        # The Rayleigh quotient of flow and image on the flow's direction.
+        direction = _rates(constants, omegas, starts)
+        along = [direction[:, k, None] for k in range(3)]
+        images = rows[:, :, 0] * along[0] + rows[:, :, 1] * along[1] + rows[:, :, 2] * along[2]
+        self.trivial = section.image * _summed(images * direction) / _summed(direction**2)
+        self.inverse = _inverse(matrix) * section.image
+        self.step = -(self.inverse @ (errors * section.image)[:, :, None])[:, :, 0]
         self.by_omega = -(self.inverse @ rows[:, :, 3:])[:, :, 0]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
-        # The map on the section: time moves with the start, dt = -d(beta)/v, and gamma' is zero there.
-        flight = -rows[:, 0, 1:3] / v[:, None]
-        self.half_map = -numpy.stack((rows[:, 1, 1:3], rows[:, 2, 1:3] + v_rate[:, None] * flight), axis=1)
+        # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
+        flight = -rows[:, section.across, free] / rates[:, section.across, None]
+        moved = [
+            rows[:, k, free] + rates[:, k, None] * flight if k in section.moving else rows[:, k, free] for k in free
+        ]
+        self.map = section.image * numpy.stack(moved, axis=1)
+
+
+def _summed(parts: Array) -> Any:
+    return parts[:, 0] + parts[:, 1] + parts[:, 2]
 
 
 def _inverse(matrices: Array) -> Any:
@@ -212,26 +365,30 @@ def _inverse(matrices: Array) -> Any:
         return inverses
 
 
-def _turned(
-    constants: Array, omegas: Array, unknowns: Array, converged: Any, lanes: BatchTaylor
-) -> tuple[Array, Array]:
-    """beta_max and the integral of the divergence over half a period."""
-    beta_max, divergence = numpy.full(len(omegas), numpy.nan), numpy.full(len(omegas), numpy.nan)
+def _measured(
+    constants: Array, omegas: Array, unknowns: Array, converged: Any, lanes: BatchTaylor, section: BatchSection
+) -> tuple[dict[str, Array], Array]:
+    """The section's measures, and the integral of the divergence over a flight."""
+    measures = {name: numpy.full(len(omegas), numpy.nan) for name in section.measures}
+    divergence = numpy.full(len(omegas), numpy.nan)
     solved = numpy.flatnonzero(converged)
     if len(solved):
         states = unknowns[solved]
         flights = lanes(
             constants[solved],
             omegas[solved],
-            _starts(states),
+            _starts(states, section),
             states[:, 2],
             shifted=True,
             divergence=True,
-            events=(EXTREME,),
+            events=section.flights.recorded,
         )
         divergence[solved] = flights.divergence
         largest = numpy.zeros(len(solved))
-        for _, run, _, (beta, _, _) in flights.crossings:
-            largest[run] = max(largest[run], abs(beta))
-        beta_max[solved] = largest
-    return beta_max, divergence
+        for name, run, _, (beta, _, v) in flights.crossings:
+            if name == EXTREME.name:
+                largest[run] = max(largest[run], abs(beta))
+            elif name == BOTTOM.name:
+                measures["beta_bar_0"][solved[run]], measures["v_0"][solved[run]] = beta, v
+        measures["beta_max"][solved] = largest
+    return measures, divergence

@@ -13,6 +13,7 @@ by starts moved much farther than rounding moves them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy
 
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
+from tippedisk_verify.orbits.batch_shooting import LIBRATING, BatchCycles, BatchSection, Guess, corrected
 
 __all__ = ["BranchBudget", "largest_nearby", "multiplier_widths"]
 
@@ -37,46 +38,63 @@ _START_SHIFT = 1e-5  # of the distance to the nearer end; Newton's iteration the
 _SLOPE = 2
 _UNIT = 2.0**-53
 
-#: Numbers whose error is measured; those of the multipliers follow (`multiplier_widths`).
-_MEASURED = (
-    *("period", "gamma_bar_0", "v_0", "beta_max", "half_multiplier", "log_multipliers"),
-    *("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega"),
-)
-#: Those that are taken before the last Newton step.
-_BEFORE = ("half_multiplier", "dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
-
 
 class BranchBudget:
     """Half-widths of the numbers of cycles on a branch, measured on some of its nodes.
 
     ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
+    Rounding is measured on every so many nodes. ``scale``, of abscissas, times a spread is what is interpolated.
     """
 
-    def __init__(self, constants: Array, nodes: Cycles, s: Array, room: Array, lanes: BatchTaylor) -> None:
-        self._constants, self._nodes, self._s, self._room, self._lanes = constants, nodes, s, room, lanes
+    def __init__(
+        self,
+        constants: Array,
+        nodes: BatchCycles,
+        s: Array,
+        room: Array,
+        lanes: BatchTaylor,
+        *,
+        section: BatchSection = LIBRATING,
+        every: int = _EVERY,
+        scale: Callable[[Array], Any] = numpy.ones_like,
+    ) -> None:
+        self._constants, self._nodes, self.s, self._room, self._lanes = constants, nodes, s, room, lanes
+        self._section, self._every, self._scale = section, every, scale
+        by_omega = tuple(f"d{name}_domega" for name in ("period", *section.names))
+        # Those of the multipliers follow (`multiplier_widths`).
+        self._measured = ("period", *section.names, *section.measures, "log_multipliers", "map_multiplier", *by_omega)
+        #: Those that are taken before the last Newton step.
+        self._before = ("map_multiplier", *by_omega)
 
-    def half_widths(self, cycles: Cycles, s: Array) -> dict[str, Any]:
-        """(n,) half-widths of the measured numbers of n cycles at the abscissas ``s``."""
+    def all_half_widths(self, cycles: BatchCycles, s: Array) -> dict[str, Any]:
+        """(n,) half-widths of all numbers of n cycles at the abscissas ``s``."""
+        widths = self.half_widths(cycles, s)
+        larger, both = widths.pop("map_multiplier"), widths.pop("log_multipliers")
+        laps = self._section.laps
+        return widths | multiplier_widths(cycles.map_multiplier, cycles.log_multipliers, larger, both, laps)
+
+    def half_widths(self, cycles: BatchCycles, s: Array) -> dict[str, Any]:
+        """The same of the measured numbers."""
         s_known, spreads, slopes = self._sources
         last = numpy.abs(cycles.last_step).T
-        widths = {}
-        for name in _MEASURED:
-            widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) + 2 * _UNIT * numpy.abs(
+        widths, scale = {}, self._scale(s)
+        for name in self._measured:
+            widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) / scale + 2 * _UNIT * numpy.abs(
                 getattr(cycles, name)
             )
             for slope, step in zip(slopes.get(name, ()), last, strict=False):
-                widths[name] += _SLOPE * numpy.interp(s, s_known, slope) * step
+                widths[name] += _SLOPE * numpy.interp(s, s_known, slope) / scale * step
         return widths
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """On some nodes, in rising s: the spread of each number, and its change with the start."""
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
-        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)
-        nodes, omegas = self._nodes, self._nodes.omega[every]
+        every = numpy.append(numpy.arange(len(self.s) - 1, 0, -self._every), 0)
+        nodes, omegas, section = self._nodes, self._nodes.omega[every], self._section
         constants = numpy.broadcast_to(self._constants, (len(every), len(self._constants)))
-        start = numpy.stack((nodes.gamma_bar_0, nodes.v_0, nodes.period / 2))[:, every]
-        values = {name: [getattr(nodes, name)[every]] for name in _MEASURED}
+        start = section.guess(nodes)[:, every]
+        values = {name: [getattr(nodes, name)[every]] for name in self._measured}
         random, guess = numpy.random.default_rng(1), start
 
         def bits(shape: tuple[int, ...]) -> Any:
@@ -85,36 +103,45 @@ class BranchBudget:
 
         for _ in range(TWINS):
             moved = constants * bits(constants.shape)
-            cycles = corrected(moved, omegas, Guess(*guess), self._lanes, tolerance=1e-5)
-            guess = numpy.stack((cycles.gamma_bar_0, cycles.v_0, cycles.period / 2))
+            cycles = corrected(moved, omegas, Guess(*guess), self._lanes, section=section, tolerance=1e-5)
+            guess = section.guess(cycles)
             for name, known in values.items():
                 known.append(getattr(cycles, name))
-        spreads = {name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0)) for name, known in values.items()}
-        slopes: dict[str, list[Any]] = {name: [] for name in _BEFORE}
+        scale = self._scale(self.s[every])
+        spreads = {
+            name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0) * scale) for name, known in values.items()
+        }
+        slopes: dict[str, list[Any]] = {name: [] for name in self._before}
         away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
         for index in range(3):
             guess = start.copy()
             guess[index] += away[index]
-            cycles = corrected(constants, omegas, Guess(*guess), self._lanes, tolerance=1e-5, whole=False)
-            for name in _BEFORE:
-                slopes[name].append(numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every]) / away[index])
-        return self._s[every], spreads, slopes
+            guessed = Guess(*guess)
+            cycles = corrected(constants, omegas, guessed, self._lanes, section=section, tolerance=1e-5, whole=False)
+            for name in self._before:
+                moved_by = numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every])
+                slopes[name].append(moved_by / away[index] * scale)
+        return self.s[every], spreads, slopes
 
 
-def multiplier_widths(half: Array, both: Array, half_width: Array, both_width: Array) -> dict[str, Any]:
-    """Half-widths of the multipliers' numbers from those of the half map's multiplier and of the logarithms' sum.
+def multiplier_widths(
+    larger: Array, both: Array, larger_width: Array, both_width: Array, laps: int = 2
+) -> dict[str, Any]:
+    """Half-widths of the multipliers' numbers from those of the map's multiplier and of the logarithms' sum.
 
-    Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
-    multiplier may be at most.
+    ``laps`` flights of the map make up a period. Where rounding leaves the slow multiplier undecided its logarithm lies
+    between half of the sum and what the multiplier may be at most.
     """
-    size = numpy.abs(half)
+    size = numpy.abs(larger)
     with numpy.errstate(divide="ignore", invalid="ignore"):
-        log_slow = 2 * numpy.log(size)
-        resolved = 2 * half_width < size
-        lost = numpy.maximum(log_slow - both / 2 + both_width, 2 * numpy.log(size + half_width) - log_slow)
-        width = numpy.where(resolved, 2 * half_width / (size - half_width), lost) + 8 * _UNIT * numpy.abs(log_slow)
+        log_slow = laps * numpy.log(size)
+        resolved = 2 * larger_width < size
+        lost = numpy.maximum(log_slow - both / 2 + both_width, laps * numpy.log(size + larger_width) - log_slow)
+        width = numpy.where(resolved, laps * larger_width / (size - larger_width), lost)
+        width += 8 * _UNIT * numpy.abs(log_slow)
+    slow_width = 2 * size * larger_width + larger_width**2 if laps == 2 else larger_width
     return {
-        "multiplier_slow": 2 * size * half_width + half_width**2 + 4 * _UNIT * half**2,
+        "multiplier_slow": slow_width + 4 * _UNIT * size**laps,
         "log_multiplier_slow": width,
         "log_multiplier_fast": width + both_width,
     }

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -23,11 +22,11 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.averaged import averaged
-from tippedisk_verify.orbits.batch_shooting import Cycles, Guess, corrected
+from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
 from tippedisk_verify.orbits.branch_budget import BranchBudget, largest_nearby, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.harmonic_balance import section_start
@@ -38,20 +37,6 @@ __all__ = ["BranchInterpolant", "Values"]
 _GROUP = 8  # nodes that are solved together
 _NODES_PER_UNIT = 12  # of s; the coefficients then fall to rounding, a hundredfold with every eight nodes
 _UNIT = 2.0**-53
-
-_NUMBERS = (
-    "period",
-    "gamma_bar_0",
-    "v_0",
-    "beta_max",
-    "multiplier_slow",
-    "log_multiplier_slow",
-    "log_multiplier_fast",
-    "dperiod_domega",
-    "dgamma_bar_0_domega",
-    "dv_0_domega",
-)
-
 
 #: Amplitudes: their squares are analytic at the Hopf point; with the sign of the amplitude itself.
 _SQUARED = {"gamma_bar_0": 1, "v_0": -1, "beta_max": 1}
@@ -196,9 +181,7 @@ class BranchInterpolant:
 
     def half_widths(self, cycles: Cycles) -> dict[str, Array]:
         """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays."""
-        widths = self._budget.half_widths(cycles, numpy.log(cycles.omega - self.omega_h))
-        half, both = widths.pop("half_multiplier"), widths.pop("log_multipliers")
-        return widths | multiplier_widths(cycles.half_multiplier, cycles.log_multipliers, half, both)
+        return self._budget.all_half_widths(cycles, numpy.log(cycles.omega - self.omega_h))
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
@@ -219,13 +202,13 @@ class BranchInterpolant:
             if name in _SQUARED:
                 values[name] = _SQUARED[name] * numpy.sqrt(at * below)
                 widths[name] = error * below / (2 * numpy.abs(values[name]))
-            elif name == "half_multiplier":
+            elif name == "map_multiplier":
                 values[name], widths[name] = 1 - at * below, error * below
             else:
                 values[name], widths[name] = at, error
             widths[name] += 4 * _UNIT * numpy.abs(values[name])
-        half, both = values.pop("half_multiplier"), values.pop("log_multipliers")
-        of_multipliers = multiplier_widths(half, both, widths.pop("half_multiplier"), widths.pop("log_multipliers"))
+        half, both = values.pop("map_multiplier"), values.pop("log_multipliers")
+        of_multipliers = multiplier_widths(half, both, widths.pop("map_multiplier"), widths.pop("log_multipliers"))
         del of_multipliers["multiplier_slow"]
         log_slow = 2 * numpy.log(numpy.abs(half))
         return Values(
@@ -243,14 +226,14 @@ class BranchInterpolant:
         widths = self._budget.half_widths(nodes, self._s)
         for name in _SQUARED:
             widths[name] = widths[name] * 2 * numpy.abs(getattr(nodes, name)) / below
-        widths["half_multiplier"] = widths["half_multiplier"] / below
+        widths["map_multiplier"] = widths["map_multiplier"] / below
         return {name: (value, widths[name]) for name, value in self._analytic(nodes).items()}
 
     def _analytic(self, cycles: Cycles) -> dict[str, Any]:
         """Those of the cycles' numbers that are interpolated, made analytic up to the Hopf point."""
         below = self.omega_crit - cycles.omega
         scaled = {name: getattr(cycles, name) ** 2 / below for name in _SQUARED}
-        scaled["half_multiplier"] = (1 - cycles.half_multiplier) / below
+        scaled["map_multiplier"] = (1 - cycles.map_multiplier) / below
         return scaled | {"period": cycles.period, "log_multipliers": cycles.log_multipliers}
 
     @cached_property
@@ -315,28 +298,7 @@ class BranchInterpolant:
         if not solved.converged.all():
             lost = solved.omega[~solved.converged][0]
             raise NoSuchCycleError(f"the iteration has not converged at {lost:.10g} rad/s")
-        widths = self.half_widths(solved)
-        cycles = []
-        for index, omega in enumerate(solved.omega.tolist()):
-            measured = {
-                name: Measured(Fraction(float(getattr(solved, name)[index])), Fraction(float(widths[name][index])))
-                for name in _NUMBERS
-            }
-            defect = float(solved.trivial_multiplier_defect[index])
-            slow = measured["multiplier_slow"]
-            certain = abs(slow.value - 1) > slow.uncertainty
-            cycles.append(
-                LimitCycle(
-                    omega=Measured(Fraction(omega), Fraction(0)),
-                    **measured,
-                    trivial_multiplier_defect=Measured.of(defect, 2 * defect + 2 * _UNIT),
-                    stable=bool(slow.value < 1) if certain else None,
-                    residuals=(float(solved.residual[index]),),
-                    parameters=self.parameters,
-                    engine="lanes",
-                    precision=DOUBLE.name,
-                )
-            )
+        cycles: list[LimitCycle] = measured_cycles(solved, self.half_widths(solved), LIBRATING, self.parameters)
         return cycles
 
 

@@ -25,11 +25,11 @@ from tippedisk_verify.orbits.near_connection import cycle_at
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "Branch", "family"]
+__all__ = ["DEFAULT_COUNT", "MANY", "Branch", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 _MOST = 1_000_000
-_MANY = 100  # speeds from which on it pays to compile for all lanes of the SIMD registers
+MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def family(
         speeds = [checked_speed(omega) for omega in omegas]
         if not 0 < len(speeds) <= _MOST:
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-        if len(speeds) >= _MANY and parameters.friction == "linear":
+        if len(speeds) >= MANY and parameters.friction == "linear":
             yield from _together(parameters, [float(speed) for speed in speeds], engine)
         else:
             yield from _one_by_one(parameters, speeds, engine)

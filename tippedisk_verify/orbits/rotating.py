@@ -6,13 +6,17 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 
+import numpy
+
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branches import MANY
 from tippedisk_verify.orbits.cycle_budget import Shot
 from tippedisk_verify.orbits.cycles import RotatingCycle
 from tippedisk_verify.orbits.half_map import newton_step
@@ -26,6 +30,7 @@ from tippedisk_verify.orbits.near_connection import (
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import converged, cycle_from, measured_cycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily, unstable_top
+from tippedisk_verify.orbits.rotating_interpolant import RotatingInterpolant
 from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.splitting import splitting_zero
 from tippedisk_verify.orbits.turn_map import TurnFlights
@@ -109,9 +114,13 @@ def rotating_branch(
     The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. Raises InputError for
     speeds that are no positive decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
+    speeds = None if omegas is None else [checked_speed(omega) for omega in omegas]
     family = RotatingFamily(parameters, engine)
-    if omegas is not None:
-        for speed in [checked_speed(omega) for omega in omegas]:
+    if speeds is not None:
+        if len(speeds) >= MANY and parameters.friction == "linear":
+            yield from _together(family, [Fraction(float(speed)) for speed in speeds])
+            return
+        for speed in speeds:
             if speed < family.omega_h:
                 yield of_family(family, speed, stable=True, digits=_DOUBLE_DIGITS)
             yield of_family(family, speed, stable=False, digits=_DOUBLE_DIGITS)
@@ -124,6 +133,16 @@ def rotating_branch(
         yield of_family(family, fold + below * Fraction(n * n, half * half + 1), stable=True, digits=_DOUBLE_DIGITS)
     for n in range(1, half + 1):
         yield of_family(family, fold + beyond * Fraction(n * n, half * half), stable=False, digits=_DOUBLE_DIGITS)
+
+
+def _together(family: RotatingFamily, speeds: Sequence[Fraction]) -> Iterator[RotatingCycle]:
+    """All of them in lanes, whatever the engine is; those that doubles do not hold one at a time."""
+    asked = [(speed, side) for speed in speeds for side in (True, False) if speed < family.omega_h or not side]
+    omegas = numpy.array([float(speed) for speed, _ in asked])
+    stable = numpy.array([side for _, side in asked])
+    found = RotatingInterpolant(family, default_lanes(), omegas, stable).cycles(omegas, stable)
+    for (speed, side), cycle in zip(asked, found, strict=True):
+        yield cycle or of_family(family, speed, stable=side, digits=_DOUBLE_DIGITS)
 
 
 def _beside(parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int) -> RotatingCycle:

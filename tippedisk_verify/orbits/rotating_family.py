@@ -43,6 +43,7 @@ class RotationPoint:
     at: tuple[float, float, float]  #: (beta_bar, v, Omega) at gamma = pi/2
     tangent: tuple[float, float, float]  #: unit vector, away from the connection
     period: float  #: [s]
+    period_rate: float  #: its derivative along the tangent
 
     @property
     def omega(self) -> float:
@@ -76,11 +77,7 @@ class RotatingFamily:
         self.parameters, self.engine = parameters, engine
         #: Where the family begins [rad/s], as double sees it.
         self.omega_h = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-        omega = float(self.omega_h * _FIRST)
-        beta, v = unstable_top(parameters, Fraction(omega), engine)
-        # Omega itself is held there; it falls along the family.
-        first, _ = self._corrected((float(beta), float(v), omega), (0.0, 0.0, -1.0))
-        self.points = [first]
+        self.points = [self.nearer(float(self.omega_h * _FIRST))]
         self._step = _FIRST_STEP
 
     def guess(self, omega: float, *, stable: bool) -> tuple[float, float]:
@@ -112,6 +109,12 @@ class RotatingFamily:
             if here.tangent[2] >= 0:
                 return min(before, here, key=lambda point: abs(point.tangent[2]))
         raise AssertionError("the family goes on until it raises")
+
+    def nearer(self, omega: float) -> RotationPoint:
+        """The stable cycle at a speed a little below Omega_h. Raises NoSuchCycleError where it is not found."""
+        beta, v = unstable_top(self.parameters, Fraction(omega), self.engine)
+        # Omega itself is held; it falls along the family.
+        return self._corrected((float(beta), float(v), omega), (0.0, 0.0, -1.0))[0]
 
     def stretches(self) -> Iterator[tuple[RotationPoint, RotationPoint]]:
         """Neighbouring points, away from the connection; further ones are found when they are asked for.
@@ -153,7 +156,9 @@ class RotatingFamily:
             if numpy.abs(step).max() < _SETTLED:
                 tangent = numpy.linalg.solve(rows, [0.0, 0.0, 1.0])
                 tangent /= numpy.linalg.norm(tangent)
-                return RotationPoint((beta, v, omega), tuple(tangent.tolist()), float(mapped.time)), corrections
+                rate = float(numpy.dot((*mapped.time_by_state, mapped.time_by_omega), tangent))
+                point = RotationPoint((beta, v, omega), tuple(tangent.tolist()), float(mapped.time), rate)
+                return point, corrections
         raise NoSuchCycleError("the correction has not converged: take a smaller step")
 
 

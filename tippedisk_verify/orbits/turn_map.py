@@ -15,7 +15,7 @@ from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.orbits.cycles import RotatingCycle
 from tippedisk_verify.orbits.half_map import EXTREME, HalfFlights
 
-__all__ = ["ROUND", "TurnFlights", "TurnMap"]
+__all__ = ["BOTTOM", "ROUND", "TurnFlights", "TurnMap"]
 
 #: gamma = pi/2 modulo 2 pi, passed upward.
 ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1)
