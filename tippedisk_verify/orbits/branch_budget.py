@@ -1,11 +1,11 @@
 """What the numbers of a branch of limit cycles may be off: the budget of `branch_interpolant`.
 
-It is derived in docs/error_budgets.md.
+It is derived in docs/error_budgets.md. `rotating_interpolant` has it too, for either side of the fold.
 
-On every fourth node, and at both ends, the cycle is solved again a few times with other last bits of the constants,
-each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of three
-neighbours is the measure of rounding, of the parameters' too. Between those nodes it is interpolated by chords, which
-lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+On every fourth node (there every third), and at both ends, the cycle is solved again a few times with other last bits
+of the constants, each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of
+three neighbours is the measure of rounding, of the parameters' too. Between those nodes it is interpolated by
+chords, which lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
 
 What follows from derivatives is taken before the last Newton step: how it changes with the start is measured as well,
 by starts moved much farther than rounding moves them.

@@ -111,8 +111,9 @@ def rotating_branch(
 ) -> Iterator[RotatingCycle]:
     """The family in double: at each of these speeds [rad/s] the stable cycle, then the unstable one; or an overview.
 
-    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. Raises InputError for
-    speeds that are no positive decimals, NoSuchCycleError where the family has no cycle at a speed.
+    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. A hundred speeds and
+    more, of the linear law, count as doubles and are solved together. Raises InputError for speeds that are no positive
+    decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
     speeds = None if omegas is None else [checked_speed(omega) for omega in omegas]
     family = RotatingFamily(parameters, engine)
