@@ -194,6 +194,10 @@ def test_the_branch_goes_through_the_fold(taylor) -> None:
     assert leans == sorted(leans)  # the lean next to the saddle orders the whole family
     at_speeds = list(rotating_branch(PRINTED, taylor, ["30.02", "30.5"]))
     assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
+    # Next to Omega_h, on either side, where doubles do not see which side it is.
+    omega_h = tv.Disk("printed").heteroclinic(digits=20, engine=taylor).omega_h.value
+    sides = [omega_h - Fraction(1, 10**12), omega_h + Fraction(1, 10**12)]
+    assert [cycle.stable for cycle in rotating_branch(PRINTED, taylor, sides)] == [True, False, False]
 
 
 @pytest.mark.parametrize("omega", [30.4, 33.0, 60.0])

@@ -122,8 +122,7 @@ def rotating_branch(
             yield from _together(family, [Fraction(float(speed)) for speed in speeds])
             return
         for speed in speeds:
-            if speed < family.omega_h:
-                yield of_family(family, speed, stable=True, digits=_DOUBLE_DIGITS)
+            yield from _stable_at(family, speed)
             yield of_family(family, speed, stable=False, digits=_DOUBLE_DIGITS)
         return
     fold = Fraction(float(rotation_fold(parameters, engine, family=family).omega))
@@ -143,7 +142,21 @@ def _together(family: RotatingFamily, speeds: Sequence[Fraction]) -> Iterator[Ro
     stable = numpy.array([side for _, side in asked])
     found = RotatingInterpolant(family, default_lanes(), omegas, stable).cycles(omegas, stable)
     for (speed, side), cycle in zip(asked, found, strict=True):
-        yield cycle or of_family(family, speed, stable=side, digits=_DOUBLE_DIGITS)
+        if cycle is not None:
+            yield cycle
+        elif side:
+            yield from _stable_at(family, speed)
+        else:
+            yield of_family(family, speed, stable=False, digits=_DOUBLE_DIGITS)
+
+
+def _stable_at(family: RotatingFamily, speed: Fraction) -> Iterator[RotatingCycle]:
+    """The stable cycle at a speed, if that lies below Omega_h. Raises as `of_family` does."""
+    if abs(family.omega_h - speed) < DOUBLE_SHOOTS:  # in double neither the side is certain nor the cycle found
+        with suppress(NoSuchCycleError):
+            yield rotating_cycle(family.parameters, speed, family.engine)
+    elif speed < family.omega_h:
+        yield of_family(family, speed, stable=True, digits=_DOUBLE_DIGITS)
 
 
 def _beside(parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int) -> RotatingCycle:
