@@ -22,7 +22,7 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights, TurnMap
 
-__all__ = ["RotationFold", "rotation_fold"]
+__all__ = ["RotationFold", "fold_in_double", "rotation_fold"]
 
 _DIFFERENCE = 1e-5  # of the unknowns: errors of rounding and of the third derivatives are about alike, some 1e-9
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
@@ -64,7 +64,7 @@ def rotation_fold(
     checked_digits(digits)
     near = (family or RotatingFamily(parameters, engine)).near_fold().at
     precision = bits(bits_for_digits(digits + _GUARD))
-    near, jacobian = _in_double(parameters, near, engine)
+    near, jacobian = fold_in_double(parameters, near, engine)
     rough = _numbers(parameters, near, jacobian, engine, precision)
     sharp = _numbers(parameters, near, jacobian, engine, companion(precision))
     numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
@@ -86,7 +86,7 @@ def _mapped(parameters: Parameters, at: Sequence[Any], engine: Engine, precision
     return TurnFlights(parameters, at[2], engine, precision).map(at[:2])
 
 
-def _in_double(
+def fold_in_double(
     parameters: Parameters, at: tuple[float, float, float], engine: Engine
 ) -> tuple[tuple[float, float, float], Any]:
     """The fold in double, and the derivative of its conditions there."""
