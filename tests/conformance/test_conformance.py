@@ -256,6 +256,38 @@ def test_compare_from_the_package() -> None:
         tv.compare(OMEGA_CRIT, 1.0, reading="floats")  # type: ignore[arg-type]
 
 
+# ------------------------------------------------------------------------------------------ rotating cycles
+def test_every_row_of_level_10_says_which_cycle_is_meant(store: Store) -> None:
+    rows = list(csv.DictReader(io.StringIO(sheet_csv(store, questions(store, levels=[10])))))
+    assert {row["kind"] for row in rows} == {"rotating-cycle", "rotation-fold"}
+    for row in rows:
+        rotates = row["kind"] == "rotating-cycle"
+        assert (row["form"] in ("stable", "unstable"), bool(row["Omega"])) == (rotates, rotates)
+    page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text(encoding="utf-8")
+    for quantity in {row["quantity"] for row in rows}:
+        assert f"`{quantity}`" in page, "a stranger cannot answer what is not defined"
+
+
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
+def test_rotating_cycles_in_double_pass(friction, store: Store) -> None:
+    """By the disk's own methods, with twelve digits asked; and the image that leans to the other side does not pass."""
+    disk = tv.Disk("calibrated", friction=friction)
+    found = {
+        f"rotating-cycle/{form}-het-0.01": disk.rotating_cycle(
+            store[f"calibrated/{friction}/rotating-cycle/{form}-het-0.01/period"].inputs["Omega"],
+            stable=form == "stable",
+        )
+        for form in ("stable", "unstable")
+    } | {"rotation-fold/point": disk.rotation_fold()}
+    for entry, numbers in found.items():
+        for quantity in store.matching(f"calibrated/{friction}/{entry}/"):
+            answer = getattr(numbers, quantity.name)
+            assert compare(quantity.id, answer.value, reading="decimals").digits > 9, quantity.id
+            assert not compare(quantity.id, float(answer)).failed
+            if quantity.name.startswith(("beta_bar", "v_")):
+                assert compare(quantity.id, -float(answer)).failed
+
+
 # ------------------------------------------------------------------------------------------ damaged sheets
 def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
     path = tmp_path / name
@@ -325,7 +357,7 @@ def test_partial_repeated_and_unknown_answers(tmp_path: Path, capsys: pytest.Cap
     [
         (["conformance", "questions", "a.txt"], "must end in"),
         (["conformance", "questions", "nowhere/a.csv"], "existing folder"),
-        (["conformance", "questions", "a.csv", "--levels", "0"], "from 1 to 9"),
+        (["conformance", "questions", "a.csv", "--levels", "0"], "from 1 to 10"),
         (["conformance", "questions", "a.csv", "--levels", "x"], "a range"),
         (["conformance", "questions", "a.csv", "--set", "geometry"], "no reference data"),
         (["conformance", "questions", "a.csv", "--friction", "none"], "no reference data"),
@@ -407,7 +439,8 @@ def test_each_mistake_in_the_answers_is_named(alternative, store: Store) -> None
         *("both/rhs/001", "linear/rhs/001", "smooth/rhs/001", "linear/hopf/point"),
         *("linear/harmonic-balance/printed-crit-0.5", "linear/harmonic-balance/consistent-crit-0.5"),
         *("linear/trajectory/d1", "smooth/limit-cycle/crit-0.5", "linear/limit-cycle/crit-0.5"),
-        "linear/heteroclinic/point",
+        *("linear/heteroclinic/point", "linear/rotating-cycle/stable-het-0.01"),
+        *("linear/rotating-cycle/unstable-het-0.01", "smooth/rotation-fold/point"),
     )
     wrong: dict[int, dict[str, str]] = {}
     set_name = "calibrated" if alternative.counterpart.get("set") == "printed" else "printed"

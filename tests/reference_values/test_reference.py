@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import random
 import shutil
@@ -15,7 +16,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from decimal import Decimal
 from fractions import Fraction
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 
 import mpmath
@@ -31,8 +32,8 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.reference_values.checking import check, recomputed, stored_entries
-from tippedisk_verify.reference_values.entries import as_doubles, case_of, trimmed
+from tippedisk_verify.reference_values.checking import StoredEntry, check, recomputed, stored_entries
+from tippedisk_verify.reference_values.entries import as_doubles, as_measured, case_of, disagreements, trimmed
 from tippedisk_verify.reference_values.generation import computed, generate, pieces_of
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files, write_manifest
@@ -57,7 +58,15 @@ def test_every_kind_is_there_for_every_set(store: Store) -> None:
     kinds = {(quantity.kind, quantity.set) for quantity in store.values()}
     assert kinds == {(kind.name, name) for kind in KINDS for name in SETS}
     laws = {(quantity.kind, quantity.friction) for quantity in store.values()}
-    for kind in ("rhs", "trajectory", "limit-cycle", "heteroclinic", "near-heteroclinic"):
+    for kind in (
+        "rhs",
+        "trajectory",
+        "limit-cycle",
+        "heteroclinic",
+        "near-heteroclinic",
+        "rotating-cycle",
+        "rotation-fold",
+    ):
         assert {(kind, "linear"), (kind, "smooth")} <= laws
 
 
@@ -144,6 +153,75 @@ def test_other_roads_agree(kind: str) -> None:
         count, faults = recomputed(entry)
         assert faults == []
         assert count > 0 or entry.item.friction == "both"
+
+
+def _entries_of(kind: str, *parts: str) -> list[StoredEntry]:
+    found = [entry for entry in stored_entries(data_folder()) if entry.item.kind == kind]
+    return [entry for entry in found if all(part in entry.item.id for part in parts)]
+
+
+def _disagreements(entry: StoredEntry, name: str) -> list[str]:
+    """What one road says against the stored values of an entry; it must say something."""
+    (road,) = (road for road in kind_named(entry.item.kind).roads if road.name == name)
+    values = entry.values("doubles")
+    answers = road.compute(case_of(entry.item, "doubles"), values)
+    assert answers
+    return disagreements(values, answers)
+
+
+def test_rotating_cycles_and_folds_agree_with_another_integrator() -> None:
+    cycles, folds = _entries_of("rotating-cycle"), _entries_of("rotation-fold", "printed/")
+    assert (len(cycles), len(folds)) == (20, 2)
+    for entry in (*random.Random(9).sample(cycles, 4), *folds):
+        assert _disagreements(entry, "scipy") == []
+
+
+def test_a_rotating_cycle_agrees_with_the_whole_period_from_another_section() -> None:
+    (entry,) = _entries_of("rotating-cycle", "calibrated/smooth/", "/unstable-crit-0.5")
+    assert _disagreements(entry, "bottom") == []
+    quantity = entry.quantities["v_top"]
+    told = quantity["from_doubles"]
+    # Where 35 digits are claimed, a false one of the thirtieth is seen.
+    wrong = as_measured(told).value * (1 + Fraction(1, 10**30))
+    entry.quantities["v_top"] = {**quantity, "from_doubles": Measured(wrong, as_measured(told).uncertainty).json()}
+    (line,) = _disagreements(entry, "bottom")
+    assert line.startswith("v_top")
+
+
+@pytest.mark.slow(minutes=4)
+@pytest.mark.parametrize("kind", ["rotating-cycle", "rotation-fold"])
+def test_other_roads_to_what_rotates_agree(kind: str) -> None:
+    for entry in random.Random(8).sample(_entries_of(kind), 2):
+        count, faults = recomputed(entry)
+        assert faults == []
+        assert count > 0
+
+
+def test_rotating_cycles_are_what_their_names_say(store: Store) -> None:
+    """Which of two cycles an entry is, and relations between numbers that were found apart from each other."""
+    for name, law in product(SETS, ("linear", "smooth")):
+        fold = float(store[f"{name}/{law}/rotation-fold/point/omega"])
+        omega_h = float(store[f"{name}/{law}/heteroclinic/point/omega_h"])
+        leans = [
+            float(store[f"{name}/{law}/rotating-cycle/{form}-het-0.01/beta_bar_0"]) for form in ("stable", "unstable")
+        ]
+        assert 0 < leans[0] < float(store[f"{name}/{law}/rotation-fold/point/beta_bar_0"]) < leans[1]
+        for entry in {quantity.id.rsplit("/", 1)[0] for quantity in store.matching(f"{name}/{law}/rotating-cycle/")}:
+            number = {quantity.name: quantity for quantity in store.matching(f"{entry}/")}
+            omega, form = float(number["period"].inputs["Omega"]), number["period"].inputs["form"]
+            assert fold < omega
+            assert (omega < omega_h) == ("het" in entry)
+            assert form in entry.rsplit("/", 1)[1]
+            slow, logarithm = (float(number[f"{part}multiplier_slow"]) for part in ("", "log_"))
+            assert (slow < 1) == (form == "stable")
+            assert math.exp(logarithm) == pytest.approx(slow, rel=1e-14)
+            assert float(number["beta_max"]) > float(number["beta_bar_top"]) > float(number["beta_bar_0"]) > 0
+            # gamma' = Omega sin(beta_bar), averaged over a period, is 2 pi / T.
+            assert math.sin(float(number["beta_bar_0"])) < 2 * math.pi / omega / float(number["period"])
+            assert math.sin(float(number["beta_max"])) > 2 * math.pi / omega / float(number["period"])
+            for known in ("period", "beta_bar_top", "v_top"):
+                slope = float(number[known].condition["Omega"])  # by differences in double
+                assert slope == pytest.approx(omega * float(number[f"d{known}_domega"]), rel=5e-3)
 
 
 def test_a_false_digit_is_found_by_the_other_road() -> None:

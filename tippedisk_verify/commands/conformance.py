@@ -29,7 +29,7 @@ def conformance(context: click.Context) -> None:
 @click.argument("file", metavar="FILE.csv|FILE.json")
 @click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given.")
 @click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only.")
-@click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all nine if not given.")
+@click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given.")
 @plain_options
 def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str, ...], levels: str | None) -> int:
     """Write an answer sheet: inputs only, easiest first."""
@@ -70,9 +70,11 @@ def _levels(text: str | None) -> tuple[int, ...]:
     given = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
     if given is None:
         raise InputError(f"--levels is a number or a range such as 1-3, not '{text[:40]}'")
+    from tippedisk_verify.conformance.grading import LEVEL_NAMES
+
     ends = int(given[1]), int(given[2] or given[1])
-    if not 1 <= ends[0] <= ends[1] <= 9:
-        raise InputError(f"levels go from 1 to 9, not '{text[:40]}'")
+    if not 1 <= ends[0] <= ends[1] <= len(LEVEL_NAMES):
+        raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
     return tuple(range(ends[0], ends[1] + 1))
 
 

@@ -148,8 +148,9 @@ _H_TERMS = (
     "m e rho Omega^2 sin beta cos^3 beta sin gamma",
     "m e rho (3 sin^2 beta - 2) Omega v cos beta cos gamma",
 )
-_ANGLE_ANSWERS = ("beta", "gamma", "crossing_gamma", "gamma_bar_0", "beta_max", "amplitude")
-_SPEED_ANSWERS = ("v", "crossing_v", "v_0", "gamma_rate", "omega_h", "omega_crit", "frequency")
+_SHIFTED_ANSWERS = ("gamma_bar_0", "beta_bar_0", "beta_bar_top")
+_ANGLE_ANSWERS = ("beta", "gamma", "crossing_gamma", *_SHIFTED_ANSWERS, "beta_max", "amplitude")
+_SPEED_ANSWERS = ("v", "crossing_v", "v_0", "v_top", "gamma_rate", "omega_h", "omega_crit", "omega", "frequency")
 
 
 def _scaled(names: tuple[str, ...], factor: float) -> Callable[[str, float], float]:
@@ -217,8 +218,8 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("answers-in-degrees", "angles answered in degrees", output=_scaled(_ANGLE_ANSWERS, 180 / math.pi)),
     Alternative("answers-shifted", "beta_bar and gamma_bar answered where beta and gamma are asked",
                 output=lambda q, value: value - math.pi / 2 if q in ("beta", "gamma", "crossing_gamma") else value),
-    Alternative("answers-unshifted", "gamma answered where gamma_bar is asked", output=lambda q, value: (
-        value + math.pi / 2 if q == "gamma_bar_0" else value)),
+    Alternative("answers-unshifted", "gamma or beta answered where gamma_bar or beta_bar is asked",
+                output=lambda q, value: value + math.pi / 2 if q in _SHIFTED_ANSWERS else value),
     Alternative("answers-in-hertz", "speeds answered in turns per second",
                 output=_scaled(_SPEED_ANSWERS, 1 / (2 * math.pi))),
     Alternative("answers-in-milliseconds", "times answered in milliseconds",
@@ -236,6 +237,10 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 counterpart={"form": "printed"}),
     Alternative("consistent-form", "the consistent one-harmonic law where the paper's printed one is asked",
                 counterpart={"form": "consistent"}),
+    Alternative("stable-cycle", "the stable rotating cycle where the unstable one is asked",
+                counterpart={"form": "stable"}),
+    Alternative("unstable-cycle", "the unstable rotating cycle where the stable one is asked",
+                counterpart={"form": "unstable"}),
     Alternative("calibrated-set", "the calibrated parameters instead of Table 1's", counterpart={"set": "calibrated"}),
     Alternative("printed-set", "Table 1's parameters instead of the calibrated ones", counterpart={"set": "printed"}),
     Alternative("linear-law", "the linear friction law where the smooth one is asked",

@@ -114,7 +114,7 @@ def _counterparts(
         set_name = change.get("set", set_name)
         if friction != "both":
             friction = change.get("friction", friction)
-        if "form" in change and kind == "harmonic-balance":
+        if "form" in change and "form" in quantity.inputs:
             entry = f"{change['form']}-{entry.split('-', 1)[1]}"
         other = store.get(f"{set_name}/{friction}/{kind}/{entry}/{name}")
         if other is not None:

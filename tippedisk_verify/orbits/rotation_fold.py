@@ -64,7 +64,7 @@ def rotation_fold(
     checked_digits(digits)
     near = (family or RotatingFamily(parameters, engine)).near_fold().at
     precision = bits(bits_for_digits(digits + _GUARD))
-    near, jacobian = _in_double(parameters, near, engine)
+    near, jacobian = fold_in_double(parameters, near, engine)
     rough = _numbers(parameters, near, jacobian, engine, precision)
     sharp = _numbers(parameters, near, jacobian, engine, companion(precision))
     numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
@@ -96,7 +96,7 @@ def _mapped(parameters: Parameters, at: Sequence[Any], engine: Engine, precision
     return TurnFlights(parameters, at[2], engine, precision).map(at[:2])
 
 
-def _in_double(
+def fold_in_double(
     parameters: Parameters, at: tuple[float, float, float], engine: Engine
 ) -> tuple[tuple[float, float, float], Any]:
     """The fold in double, and the derivative of its conditions there."""

@@ -26,7 +26,17 @@ from tippedisk_verify.reference_values.local_roads import by_differences
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
-__all__ = ["CYCLE", "HETEROCLINIC", "NEAR", "cycle_condition", "cycle_unit", "heteroclinic_condition", "near_condition"]
+__all__ = [
+    "CYCLE",
+    "HETEROCLINIC",
+    "NEAR",
+    "cycle_condition",
+    "cycle_unit",
+    "heteroclinic_condition",
+    "near_condition",
+    "period_from",
+    "period_multipliers",
+]
 
 _DIGITS = 36
 _QUARTER = PI * Fraction(1, 2)
@@ -94,7 +104,7 @@ def _full_period(case: Case, known: Values) -> Values:
     gamma_bar, v, period = (known[name].value for name in ("gamma_bar_0", "v_0", "period"))
     for _ in range(2):
         start = [_QUARTER, Exact(gamma_bar, Fraction(1, 2)), v]
-        result = _period_from(case, start, period, precision)
+        result = period_from(case, case.inputs["Omega"], start, period, precision, (_EXTREME,))
         rows = [[precision.mpf(entry) for entry in row] for row in result.derivatives]
         rates = field(
             precision.ops, case.parameters.at(precision), precision.number(case.inputs["Omega"]), case.friction
@@ -117,21 +127,21 @@ def _full_period(case: Case, known: Values) -> Values:
         "dgamma_bar_0_domega": fraction(slope[0]),
         "dv_0_domega": fraction(slope[1]),
         "beta_max": fraction(max(turns)),
-        **_multipliers(rows, precision.mpf(result.divergence), precision),
+        **period_multipliers(rows, precision.mpf(result.divergence), precision),
     }
     # Both steps done, what is left is rounding; 35 digits are claimed.
     return {name: Measured(value, abs(value) / 10**35 + known[name].uncertainty) for name, value in numbers.items()}
 
 
-def _multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -> dict[str, Fraction]:
+def period_multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -> dict[str, Fraction]:
     """The multipliers from the monodromy matrix, whose trace they are with 1, and its determinant's logarithm.
 
     The trace is a sum of entries that may be far larger than the multiplier: nothing is said where too few digits are
     left.
     """
     ctx = precision.context
-    slow = sum(rows[i][i] for i in range(3)) - 1
-    slow -= ctx.exp(divergence) / slow  # the fast one, some 1e-50, from the product
+    half = (sum(rows[i][i] for i in range(3)) - 1) / 2  # of the sum of both
+    slow = half + ctx.sqrt(half * half - ctx.exp(divergence))  # the fast one may be as small as 1e-50
     lost = fraction(max(abs(entry) for row in rows for entry in row[:3])) * precision.epsilon * 2**20
     if lost >= abs(fraction(slow)) / 10**36:
         return {}
@@ -143,10 +153,16 @@ def _multipliers(rows: list[list[Any]], divergence: Any, precision: Precision) -
     }
 
 
-def _period_from(case: Case, start: list[Any], period: Fraction, precision: Precision) -> Result:
+def period_from(
+    case: Case, omega: Any, start: list[Any], period: Any, precision: Precision, events: tuple[Event, ...]
+) -> Result:
+    """A flight for a given time in the paper's angles, with its derivatives and its divergence.
+
+    Raises Shortfall if it ends early.
+    """
     request = Request(
-        case.parameters, case.inputs["Omega"], start, period, precision=precision,
-        variations=("beta", "gamma", "v", "Omega"), divergence=True, events=(_EXTREME,), domain="none",
+        case.parameters, omega, start, period, precision=precision,
+        variations=("beta", "gamma", "v", "Omega"), divergence=True, events=events, domain="none",
     )  # fmt: skip
     result = default_engine()(request)
     if result.status is not Status.REACHED:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values import cycle_roads, local_roads, motion_roads, places
+from tippedisk_verify.reference_values import cycle_roads, local_roads, motion_roads, places, rotation_roads
 from tippedisk_verify.reference_values.entries import Kind
 
 __all__ = ["KINDS", "kind_named"]
@@ -53,6 +53,10 @@ KINDS: tuple[Kind, ...] = (
          places.heteroclinics, cycle_roads.HETEROCLINIC, cycle_roads.heteroclinic_condition, digits=102),
     Kind("near-heteroclinic", 9, "Limit cycles at Omega_h + 10^-k", cycle_roads.cycle_unit,
          places.near_heteroclinics, cycle_roads.NEAR, cycle_roads.near_condition),
+    Kind("rotating-cycle", 10, "Rotating limit cycles, stable and unstable, with multipliers and sensitivities",
+         rotation_roads.rotation_unit, places.rotations, rotation_roads.ROTATION, rotation_roads.rotation_condition),
+    Kind("rotation-fold", 10, "The fold of the rotating limit cycles, their lowest speed", rotation_roads.rotation_unit,
+         places.rotation_folds, rotation_roads.FOLD, rotation_roads.fold_condition),
 )  # fmt: skip
 
 

@@ -24,6 +24,8 @@ __all__ = [
     "hopfs",
     "near_heteroclinics",
     "rhs",
+    "rotation_folds",
+    "rotations",
     "slow_manifolds",
     "trajectories",
 ]
@@ -39,6 +41,12 @@ _CYCLES_BELOW = ("0.01", "0.05", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6", "0.7"
 _NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)
 # Beyond, an ulp of Omega in double is more than a millionth of the distance from Omega_h.
 _NEAREST_IN_DOUBLES = 8
+#: Rotating cycles: which of the two at a speed, and the speed's distance from Omega_h or Omega_crit. The fold lies some
+#: 0.04 below Omega_h for both sets and laws, so that both cycles are there at the speeds below it.
+_ROTATIONS = (
+    *(("stable", "het", "-0.01"), ("stable", "het", "-0.03"), ("unstable", "het", "-0.01")),
+    *(("unstable", "crit", "-0.5"), ("unstable", "crit", "+0.5")),
+)
 _NEAR_DIGITS = 46  # of the distance from Omega_h
 #: pi/2 to fifty digits: what the starts are written with is the input, exactly.
 _QUARTER = "1.5707963267948966192313216916397514420985846996876"
@@ -139,6 +147,22 @@ def near_heteroclinics(set_name: str) -> list[Item]:
             name = f"{set_name}/{law}/near-heteroclinic/het+1e-{k}"
             items.append(Item(name, "near-heteroclinic", set_name, law, {"Omega": speed}, readings))
     return items
+
+
+def rotations(set_name: str) -> list[Item]:
+    """Rotating limit cycles: two stable ones, and unstable ones below Omega_h, below Omega_crit and above it."""
+    items = []
+    for law in _LAWS:
+        for form, base, away in _ROTATIONS:
+            speed = (_crit(set_name) if base == "crit" else _omega_h(set_name, law).value) + Fraction(away)
+            name = f"{set_name}/{law}/rotating-cycle/{form}-{base}{away}"
+            items.append(Item(name, "rotating-cycle", set_name, law, {"Omega": _decimal(speed, 12), "form": form}))
+    return items
+
+
+def rotation_folds(set_name: str) -> list[Item]:
+    """The fold of the rotating cycles."""
+    return [Item(f"{set_name}/{law}/rotation-fold/point", "rotation-fold", set_name, law, {}) for law in _LAWS]
 
 
 @lru_cache(maxsize=16)
