@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
@@ -22,7 +24,7 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights, TurnMap
 
-__all__ = ["RotationFold", "fold_in_double", "rotation_fold"]
+__all__ = ["RotationFold", "fold_in_double", "fold_near", "rotation_fold"]
 
 _DIFFERENCE = 1e-5  # of the unknowns: errors of rounding and of the third derivatives are about alike, some 1e-9
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
@@ -64,7 +66,7 @@ def rotation_fold(
     checked_digits(digits)
     near = (family or RotatingFamily(parameters, engine)).near_fold().at
     precision = bits(bits_for_digits(digits + _GUARD))
-    near, jacobian = fold_in_double(parameters, near, engine)
+    near, jacobian = fold_near(parameters, near, engine)
     rough = _numbers(parameters, near, jacobian, engine, precision)
     sharp = _numbers(parameters, near, jacobian, engine, companion(precision))
     numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
@@ -81,7 +83,7 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
 
     Nothing is compiled for them that the cycles' family does not need.
     """
-    near, jacobian = _in_double(family.parameters, family.near_fold().at, family.engine)
+    near, jacobian = fold_near(family.parameters, family.near_fold().at, family.engine)
     numbers = _numbers(family.parameters, near, jacobian, family.engine, DOUBLE)
     return {name: float(number) for name, number in numbers.items()}
 
@@ -96,12 +98,10 @@ def _mapped(parameters: Parameters, at: Sequence[Any], engine: Engine, precision
     return TurnFlights(parameters, at[2], engine, precision).map(at[:2])
 
 
-def fold_in_double(
+def fold_near(
     parameters: Parameters, at: tuple[float, float, float], engine: Engine
 ) -> tuple[tuple[float, float, float], Any]:
-    """The fold in double, and the derivative of its conditions there."""
-    import numpy
-
+    """(beta_bar, v, Omega) of the fold near a point, in double, and the derivative of its conditions there."""
     lost = Shortfall("the iteration for the fold of the rotating cycles does not settle")
     iteration = NewtonIteration(20, lost, small=1e-13, near=1e-9)
     while True:
@@ -123,8 +123,6 @@ def _numbers(
     parameters: Parameters, near: Sequence[float], jacobian: Any, engine: Engine, precision: Precision
 ) -> dict[str, Any]:
     """All numbers of the fold in one arithmetic, by chord steps from doubles."""
-    import numpy
-
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
     at = [precision.number(float(part)) for part in near]
     lost = Shortfall(f"the iteration for the fold has not converged in {precision.name} precision")
