@@ -15,6 +15,7 @@ from tippedisk_verify.certified.rotation_fold import prove_rotation_fold
 from tippedisk_verify.certified.section import Status as FlightStatus
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.rotating import rotating_cycle
@@ -108,6 +109,11 @@ def test_the_fold_is_proved(taylor, disk) -> None:
     for name in ("omega", "beta_bar_top", "v_top", "period"):
         assert getattr(proof, name).contains(getattr(fold, name)), name
     assert proof.omega.uncertainty < proof.omega.value / 10**12
+    # The arc is a hypothesis: what is printed is what was tested, and the curve stays inside the intervals printed.
+    arc = Measured.of(*proof.beta_bar_top.decimals())
+    assert arc == proof.beta_bar_top
+    slope = float(fold.null_vector)
+    assert float(arc.uncertainty) * slope < float(Measured.of(*proof.v_top.decimals()).uncertainty)
 
 
 @pytest.mark.slow(minutes=2)

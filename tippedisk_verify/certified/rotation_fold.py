@@ -64,11 +64,12 @@ class FoldProof:
             return f"nothing is proved: {self.where}."
         return (
             f"for the tippedisk with {self.parameters.definition()} under the linear friction law, for each beta_bar = "
-            f"beta - pi/2 within {self.beta_bar_top} rad there is exactly one pair of v within {self.v_top} rad/s and "
-            f"Omega within {self.omega} rad/s such that the orbit from (beta, pi/2, v) returns to beta and v when "
-            "gamma has grown by 2 pi for the first time; these rotating limit cycles form an analytic curve, on which "
-            "Omega falls at the lower end of beta and rises at the upper one: at an inner point Omega is smallest, and "
-            f"there a second Floquet multiplier is 1; the periods lie within {self.period} s."
+            f"beta - pi/2 of the closed interval {self.beta_bar_top} rad there is exactly one pair of v within "
+            f"{self.v_top} rad/s and Omega within {self.omega} rad/s such that the orbit from (beta, pi/2, v) returns "
+            "to beta and v when gamma has grown by 2 pi for the first time; these rotating limit cycles form an "
+            "analytic curve, on which Omega falls at the lower end of the interval and rises at the upper one: at an "
+            "inner point Omega is smallest, and there a second Floquet multiplier is 1; the periods lie within "
+            f"{self.period} s."
         )
 
     def json(self) -> dict[str, object]:
@@ -90,7 +91,10 @@ def prove_rotation_fold(
     checked_digits(digits)
     near = [Measured.of(part, 0).value for part in (beta_bar_top, v_top, omega)]
     # On the arc the speed moves by its squared half-length.
-    half_length = Fraction(1, 10 ** (math.ceil(digits / 2) + _SHORTER))
+    places = math.ceil(digits / 2) + _SHORTER
+    half_length = Fraction(1, 10**places)
+    # The arc is said as it is tested: its middle has the decimals that are printed beside its half-length.
+    near[0] = Fraction(round(near[0] * 10 ** (places + 2)), 10 ** (places + 2))
     bits = bits_for_digits(2 * digits + 4 * _SHORTER) + _GUARD_BITS
     with working_precision(bits):
         return _proof(parameters, near, half_length, bits)
@@ -117,16 +121,26 @@ def _proof(parameters: Parameters, near: Sequence[Fraction], half_length: Fracti
         signs.append(point.slope)
     if not (negative(signs[0]) and positive(signs[1])):
         return FoldProof(False, "Omega is not proved to fall and rise along the arc", parameters, bits)
+    v_top, omega = (measured(part) for part in whole.box)
+    # What is printed reaches a little farther than Krawczyk's image; in the box searched there is still one cycle only.
+    if not all(inside(_printed(part), held) for part, held in zip((v_top, omega), whole.searched, strict=True)):
+        return FoldProof(False, "the digits printed reach beyond the box that holds one cycle", parameters, bits)
     return FoldProof(
         True,
         f"in {bits} bits",
         parameters,
         bits,
-        omega=measured(whole.box[1]),
-        beta_bar_top=measured(arc),
-        v_top=measured(whole.box[0]),
+        omega=omega,
+        beta_bar_top=Measured(p, half_length),
+        v_top=v_top,
         period=measured(whole.period),
     )
+
+
+def _printed(number: Measured) -> Any:
+    """The ball that a number's decimals say."""
+    value, width = (Fraction(part) for part in number.decimals())
+    return ball(value) + arb(0, ball(width))
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from tippedisk_verify.certified.flow import Status as FlowStatus
 
 __all__ = ["UPRIGHT", "HalfFlight", "Status", "half_flight", "moment_of_zero"]
 
-UPRIGHT = 1.5707  #: rad, below pi/2: |beta_bar| less than this means that sin(beta) > 0
+UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
 _NEWTON_STEPS = 4
 
