@@ -33,7 +33,7 @@ def lies_flat(engine, disk, omega, state) -> bool:
 
 
 @pytest.mark.honest
-@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
 @pytest.mark.parametrize(
     "omega",
     [pytest.param("30.0388", marks=pytest.mark.slow(minutes=1)), "30.386592688643567", ABOVE_CRIT],

@@ -102,7 +102,7 @@ def test_the_fold_of_50_digits_holds_that_of_30(taylor, disk, friction) -> None:
         assert getattr(rough, name).contains(getattr(sharp, name)), name
 
 
-@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
     disk = PRINTED.with_friction(friction)
@@ -124,11 +124,11 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
 
 
 @pytest.mark.honest
-@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
 def test_half_widths_hold(taylor, friction) -> None:
     disk = PRINTED.with_friction(friction)
     fold = rotation_fold(disk, taylor).omega.value
-    for distance, stable in (("0.03", True), ("0.01", True), ("0.0001", False), ("0.4", False), ("1.7", False)):
+    for distance, stable in (("0.02", True), ("0.0001", False), ("1.7", False)):
         omega = fold + Fraction(distance)
         rough = rotating_cycle(disk, omega, taylor, stable=stable)
         sharp = rotating_cycle(disk, omega, taylor, stable=stable, digits=25)
@@ -166,7 +166,7 @@ def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
         equilibrium(PRINTED, tv.Disk("printed").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
     )
     constants = []
-    for zeros in (5, 8, 15):
+    for zeros in (3, 5, 8):
         cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
         assert cycle.stable
         assert cycle.precision.startswith("real") == (zeros > 5)
@@ -231,7 +231,7 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
 
 
 def test_other_disks(taylor) -> None:
-    for changes in ({"e": "0.003"}, {"mu": "0.4"}, {"epsilon": "0.05"}, {"A": "0.26e-3"}):
+    for changes in ({"e": "0.003", "mu": "0.4"}, {"epsilon": "0.05", "A": "0.26e-3"}):
         numbers = {name: str(getattr(PRINTED, name)) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
         disk = tv.Disk(**numbers | changes)
         fold = disk.rotation_fold(engine=taylor)

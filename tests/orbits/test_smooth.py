@@ -21,7 +21,7 @@ from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.basins import OUTCOMES, basins, classified_lanes
+from tippedisk_verify.orbits.basins import OUTCOMES, Attractors, basins, classified_lanes
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above
@@ -147,7 +147,7 @@ def test_basins(friction) -> None:
 def test_known_starts_end_where_they_must() -> None:
     speed = omega_crit(PRINTED, 20).value + Fraction(1, 2)
     states = numpy.array([[math.pi / 2, math.pi / 2 + 0.4, 0], [0.1, 1, -3], [-0.2, 1, 0]])
-    found = classified_lanes(states, PRINTED, speed, 20.0, None)
+    found = classified_lanes(states, PRINTED, speed, 20.0, Attractors.at(PRINTED, speed))
     assert [OUTCOMES[k] for k in found] == ["inverted spinning", "lies flat", "lies flat"]
 
 

@@ -115,6 +115,7 @@ SHAPES: dict[str, Shape] = {
     "hopf": Shape(("hopf",), _COMMON),
     "orbit": Shape(("orbit",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "orbit above": Shape(("orbit",), {**_COMMON, "--above-het": ("0.1", NOT_SPEEDS)}),
+    "orbit below": Shape(("orbit", "--rotating"), {**_COMMON, "--below-het": ("0.01", NOT_SPEEDS)}),
     "harmonic-balance": Shape(
         ("harmonic-balance",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS), "--harmonics": ("12", NOT_COUNTS)}
     ),
@@ -137,6 +138,17 @@ SHAPES: dict[str, Shape] = {
             "--omega": ("30.4", NOT_SPEEDS),
             "--beta": ("1.2", NOT_ANGLES),
             "--gamma": ("0.3", NOT_ANGLES),
+        },
+    ),
+    "basin margin": Shape(
+        ("basin",),
+        {
+            **_COMMON,
+            "--omega": ("31.4", NOT_SPEEDS),
+            "--margin": (
+                "1.5,1,0",
+                st.sampled_from(["", "x", "1,2", "1,2,0,0", "nan,1,0", "4,1,0", "1,1/0,0", "1,1,1e400"]),
+            ),
         },
     ),
     "basin": Shape(

@@ -81,10 +81,10 @@ def basin(
 def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:
     """How far a start is from the boundary of the basins, as JSON."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.model.precision import DOUBLE
     from tippedisk_verify.orbits.basin_boundary import BasinBoundary
 
-    state = [float(exact(part)) for part in start.split(",")]
+    state = [DOUBLE.number(part) for part in start.split(",")]
     if len(state) != 3:
         raise InputError(f"a start is three numbers, beta,gamma,v, not '{start[:60]}'")
     margin = BasinBoundary(common.parameters, omega, default_engine()).margin(state)

@@ -18,6 +18,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.basins import SPEEDS_OF_STATES
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
 
@@ -56,6 +57,8 @@ class BasinBoundary:
         beta, gamma, v = map(float, state)
         if not 0 < beta < math.pi:
             raise InputError(f"beta lies between 0 and pi, not at {beta:g}")
+        if not abs(v) <= SPEEDS_OF_STATES:
+            raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
         lower, upper = self.sheets(gamma, v)
         here = Measured(Fraction(beta), Fraction(0))
         return min(here - lower, upper - here, key=lambda margin: margin.value)

@@ -30,7 +30,7 @@ from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
-__all__ = ["OUTCOMES", "Basins", "basins", "classified_lanes"]
+__all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes"]
 
 OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
@@ -43,7 +43,7 @@ _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
 _TOP = Event("top or bottom", ROUND.function, terminal=False)
 _MOST_STATES = 10_000_000  # they take some 1.5 GB
-_SPEEDS_OF_STATES = 1000.0  # rad/s
+SPEEDS_OF_STATES = 1000.0  # rad/s
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,8 @@ def basins(
         raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
     if not _LAST < duration <= 10_000:
         raise InputError(f"the duration must lie between {_LAST:g} and 10000 s, not {duration:g}")
-    if not abs(v) <= _SPEEDS_OF_STATES:
-        raise InputError(f"v must lie between -{_SPEEDS_OF_STATES:g} and {_SPEEDS_OF_STATES:g} rad/s, not {v:g}")
+    if not abs(v) <= SPEEDS_OF_STATES:
+        raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
     columns = max(1, math.ceil(math.sqrt(2 * count)))  # gamma's range is twice beta's
