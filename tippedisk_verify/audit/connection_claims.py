@@ -51,10 +51,10 @@ def _both_sides(audit: Audit, name: str) -> tuple[str, bool]:
 
 def _takes_over(audit: Audit, name: str) -> str:
     """The rotating cycles below Omega_h: where they begin, and the one halfway."""
-    found = audit.rotation_fold(name)
-    if found is None:
+    rotation = audit.rotation_fold(name)
+    if rotation is None:
         return "no rotating cycles found with a fold"
-    omega_h, fold = audit.omega_h(name).value, found["omega"]
+    omega_h, fold = audit.omega_h(name).value, rotation["omega"]
     halfway = (omega_h + Fraction(fold)) / 2
     try:
         period = float(rotating_cycle(audit.sets[name], halfway, audit.engine).period)

@@ -64,7 +64,7 @@ class RotatingInterpolant:
 
     def cycles(self, speeds: Array, stable: Any) -> list[RotatingCycle | None]:
         """Each cycle with its half-widths; None for those that doubles in lanes do not hold to twelve digits."""
-        found: list[RotatingCycle | None] = [None] * len(speeds)
+        held_cycles: list[RotatingCycle | None] = [None] * len(speeds)
         for side, budget in self._budgets.items():
             which = numpy.flatnonzero((stable == side) & self._within(speeds, stable))
             s = self._abscissas(speeds[which], stable[which])
@@ -82,8 +82,8 @@ class RotatingInterpolant:
             widths = {name: width[held] for name, width in widths.items()}
             measured = measured_cycles(solved.only(held), widths, ROTATING, self.parameters)
             for index, cycle in zip(which[held].tolist(), measured, strict=True):
-                found[index] = cycle if cycle.stable is side else None  # or else it is the one beyond the fold
-        return found
+                held_cycles[index] = cycle if cycle.stable is side else None  # or else it is the one beyond the fold
+        return held_cycles
 
     # ------------------------------------------------------------------------------------------------- the abscissa
     def _within(self, speeds: Array, stable: Any) -> Any:
