@@ -214,7 +214,8 @@ def test_an_audit_flies_with_its_own_engine() -> None:
     assert Counting.laws[-1] == "linear"  # the sliding velocity along the linear law's cycle
 
 
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
+@pytest.mark.slow(minutes=0.5)
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_one_door_however_close_to_omega_h(friction) -> None:
     """A speed that lies next to Omega_h by accident, and the same as a distance from it."""
     disk = tv.Disk("printed", friction=friction)

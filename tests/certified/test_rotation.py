@@ -85,10 +85,14 @@ def test_both_other_roads_lie_in_the_proved_intervals(taylor, omega, stable) -> 
     assert "unstable" in proof.statement or stable
 
 
-def test_what_is_not_proved() -> None:
-    """Below the fold, where there is none, and on orbits that turn back or lie flat."""
+@pytest.mark.slow
+def test_nothing_is_proved_below_the_fold() -> None:
     below = prove_rotation(PRINTED, "29.9", ("0.463", "0.526"), digits=6, most_bits=120)
     assert below.status in (Status.NOT_CONVERGED, Status.NOT_INCLUDED, Status.NOT_FOLLOWED)
+
+
+def test_what_is_not_proved() -> None:
+    """On orbits that turn back or lie flat, and for what makes no sense."""
     assert flown("0.3", "0.3").status is not FlightStatus.RETURNED
     assert flown("1.2", "1").status is not FlightStatus.RETURNED
     assert flown("-0.5", "-0.5").status is not FlightStatus.RETURNED

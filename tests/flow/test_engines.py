@@ -47,6 +47,7 @@ def test_double_against_200_bits_and_scipy(taylor: Taylor, parameters, omega, st
     assert distance(best.state, truth.state) < Fraction(1, 10**10)
 
 
+@pytest.mark.slow
 def test_mpmath_odefun_agrees_to_35_digits(taylor: Taylor) -> None:
     """A third integrator, and the tests' own transcription of the equations: nothing is shared but the paper."""
     p = PRINTED

@@ -55,7 +55,7 @@ def family(taylor) -> RotatingFamily:
 
 @pytest.mark.honest
 def test_half_widths_hold(family) -> None:
-    check_half_widths(family, 60, 3, 1)
+    check_half_widths(family, 60, 2, 1)
 
 
 @pytest.mark.slow(minutes=2)
