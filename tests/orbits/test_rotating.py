@@ -166,7 +166,7 @@ def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
         equilibrium(PRINTED, tv.Disk("printed").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
     )
     constants = []
-    for zeros in (3, 4, 6):
+    for zeros in (3, 5, 7):
         cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
         assert cycle.stable
         constants.append(float(cycle.period) - zeros * math.log(10) / growth)
