@@ -21,6 +21,7 @@ iterating towards m uses midpoints, for it only finds m.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -98,7 +99,7 @@ class Inclusion:
 
 
 @dataclass(frozen=True)
-class OrbitProof:
+class OrbitProof(ABC):
     """What is proved of one limit cycle; every number is a ball that holds the true one. Without a proof: None."""
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
@@ -130,9 +131,9 @@ class OrbitProof:
         manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
         return self._sentence(manner, *(_decimal_below(distance) for distance in self.unique_within))
 
+    @abstractmethod
     def _sentence(self, manner: str, first: str, second: str) -> str:
         """The statement; the cycle's stability, and how far from it there is no other, are words already."""
-        raise NotImplementedError
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

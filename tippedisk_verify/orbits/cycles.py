@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -22,7 +23,7 @@ __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 
 
-class Cycle:
+class Cycle(ABC):
     """What the results have in common; a subclass says where on the cycle its coordinates are taken."""
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
@@ -60,9 +61,9 @@ class Cycle:
             states[:2] += math.pi / 2
         return times, states
 
+    @abstractmethod
     def _states(self, times: Any, engine: Engine) -> Any:
         """The shifted states (3, n) at times within the period."""
-        raise NotImplementedError
 
     def _flown(self, start: tuple[object, object, object], duration: Fraction, engine: Engine) -> Any:
         """The continuous output of a flight, in the arithmetic that its start needs."""
