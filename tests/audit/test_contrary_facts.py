@@ -39,7 +39,7 @@ from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.theory import expansion, harmonic_balance
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_equilibrium, reduced_omega_crit
-from tippedisk_verify.theory.spectral_rotation import spectral_fold
+from tippedisk_verify.theory.spectral_fold import spectral_fold
 
 # Long computations that plants stand on, each done once.
 true_connection = cache(heteroclinic)

@@ -22,7 +22,8 @@ from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, ro
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.spectral_rotation import spectral_fold, spectral_rotation
+from tippedisk_verify.theory.spectral_fold import spectral_fold
+from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 
 LAWS = ("linear", "smooth")
 #: Stable and unstable ones on both sides of Omega_h, and above Omega_crit.

@@ -25,7 +25,8 @@ from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
 from tippedisk_verify.reference_values.cycle_roads import period_from, period_multipliers
 from tippedisk_verify.reference_values.entries import Case, Method, Values
 from tippedisk_verify.reference_values.local_roads import by_differences
-from tippedisk_verify.theory.spectral_rotation import spectral_fold, spectral_rotation
+from tippedisk_verify.theory.spectral_fold import spectral_fold
+from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 
 __all__ = ["FOLD", "ROTATION", "fold_condition", "rotation_condition", "rotation_unit"]
 
