@@ -10,8 +10,9 @@ import pytest
 
 from tests.certified.cases import NUMBERS, speed_below
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, hull, measured, positive, working_precision
-from tippedisk_verify.certified.cycle import CycleProof, Status, _decimal_below, inclusion, prove_cycle
+from tippedisk_verify.certified.cycle import CycleProof, Status, _decimal_below, prove_cycle
 from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main

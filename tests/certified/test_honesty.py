@@ -9,8 +9,9 @@ import pytest
 
 from tests.certified.cases import NUMBERS, random_cycle
 from tippedisk_verify.certified.balls import ball, ball_constants, measured, working_precision
-from tippedisk_verify.certified.cycle import inclusion, prove_cycle
+from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.orbits.periodic import LimitCycle
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -32,13 +32,13 @@ from tippedisk_verify.certified.balls import (
     arb,
     ball,
     ball_constants,
-    inside,
     measured,
     negative,
     positive,
     working_precision,
 )
 from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.krawczyk import Flight, Inclusion, inclusion, midpoint_inverse, product
 from tippedisk_verify.certified.section import HalfFlight, half_flight
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.errors import InputError
@@ -50,17 +50,11 @@ from tippedisk_verify.model.precision import bits_for_digits
 __all__ = [
     "Attempt",
     "CycleProof",
-    "Flight",
-    "Inclusion",
     "OrbitProof",
     "Status",
-    "inclusion",
-    "midpoint_inverse",
-    "product",
     "prove_cycle",
 ]
 
-Flight = Callable[..., HalfFlight]  # encloses a section's map over a box of its two coordinates
 
 _GUARD_DIGITS = 6  # the box is that much smaller than the digits asked for
 _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
@@ -83,19 +77,6 @@ class Status(Enum):
     TOO_FEW_DIGITS = (
         "a cycle is proved to exist, but its numbers are not enclosed to the digits asked for: work in more bits"
     )
-
-
-@dataclass(frozen=True)
-class Inclusion:
-    """One application of Krawczyk's operator. ``included`` is the proof."""
-
-    included: bool
-    middle: Any = None  #: m, exact points
-    image: Any = None  #: K, (gamma_bar, v)
-    residual: Any = None  #: Y F(m), for choosing the precision
-    centre: HalfFlight | None = None  #: the half map at m
-    box: HalfFlight | None = None  #: the half map over X, with derivatives
-    failed: HalfFlight | None = None  #: the flight that did not return
 
 
 @dataclass(frozen=True)
@@ -207,49 +188,6 @@ def _decimal_below(x: Any) -> str:
     enclosure = measured(x)
     least = enclosure.value - enclosure.uncertainty
     return rounded_down(least) if least > 0 else "0"
-
-
-def inclusion(
-    model: Model,
-    middle: Sequence[Any],
-    radii: Sequence[Any],
-    centre: HalfFlight | None = None,
-    flight: Flight = half_flight,
-) -> Inclusion:
-    """Krawczyk's test on the box ``middle`` ± ``radii`` of (gamma_bar, v), at the working precision.
-
-    ``centre`` is the half map at ``middle``, if it is known already; ``flight`` may be that of another section's map.
-    """
-    m = [ball(part).mid() for part in middle]
-    box = [point + arb(0, radius) for point, radius in zip(m, radii, strict=True)]
-    if centre is None:
-        centre = flight(model, *m)
-    if centre.status is not HalfStatus.RETURNED:
-        return Inclusion(False, m, failed=centre)
-    wide = flight(model, *box, derivatives=True)
-    if wide.status is not HalfStatus.RETURNED:
-        return Inclusion(False, m, centre=centre, failed=wide)
-    value = [after - before for after, before in zip(centre.image, m, strict=True)]
-    (a, b), (c, d) = wide.matrix
-    jacobian = ((a - 1, b), (c, d - 1))
-    inverse = midpoint_inverse(jacobian)
-    residual = product(inverse, value)
-    rest = [[int(i == j) - sum(inverse[i][k] * jacobian[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
-    spread = product(rest, [whole - part for whole, part in zip(box, m, strict=True)])
-    image = [part - shift + width for part, shift, width in zip(m, residual, spread, strict=True)]
-    included = all(inside(part, whole) for part, whole in zip(image, box, strict=True))
-    return Inclusion(included, m, image, residual, centre, wide)
-
-
-def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """The inverse of the midpoints' matrix, as points: any regular matrix will do, and inclusion shows that it is."""
-    (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
-    determinant = a * d - b * c
-    return [[(d / determinant).mid(), (-b / determinant).mid()], [(-c / determinant).mid(), (a / determinant).mid()]]
-
-
-def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
 
 
 def prove_cycle(

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.certified.balls import arb, ball, inside, negative, positive
-from tippedisk_verify.certified.cycle import Attempt, Flight, OrbitProof
+from tippedisk_verify.certified.cycle import Attempt, OrbitProof
 from tippedisk_verify.certified.flow import Model, Path, Step
 from tippedisk_verify.certified.flow import Status as FlowStatus
+from tippedisk_verify.certified.krawczyk import Flight
 from tippedisk_verify.certified.section import UPRIGHT, HalfFlight, Status, moment_of_zero
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact

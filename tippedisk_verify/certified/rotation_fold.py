@@ -28,8 +28,8 @@ from tippedisk_verify.certified.balls import (
     positive,
     working_precision,
 )
-from tippedisk_verify.certified.cycle import midpoint_inverse, product
 from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.krawczyk import midpoint_inverse, product
 from tippedisk_verify.certified.rotation import turn_flight
 from tippedisk_verify.certified.section import Status
 from tippedisk_verify.model.measured import Measured
