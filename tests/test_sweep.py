@@ -91,8 +91,8 @@ def test_a_trajectory_ends_in_columns_of_its_own() -> None:
     point = {"omega": "30", "beta": "pi/2", "gamma": "1.9", "v": "2", "duration": "1e-6"}
     row = computed(Plan("trajectory", PRINTED, tuple((name, (value,)) for name, value in point.items())), point)
     assert float(row["final_beta"]) == pytest.approx(math.pi / 2 + 2e-6, rel=0, abs=1e-9)  # v' is below 1000 rad/s^2
-    assert float(row["final_gamma"]) == pytest.approx(1.9, rel=0, abs=1e-9)
-    assert float(row["final_v"]) == pytest.approx(2, rel=0, abs=1e-3)
+    assert float(row["final_gamma"]) == pytest.approx(1.9, rel=0, abs=1e-9)  # Omega v t^2 is 6e-11
+    assert float(row["final_v"]) == pytest.approx(2, rel=0, abs=1e-3)  # v' t, as above
 
 
 # ------------------------------------------------------------------------------------------ runs

@@ -47,7 +47,7 @@ def test_a_turn_off_the_cycle_against_the_ordinary_road(taylor) -> None:
         (flight.time_by_omega, ordinary.time_by_omega),
     ]
     for mine, theirs in pairs:
-        assert float(mine.mid()) == pytest.approx(float(theirs), rel=1e-10, abs=1e-11)
+        assert float(mine.mid()) == pytest.approx(float(theirs), rel=1e-10, abs=1e-11)  # a thousand times rounding
 
 
 def test_the_image_of_a_box_holds_those_of_its_corners() -> None:

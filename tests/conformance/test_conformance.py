@@ -118,7 +118,7 @@ def test_digits_are_those_of_the_relative_error(error: str, digits: float) -> No
     with localcontext() as context:
         context.prec = 60
         found = digits_between(truth * (1 + Decimal(error)), truth, truth)
-    assert found == pytest.approx(digits, abs=1e-4)
+    assert found == pytest.approx(digits, abs=1e-4)  # as typed above
 
 
 def test_more_digits_than_there_are_count_as_all(store: Store) -> None:
@@ -404,6 +404,7 @@ def test_predictions_without_a_mistake_are_the_truth(store: Store) -> None:
         for id_, value in found.items():
             assert compare(id_, value).digits > min(FAILS_BELOW[store[id_].level], 7) - 1, id_
         if entry.startswith("linear/limit-cycle"):
+            # Tolerance: of the CSV's decimals.
             assert found[f"printed/{entry}/period"] == pytest.approx(float(store[f"printed/{entry}/period"]), abs=1e-10)
 
 

@@ -30,11 +30,11 @@ def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_h
     turn = numpy.linspace(0, 2 * math.pi, 2000)[:, None]
     rim = points["G"] + float(PRINTED.r) * (numpy.cos(turn) * points["body_x"] + numpy.sin(turn) * points["body_y"])
     assert abs(rim[:, 2].min()) < 1e-7  # 2000 points miss the lowest by a share of (pi / 2000)^2 / 2
-    assert rim[:, 2].max() == pytest.approx(2 * float(PRINTED.r) * math.sin(beta), rel=1e-5)
+    assert rim[:, 2].max() == pytest.approx(2 * float(PRINTED.r) * math.sin(beta), rel=1e-5)  # the rim is a polygon
     height = (float(PRINTED.r) + float(PRINTED.e) * math.sin(gamma)) * math.sin(beta)
-    assert points["S"][2] == pytest.approx(height, rel=1e-14)
+    assert points["S"][2] == pytest.approx(height, rel=1e-14)  # fifty roundings
     frame = numpy.array([points["body_x"], points["body_y"], points["normal"]])
-    assert numpy.allclose(frame @ frame.T, numpy.eye(3), atol=1e-15)
+    assert numpy.allclose(frame @ frame.T, numpy.eye(3), atol=1e-15)  # some roundings
     assert numpy.linalg.det(frame) == pytest.approx(1)
 
 
@@ -44,7 +44,7 @@ def test_eigenvalues_sum_to_the_trace_and_close_up_where_the_pair_meets() -> Non
     assert speeds == sorted(speeds)
     trace = float(linearization(PRINTED, omega_crit(PRINTED).value).A33)
     for row in rows:
-        assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)
+        assert row[1] + row[3] + row[5] == pytest.approx(trace, rel=1e-12)  # roundings of three eigenvalues
         assert row[2] + row[4] + row[6] == 0
     (begin,) = [index for index, row in enumerate(rows) if row[2] != 0 and rows[index - 1][2] == 0]
     # Beside a square-root point the imaginary part is small only if the speeds come close.

@@ -214,7 +214,7 @@ def test_events_from_the_surface_are_those_of_scipy(
     event = _event(which == 1, direction, terminal)
     assert event.function is function
     mine = shared(request(state, duration, event))
-    other = Baseline()(request(state, duration, event, tolerance=1e-12))
+    other = Baseline()(request(state, duration, event, tolerance=1e-12))  # the tightest that SciPy keeps
     assert mine.status is other.status
     assert len(mine.events) == len(other.events)
     for one, two in zip(mine.events, other.events, strict=True):
@@ -229,6 +229,6 @@ def test_half_periods_of_any_length(taylor: Taylor) -> None:
     random = numpy.random.default_rng(5)
     for _ in range(60):
         start = (random.uniform(-2, 2), -(10 ** random.uniform(-4, 0.3)))
-        flight = Baseline()(request((0.0, *start), 3.0, FALLING, tolerance=1e-12))
+        flight = Baseline()(request((0.0, *start), 3.0, FALLING, tolerance=1e-12))  # the tightest that SciPy keeps
         assert flight.status is Status.EVENT
         assert abs(half_map(PRINTED, "30.5", start, taylor).time - flight.time) < 1e-7

@@ -165,7 +165,8 @@ def test_a_reversal_ends_the_run_where_it_should(taylor) -> None:
     assert {round(ends[1], 12), round(ends[-1], 12)} == {round(time, 12) for time in times[:2]}
     after = replace(whole, state=[float(part) for part in taylor(replace(whole, events=(SLIDING_REVERSAL,))).state])
     assert float(taylor(replace(after, events=(SLIDING_REVERSAL,))).time) == pytest.approx(
-        times[1] - times[0], abs=1e-9
+        times[1] - times[0],
+        abs=1e-9,  # event times of two step sequences
     )
 
 
@@ -183,6 +184,7 @@ def test_lanes_find_the_same_reversals(taylor) -> None:
         alone = taylor(smooth("30.4", start, "0.5", events=(_REVERSES,), domain="none"))
         mine = [time for name, run, time, _ in found.crossings if run == k and name == _REVERSES.name]
         if found.finished[k]:
+            # Tolerance: event times of two step sequences.
             assert numpy.allclose(mine, [float(record.time) for record in alone.events], rtol=0, atol=1e-10)
     assert found.finished.sum() > 12
 

@@ -55,7 +55,7 @@ def test_products_given_as_numbers_change_no_derivative(variations, friction) ->
     whole = engine(Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 0.3, domain="none", variations=every))
     part = engine(Request(PRINTED.with_friction(friction), 30.4, STARTS[1], 0.3, domain="none", variations=variations))
     # Two orders of summation over some twenty steps.
-    assert part.state == pytest.approx(whole.state, rel=0, abs=1e-14)
+    assert part.state == pytest.approx(whole.state, rel=0, abs=1e-14)  # fifty roundings
     if variations:
         columns = [every.index(name) for name in variations]
         scale = abs(whole.derivatives[:, columns]).max(axis=0)

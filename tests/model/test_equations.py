@@ -86,7 +86,7 @@ def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
         for friction in ("linear", "smooth")
     ]
     # Same formula up to the rounding of k = (mu g) / epsilon.
-    assert numpy.allclose(*both, rtol=1e-15 * 8, atol=1e-13)
+    assert numpy.allclose(*both, rtol=1e-15 * 8, atol=1e-13)  # cancelling terms of order 100
 
 
 def test_normal_force_is_the_weight_at_rest() -> None:
@@ -96,7 +96,7 @@ def test_normal_force_is_the_weight_at_rest() -> None:
         acceleration = equations.acceleration(math, constants, 30.4, *state, "linear")
         ratio = equations.normal_force_over_weight(math, constants, 30.4, state, acceleration)
         # pi/2 is off by half an ulp, and its effect is multiplied by accelerations of up to 1e3.
-        assert ratio == pytest.approx(1, abs=1e3 * 2.0**-52)
+        assert ratio == pytest.approx(1, abs=1e3 * 2.0**-52)  # a thousand roundings
 
 
 def test_arrays_are_welcome() -> None:

@@ -214,7 +214,7 @@ def test_rotating_cycles_are_what_their_names_say(store: Store) -> None:
             assert form in entry.rsplit("/", 1)[1]
             slow, logarithm = (float(number[f"{part}multiplier_slow"]) for part in ("", "log_"))
             assert (slow < 1) == (form == "stable")
-            assert math.exp(logarithm) == pytest.approx(slow, rel=1e-14)
+            assert math.exp(logarithm) == pytest.approx(slow, rel=1e-14)  # exp amplifies by the logarithm
             assert float(number["beta_max"]) > float(number["beta_bar_top"]) > float(number["beta_bar_0"]) > 0
             # gamma' = Omega sin(beta_bar), averaged over a period, is 2 pi / T.
             assert math.sin(float(number["beta_bar_0"])) < 2 * math.pi / omega / float(number["period"])
@@ -471,7 +471,7 @@ def test_damaged_pieces_are_computed_again(left: str, tmp_path: Path) -> None:
 def test_a_value_by_its_id() -> None:
     quantity = reference("printed/linear/hopf/point/omega_crit")
     assert quantity.unit == "rad/s"
-    assert float(quantity) == pytest.approx(30.8866, abs=1e-4)
+    assert float(quantity) == pytest.approx(30.8866, abs=1e-4)  # a look at the leading digits
     assert quantity.measured().holds(quantity.measured().value)
     with pytest.raises(InputError, match="did you mean printed/linear/hopf/point/omega_crit"):
         reference("printed/linear/hopf/point/omega-crit")

@@ -50,7 +50,7 @@ def test_a_wrong_claim_does_not_pass() -> None:
             return result
         return result._replace(error=replace(result.error, state=result.error.state / 1e3))
 
-    request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)
+    request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)  # loose: an error to be seen
     assert flown(request).honest
     assert not flown(request, engine=boastful).honest
 
@@ -72,7 +72,7 @@ def test_what_is_unforeseen_never_passes() -> None:
 
 
 def test_digits() -> None:
-    assert digits_between(1.001, 1.0) == pytest.approx(3, abs=1e-6)
+    assert digits_between(1.001, 1.0) == pytest.approx(3, abs=1e-6)  # 1.001 is a double
     assert digits_between(1.0, 1.0) == 16
     assert digits_between(3.0, 1.0) == 0
     assert digits_between(1e-3, 0.0, 1.0) == pytest.approx(3)

@@ -122,6 +122,7 @@ def test_the_papers_h1_is_the_recursions(point) -> None:
     constants = PRINTED.at(DOUBLE)
     formula = first_correction(math, constants, 30.4, *point)
     # Terms of about 1e2 times the result are summed.
+    # Tolerance: a thousand roundings.
     assert orders(math, constants, 30.4, *point, 1)[1] == pytest.approx(formula, rel=1e3 * 2.0**-52)
     assert slow_manifold(math, constants, 30.4, *point) == pytest.approx(
         critical_manifold(math, constants, 30.4, *point) + 0.1 * formula
@@ -147,10 +148,10 @@ def test_reduced_flow() -> None:
     omega = Fraction("30.4")
     saddle = reduced_equilibrium(PRINTED, omega, "noninverted", 0)
     assert abs(saddle.trace) < 1e-30  # pi/2 is rounded to 120 bits
-    assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)
+    assert float(-saddle.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0425, rel=1e-14)  # fifty roundings
     centre = reduced_equilibrium(PRINTED, omega, "inverted", 0)
     assert abs(centre.trace) < 1e-30
-    assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)
+    assert float(centre.determinant) == pytest.approx(30.4**2 * 0.0025 / 0.0475, rel=1e-14)  # fifty roundings
     crit = omega_crit(PRINTED, 40).value
     for order in (1, 2, 4):
         assert reduced_omega_crit(PRINTED, order, 25).holds(crit)
@@ -176,6 +177,7 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
     constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
     free = PRINTED.changed(mu="1e-30").at(DOUBLE)
     with_friction, without = (equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free))
+    # Tolerance: roundings of terms that cancel.
     assert attraction_rate(math, constants, *point) == pytest.approx(with_friction - without, rel=1e-12)
 
 
@@ -200,7 +202,7 @@ def test_study_takes_the_point_it_is_given(capsys) -> None:
     found = study(PRINTED, "30.4", 3, at=("1.4", "-2.5"))
     c = PRINTED.at(DOUBLE)
     rolling = 30.4 * c.e * math.sin(1.4) * math.cos(-2.5) / (c.r + c.e * math.sin(-2.5))
-    assert float(found.h[0]) == pytest.approx(rolling, rel=1e-13)
+    assert float(found.h[0]) == pytest.approx(rolling, rel=1e-13)  # some hundred roundings
     assert study(PRINTED, "30.4", 3, digits=30, at=("1.4", "-2.5")).h[3].uncertainty < found.h[3].uncertainty
     assert main(["slow-manifold", "--order", "3", "--beta", "1.4", "--gamma", "-2.5", "--omega", "30.4"]) == 0
     said = capsys.readouterr()
