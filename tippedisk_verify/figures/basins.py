@@ -9,7 +9,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, pyplot
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, pyplot
 from tippedisk_verify.orbits.basin_boundary import BasinBoundary
 from tippedisk_verify.orbits.basins import Basins
 from tippedisk_verify.orbits.continuation import followed_cycle
@@ -48,8 +48,8 @@ def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
     if boundary is not None:
         gammas = numpy.linspace(-math.pi / 2, 3 * math.pi / 2, _CURVE)
         for sheet in zip(*(boundary.sheets(float(gamma), plane.v) for gamma in gammas), strict=True):
-            axis.plot(gammas, [float(beta) for beta in sheet], color=RED, lw=1.2)
-        marks.append(Line2D([], [], color=RED, lw=1.2, label="stable manifolds of the unstable rotating cycles"))
+            axis.plot(gammas, [float(beta) for beta in sheet], color=BLUE, lw=1.5)
+        marks.append(Line2D([], [], color=BLUE, lw=1.5, label="stable manifolds of the unstable rotating cycles"))
         axis.set(xlim=(-math.pi / 2, 3 * math.pi / 2), ylim=(0, math.pi))
     axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2, frameon=False)
     axis.set(xlabel="γ [rad]", ylabel="β [rad]")
