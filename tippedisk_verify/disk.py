@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.basins import Basins
     from tippedisk_verify.orbits.branches import Branch
     from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
+    from tippedisk_verify.orbits.folds import RotationFold
     from tippedisk_verify.orbits.heteroclinic import Heteroclinic
-    from tippedisk_verify.orbits.rotation_fold import RotationFold
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -293,7 +293,7 @@ class Disk(Parameters):
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.orbits.rotation_fold import rotation_fold
+        from tippedisk_verify.orbits.folds import rotation_fold
 
         return rotation_fold(self, self._engine(engine), digits=digits)
 

@@ -18,8 +18,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_cycle
-from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.turn_map import TurnFlights
 from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 

@@ -18,9 +18,9 @@ from tippedisk_verify.model.equations import field, normal_force_over_weight, sh
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, rotating_cycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
-from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.spectral_fold import spectral_fold
 from tippedisk_verify.theory.spectral_rotation import spectral_rotation

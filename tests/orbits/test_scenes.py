@@ -16,8 +16,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_cycle
-from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.scenes import (
     INITIAL_STATES,
     SCENES,

@@ -21,10 +21,10 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 from tippedisk_verify.orbits.branches import family
+from tippedisk_verify.orbits.folds import fold_in_double
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.orbits.periodic import LimitCycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
-from tippedisk_verify.orbits.rotation_fold import fold_in_double
 from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
 
 __all__ = [

@@ -70,8 +70,8 @@ def _rotating(
     from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
     from tippedisk_verify.certified.rotation_fold import prove_rotation_fold
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.folds import rotation_fold
     from tippedisk_verify.orbits.rotating import rotating_cycle
-    from tippedisk_verify.orbits.rotation_fold import rotation_fold
 
     parameters, digits = common.parameters, common.digits
     parameters.refuse_smooth("rotating cycles are proved")

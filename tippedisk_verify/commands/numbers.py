@@ -136,8 +136,8 @@ def _rotating(
 ) -> dict[str, object]:
     """A rotating cycle, or the fold of their family, as JSON."""
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.folds import rotation_fold
     from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
-    from tippedisk_verify.orbits.rotation_fold import rotation_fold
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if sum(given not in (None, False) for given in (omega, below_crit, below_het, at_fold)) != 1:

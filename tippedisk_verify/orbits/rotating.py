@@ -19,6 +19,7 @@ from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branches import MANY
 from tippedisk_verify.orbits.cycle_budget import Shot
 from tippedisk_verify.orbits.cycles import RotatingCycle
+from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.half_map import newton_step
 from tippedisk_verify.orbits.limit_of_cycles import resolving
 from tippedisk_verify.orbits.near_connection import (
@@ -31,7 +32,6 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import converged, cycle_from, measured_cycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily, unstable_top
 from tippedisk_verify.orbits.rotating_interpolant import RotatingInterpolant
-from tippedisk_verify.orbits.rotation_fold import rotation_fold
 from tippedisk_verify.orbits.splitting import splitting_zero
 from tippedisk_verify.orbits.turn_map import TurnFlights
 from tippedisk_verify.theory.hopf import omega_crit

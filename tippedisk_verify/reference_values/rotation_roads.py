@@ -16,11 +16,11 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits
 from tippedisk_verify.orbits.cycle_budget import numbers_at
+from tippedisk_verify.orbits.folds import fold_near, rotation_fold
 from tippedisk_verify.orbits.half_map import EXTREME
 from tippedisk_verify.orbits.periodic import converged
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
-from tippedisk_verify.orbits.rotation_fold import fold_near, rotation_fold
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
 from tippedisk_verify.reference_values.cycle_roads import period_from, period_multipliers
 from tippedisk_verify.reference_values.entries import Case, Method, Values
@@ -264,7 +264,7 @@ def _fold_by_collocation(case: Case, known: Values) -> Values:
 def _fold_by_scipy(case: Case, known: Values) -> Values:
     """With another integrator, in double: its seven digits are a claim, the distance is on record."""
     beta_bar, v, omega = (float(known[name]) for name in ("beta_bar_top", "v_top", "omega"))
-    at, _ = fold_near(case.parameters, (beta_bar, v, omega), Baseline())
+    at, _ = fold_near(TurnFlights, case.parameters, (beta_bar, v, omega), Baseline())
     numbers = dict(zip(("beta_bar_top", "v_top", "omega"), at, strict=True))
     return {name: Measured.of(value, abs(value) * 1e-7) for name, value in numbers.items()}
 
