@@ -189,7 +189,8 @@ def cycles_at_speed(disk: Disk, Omega: float, intervals: int = 32, u_max: float 
 class Fold(NamedTuple):
     """A fold; ``solution`` has z and dz/du, and the unknowns T/2, Omega, u, d(T/2)/du and the parameter's share."""
 
-    value: Number  #: of the parameter that was free; of A otherwise
+    disk: Disk  #: with the value found, if a parameter was free
+    value: Number  #: of the named parameter
     omega: Number  #: [rad/s]
     gamma_bar_0: Number  #: [rad]
     period: Number  #: [s]
@@ -244,6 +245,7 @@ def _fold(disk: Disk, name: str, which: int, value: float, intervals: int, guess
     half, Omega, u, _, share = solution.unknowns
     a, whole = float(amplitude(u)), getattr(disk, name)
     return Fold(
+        disk._replace(**{name: float(share * whole)}),
         Number.of(share * whole, errors[4] * whole),
         Number.of(Omega, errors[1]),
         Number.of(a, math.pi**2 * math.exp(-u) / (2 * a) * errors[2]),
@@ -261,9 +263,10 @@ def fold_of_amplitude(disk: Disk, name: str, a: float, guess: Fold, intervals: i
     """The fold of a given amplitude, with the named parameter free, from a fold next to it on the curve.
 
     With a down to 0 it is the road to the Bautin point: all unknowns are smooth functions of a^2 there.
-    ``guess`` is a fold of ``disk`` or was found with the same free parameter.
     """
-    return _fold(disk, name, 2, parameter(a), intervals, guess.solution)
+    share = getattr(guess.disk, name) / getattr(disk, name)
+    start = guess.solution._replace(unknowns=numpy.append(guess.solution.unknowns[:4], share))
+    return _fold(disk, name, 2, parameter(a), intervals, start)
 
 
 def fold_curve(disk: Disk, name: str, values: Sequence[float], intervals: int = 24) -> list[Fold]:
