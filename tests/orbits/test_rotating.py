@@ -253,11 +253,11 @@ def test_the_command(capsys) -> None:
     assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
     assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
     for words, told in (
-        (["--rotating"], "give a rotating cycle's speed"),
-        (["--rotating", "--omega", "30.02", "--at-fold"], "give a rotating cycle's speed"),
+        (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
+        (["--rotating", "--omega", "30.02", "--at-fold"], "give the speed of the cycle with one of"),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
-        (["--unstable", "--omega", "30.02"], "belong to --rotating"),
+        (["--below-het", "1e-3"], "belongs to --rotating"),
         (["--rotating", "--omega", "30.07"], "below Omega_h"),
         (["--rotating", "--omega", "29"], "fold near"),
         (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),

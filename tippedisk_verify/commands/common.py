@@ -110,17 +110,12 @@ _SPEED_OPTIONS = (
 )
 
 
-def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Fraction:
-    """Omega as an exact rational [rad/s], from --omega or --below-crit.
-
-    ``others`` are the options that the command has for the same purpose.
-    """
+def speed(common: Common, omega: str | None, below_crit: str | None) -> Fraction:
+    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
     from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.theory.hopf import speed_below_crit
 
     if (omega is None) == (below_crit is None):
-        if others:
-            raise InputError(f"give the speed with one of --omega, --below-crit and {' and '.join(others)}")
         raise InputError("give the speed with either --omega or --below-crit")
     if omega is not None:
         return checked_speed(omega)
