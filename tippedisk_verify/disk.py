@@ -127,9 +127,9 @@ class Solution:
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)`` one of
-    your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. ``friction``
-    is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry, rounded) or a TOML file, ``Disk(r="0.045", ...)``
+    one of your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers.
+    ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
 
     Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
     ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
