@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
@@ -161,7 +161,10 @@ class BranchInterpolant:
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
-        """Interpolated numbers, each with a half-width that holds the truth. Raises InputError outside the bounds."""
+        """Interpolated numbers, each with a half-width that holds the truth.
+
+        Raises InputError outside the bounds, Shortfall too close to the Hopf point or the connection.
+        """
         speeds, s = self._places(omegas)
         ratios, panels = self._family.ratios(s)
         slope = numpy.abs(self._family.at(s)[3]) * numpy.cosh(s) ** 2 / numpy.pi
@@ -227,7 +230,10 @@ class BranchInterpolant:
         return widest
 
     def _places(self, omegas: Sequence[float]) -> tuple[Array, Array]:
-        """The speed and the abscissa of each cycle. Raises InputError for speeds outside the bounds."""
+        """The speed and the abscissa of each cycle.
+
+        Raises InputError for speeds outside the bounds, Shortfall for those too close to an end of the family.
+        """
         speeds = numpy.atleast_1d(numpy.asarray(omegas, dtype=float))
         outside = speeds[~((speeds >= self.lowest) & (speeds <= self.highest))]
         if len(outside):
@@ -238,13 +244,13 @@ class BranchInterpolant:
         for name, end, reached in (("Omega_crit", self.omega_crit, first), ("Omega_h", self.omega_h, last)):
             beyond = speeds[(speeds - reached) * (speeds - end) <= 0]
             if len(beyond):
-                raise InputError(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
+                raise Shortfall(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
         s = self._family.abscissas(speeds)
         index, piece = numpy.nonzero(numpy.isfinite(s.T))
         return speeds[index], s[piece, index]
 
     def cycles(self, omegas: Sequence[float]) -> Cycles:
-        """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
+        """The cycles at these speeds, corrected by Newton's iteration. Raises as a call does."""
         return self._solved_at(*self._places(omegas))
 
     def _solved_at(self, speeds: Array, s: Array) -> Cycles:
