@@ -17,6 +17,7 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
+from tippedisk_verify.orbits import branches
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import cycles_at_speed
@@ -182,6 +183,21 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
     assert len(many) == 180
     for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
         assert abs(one.period.value - other.period.value) <= one.period.uncertainty + other.period.uncertainty
+
+
+def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
+    """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
+    monkeypatch.setattr(branches, "MANY", 3)
+    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    close = float(known.limit) + 1e-4
+    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
+    assert len(cycles) == 3
+    assert cycles[-1].stable
+    focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
+    cycles = list(family(focus, taylor, omegas=["29"] * 3))
+    assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
+    with pytest.raises(NoSuchCycleError, match=r"followed from Omega_crit = .* where gamma's amplitude is pi"):
+        list(family(focus, taylor, omegas=["28"]))
 
 
 def test_command(folding, capsys) -> None:
