@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
 from tippedisk_verify.commands.quantities import quantities_of
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
+    from tippedisk_verify.orbits.folds import Fold
 
 __all__ = ["COMMANDS"]
 
@@ -207,8 +209,25 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
-    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]}, lines)
+    folds = _folds(common, rotating)
+    told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
+    entries: list[object] = [fold.json() for fold in folds]
+    turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
+    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]} | turns, chain(lines, told))
     return 0
+
+
+def _folds(common: Common, rotating: bool) -> Sequence[Fold]:
+    """The folds of the family; none where it is only known at single speeds."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
+
+    if rotating:
+        return [rotation_fold(common.parameters, default_engine(), digits=common.digits)]
+    try:
+        return libration_folds(common.parameters, default_engine(), digits=common.digits)
+    except NoSuchCycleError:
+        return []
 
 
 @quantities_of("omega_h", "saddle_eigenvalues", "saddle_value", "splitting_derivative", "budget")
