@@ -33,7 +33,6 @@ __all__ = ["COMMANDS"]
 def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
     """States, eigenvalues and stability of inverted and noninverted spinning."""
     from tippedisk_verify.theory.codimension_two import kind_changes
-    from tippedisk_verify.theory.codimension_two import kind_changes
     from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 
     omega_value, result = speed(common, omega, below_crit), {}

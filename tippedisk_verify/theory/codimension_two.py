@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from math import isqrt
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
