@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from itertools import pairwise
 
 import mpmath
+import pytest
 
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.orbits.folds import libration_folds
+from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.codimension_two import bautin_points
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.hopf import hopf_point, omega_crit, omega_crit_decimal
+from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _SHRINKING = 4  #: of the distance from one fold to the next
 
@@ -51,3 +55,18 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
         assert abs(extrapolated(exponents) - 2) < off
         slope = extrapolated([-square / distance for square, distance in zip(squares, distances, strict=True)])
         assert abs(slope / point.fold_amplitude_slope.mpf() - 1) < left
+
+
+@pytest.mark.parametrize("beside", ["0", "1e-34", "-1e-34"])
+def test_cycles_of_a_disk_at_the_bautin_point_and_next_to_it(taylor: Taylor, beside: str) -> None:
+    """r = 4 e and A = 7 Bbar / 5: Omega = Omega_crit + c_2 a^4, by shooting as by the balance of harmonics."""
+    disk = PRINTED.changed(r="0.04", e="0.01", m="0.4", B="0.2e-3", A=Fraction("0.224e-3") + Fraction(beside), C=None)
+    distance = Fraction(1, 10**7)
+    speed = omega_crit_decimal(disk, 12) - distance
+    cycle = limit_cycle(disk, speed, taylor)
+    fourth = float(distance) / -float(hopf_point(disk).quartic_coefficient)
+    # The next term of the law is smaller by about a^2, a thousandth.
+    assert abs(float(cycle.gamma_bar_0) ** 4 / fourth - 1) < 3e-3
+    assert cycle.stable
+    balanced = balanced_cycle(disk, speed)
+    assert (cycle.period - balanced.period).holds(0)
