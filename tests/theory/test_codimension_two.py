@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Callable
 from fractions import Fraction
@@ -275,3 +276,14 @@ def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
     text = capsys.readouterr().out
     assert "criticality: degenerate" in text
     assert "slope" not in text
+
+
+def test_a_sweep_has_no_slopes_there(capsys: Any, tmp_path: Path) -> None:
+    path, out = tmp_path / "degenerate.toml", tmp_path / "rows.csv"
+    path.write_text("\n".join(f'{name} = "{text}"' for name, text in DEGENERATE.decimals().items()), "utf-8")
+    axis = "A=0.224e-3,0.225e-3"
+    assert main(["sweep", "hopf", "--over", axis, "--parameters", str(path), "--out", str(out), "--jobs", "1"]) == 0
+    at, beside = csv.DictReader(out.read_text("utf-8").splitlines())
+    assert at["status"] == beside["status"] == "ok"
+    assert at["amplitude_squared_slope"] == beside["second_lyapunov_coefficient"] == ""
+    assert float(at["second_lyapunov_coefficient"]) < 0 < float(beside["amplitude_squared_slope"])
