@@ -186,7 +186,7 @@ class Disk(Parameters):
         return hopf_point(self, digits)
 
     def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
-        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; empty if there is none. Raises as `hopf`."""
+        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
         from tippedisk_verify.theory.codimension_two import bautin_points
 
         return bautin_points(self, parameter, digits)
