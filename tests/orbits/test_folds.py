@@ -16,11 +16,12 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import cycles_at_speed
 from tippedisk_verify.orbits.folds import libration_folds
+from tippedisk_verify.theory.hopf import criticality
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 FOLDING = PRINTED.changed(A="0.229e-3")
@@ -112,6 +113,42 @@ def test_the_smooth_law_folds_too(taylor) -> None:
     (linear,), (smooth,) = (libration_folds(disk, taylor) for disk in (near, near.with_friction("smooth")))
     assert abs(float(smooth.omega) - float(linear.omega)) < 1e-3
     assert smooth.omega.value != linear.omega.value
+
+
+# ------------------------------------------------------------------------------------------------ the page of documents
+def rows(heading: str) -> list[list[str]]:
+    """The table of docs/disks.md whose first column has this heading."""
+    text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
+    lines = text[text.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_table_of_widths(taylor) -> None:
+    for A, ratio, width, amplitude, down in rows("A [kg m^2]"):
+        disk = PRINTED.changed(A=A)
+        known = AmplitudeFamily(disk, taylor)
+        assert ratio == f"{float(disk.A / disk.Bbar):.4f}"
+        assert down == f"{known.omega_crit - known.limit:.4f}"
+        if known.folds:
+            fold = known.place(known.folds[0])
+            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.gamma_bar:.3f}")
+        else:
+            assert (width[:4], amplitude) == ("none", "")
+
+
+def test_the_table_of_holes() -> None:
+    radii = ("0.005", "0.010", "0.015", "0.020", "0.030")
+    for thickness, *offsets in rows("thickness"):
+        for radius, offset in zip(radii, offsets, strict=True):
+            limit = Fraction(offset.removesuffix(" mm"))
+            for away, kind in (("-0.01", "subcritical"), ("0.01", "supercritical")):
+                inertia = disk_with_hole(
+                    *(Fraction(text) for text in ("0.435", "0.045")),
+                    Fraction(thickness.removesuffix(" mm")) / 1000,
+                    Fraction(radius),
+                    (limit + Fraction(away)) / 1000,
+                )
+                assert criticality(PRINTED.changed(**inertia)) == kind
 
 
 # ------------------------------------------------------------------------------------------------ asked for

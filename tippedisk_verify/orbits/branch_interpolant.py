@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
@@ -161,23 +161,20 @@ class BranchInterpolant:
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
-        """Interpolated numbers, each with a half-width that holds the truth. Raises InputError outside the bounds."""
+        """Interpolated numbers, each with a half-width that holds the truth.
+
+        Raises InputError outside the bounds, Shortfall too close to the Hopf point or the connection.
+        """
         speeds, s = self._places(omegas)
         ratios, panels = self._family.ratios(s)
         slope = numpy.abs(self._family.at(s)[3]) * numpy.cosh(s) ** 2 / numpy.pi
-        values: dict[str, Any] = {}
-        widths: dict[str, Any] = {}
-        a = amplitude(s)
-        for name, (scaled, width) in self._scaled.items():
-            at = (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
+        values, widths = self._between(s), {}
+        for name, (_, width) in self._scaled.items():
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
             # independent of the others'. One width is for both, whichever prevails.
             moved = numpy.interp(s, self._s, width)
             own = (width.reshape(-1, NODES)[panels] ** 2 * ratios**2).sum(axis=1)
             error = (numpy.sqrt(moved**2 + own) + self._truncation[name][panels]) / slope
-            values[name] = a if name == "gamma_bar_0" else 1 - at * a**2 if name == "map_multiplier" else at
-            if _POWERS.get(name):
-                values[name] = at * a
             widths[name] = error + 4 * _UNIT * numpy.abs(values[name])
         lost = widths["gamma_bar_0"] > _FLAT * self._to_fold(s)
         half, both = values.pop("map_multiplier"), values.pop("log_multipliers")
@@ -206,6 +203,14 @@ class BranchInterpolant:
         scaled = {name: getattr(cycles, name) / a**power for name, power in _POWERS.items()}
         return {"gamma_bar_0": a, "map_multiplier": (1 - cycles.map_multiplier) / a**2} | scaled
 
+    def _between(self, s: Array) -> dict[str, Any]:
+        """The interpolated numbers at abscissas."""
+        a = amplitude(s)
+        scaled = numpy.stack([scaled for scaled, _ in self._scaled.values()])
+        values: dict[str, Any] = dict(zip(self._scaled, self._family.between_nodes(s, scaled), strict=True))
+        values |= {name: values[name] * a**power for name, power in _POWERS.items() if power}
+        return values | {"gamma_bar_0": a, "map_multiplier": 1 - values["map_multiplier"] * a**2}
+
     @cached_property
     def _truncation(self) -> dict[str, Any]:
         """What the polynomials leave out, times dOmega/da, on each panel.
@@ -215,19 +220,18 @@ class BranchInterpolant:
         nodes = self._s.reshape(-1, NODES)
         middles = ((nodes[:, 1:] + nodes[:, :-1]) / 2).ravel()
         solved = self._solved_at(self._family.at(middles)[2], middles)
-        ratios, panels = self._family.ratios(middles)
-        a, known = amplitude(middles), self._analytic(solved)
         widest = {}
-        for name, (scaled, _) in self._scaled.items():
-            at = a if name == "gamma_bar_0" else (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
-            power = 2 if name == "map_multiplier" else _POWERS.get(name, 0)
-            away = numpy.abs(at - known[name]) * a**power * _slope(solved)
+        for name, value in self._between(middles).items():
+            away = numpy.abs(value - getattr(solved, name)) * _slope(solved)
             # Next to a fold the cycle is not found at its speed; the panel's others are told.
             widest[name] = DISTANCES * numpy.nan_to_num(away).reshape(len(nodes), -1).max(axis=1)
         return widest
 
     def _places(self, omegas: Sequence[float]) -> tuple[Array, Array]:
-        """The speed and the abscissa of each cycle. Raises InputError for speeds outside the bounds."""
+        """The speed and the abscissa of each cycle.
+
+        Raises InputError for speeds outside the bounds, Shortfall for those too close to an end of the family.
+        """
         speeds = numpy.atleast_1d(numpy.asarray(omegas, dtype=float))
         outside = speeds[~((speeds >= self.lowest) & (speeds <= self.highest))]
         if len(outside):
@@ -238,13 +242,13 @@ class BranchInterpolant:
         for name, end, reached in (("Omega_crit", self.omega_crit, first), ("Omega_h", self.omega_h, last)):
             beyond = speeds[(speeds - reached) * (speeds - end) <= 0]
             if len(beyond):
-                raise InputError(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
+                raise Shortfall(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
         s = self._family.abscissas(speeds)
         index, piece = numpy.nonzero(numpy.isfinite(s.T))
         return speeds[index], s[piece, index]
 
     def cycles(self, omegas: Sequence[float]) -> Cycles:
-        """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
+        """The cycles at these speeds, corrected by Newton's iteration. Raises as a call does."""
         return self._solved_at(*self._places(omegas))
 
     def _solved_at(self, speeds: Array, s: Array) -> Cycles:
