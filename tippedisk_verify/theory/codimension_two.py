@@ -3,8 +3,8 @@
 At the Hopf point of inverted spinning the first Lyapunov coefficient vanishes, l_1 = 0, where 2 A (r + e) (r - 2 e) =
 Bbar r (2 r - e), Bbar = B - m e^2: linear in A, B and m, quadratic in r, cubic in e; g, mu and epsilon do not enter. On
 one side of it the cycles are born stable, on the other unstable, and on one side of it the family has a fold. From
-Omega = Omega_crit + c_1 a^2 + c_2 a^4 (`amplitude_law`), with p - p_B the parameter's distance from there and a prime for
-d/dp,
+Omega = Omega_crit + c_1 a^2 + c_2 a^4 (`amplitude_law`), with p - p_B the parameter's distance from there and a prime
+for d/dp,
 
     a_fold^2 ~ -(c_1' / (2 c_2)) (p - p_B)        Omega_fold - Omega_crit ~ -(c_1'^2 / (4 c_2)) (p - p_B)^2,
 
