@@ -235,7 +235,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
-    folds = _folds(common, rotating)
+    folds = _folds(common, rotating, total >= branches.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
     entries: list[object] = [fold.json() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
@@ -243,15 +243,19 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     return 0
 
 
-def _folds(common: Common, rotating: bool) -> Sequence[Fold]:
-    """The folds of the family; none where it is only known at single speeds."""
-    from tippedisk_verify.flow import default_engine
+def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
+    """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled anyway."""
+    from tippedisk_verify.flow import default_engine, default_lanes
+    from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.orbits.branch_interpolant import all_at_once
     from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
 
+    parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        return [rotation_fold(common.parameters, default_engine(), digits=common.digits)]
+        return [rotation_fold(parameters, engine, digits=digits)]
     try:
-        return libration_folds(common.parameters, default_engine(), digits=common.digits)
+        solve = all_at_once(parameters, default_lanes()) if in_lanes else None
+        return libration_folds(parameters, engine, digits=digits, family=AmplitudeFamily(parameters, engine, solve))
     except NoSuchCycleError:
         return []
 

@@ -23,13 +23,13 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, amplitude
+from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, Solver, amplitude
 from tippedisk_verify.orbits.averaged import averaged
 from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
 from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
 
-__all__ = ["BranchInterpolant", "Values"]
+__all__ = ["BranchInterpolant", "Values", "all_at_once"]
 
 _UNIT = 2.0**-53
 _LEFT_OUT = 1 / 1000  # of the branch, at either end, if no bounds are given
@@ -79,7 +79,8 @@ class BranchInterpolant:
         self._constants = field_constants(parameters)
         if not 0 < omega_h < math.inf:
             raise InputError(f"Omega_h is a positive speed, not {shown(omega_h)}")
-        self._family = AmplitudeFamily(parameters, solve=self._of_amplitudes, closest=self._closest(lowest, highest))
+        closest = self._closest(lowest, highest)
+        self._family = AmplitudeFamily(parameters, solve=all_at_once(parameters, lanes), closest=closest)
         self.omega_crit = self._family.omega_crit
         self._check_limit()
         turns = [self._family.place(s).omega for s in self._family.folds]
@@ -114,16 +115,6 @@ class BranchInterpolant:
         from tippedisk_verify.theory.hopf import omega_crit
 
         return float(omega_crit(self.parameters))
-
-    def _of_amplitudes(self, gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
-        """The family's solver: all amplitudes at once."""
-        found = corrected(
-            self._constants, omega, Guess(gamma_bar, v, half), self._lanes, whole=False, tolerance=1e-8, free_omega=True
-        )
-        slope = 1 / found.dgamma_bar_0_domega
-        return Solved(
-            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
-        )
 
     def _check_limit(self) -> None:
         limit = self._family.limit
@@ -282,3 +273,18 @@ class BranchInterpolant:
 def _slope(cycles: Any) -> Any:
     """|dOmega/da|."""
     return 1 / numpy.abs(cycles.dgamma_bar_0_domega)
+
+
+def all_at_once(parameters: Parameters, lanes: BatchTaylor) -> Solver:
+    """Newton's iteration on the half maps of all amplitudes, with v, T and Omega as the unknowns."""
+    constants = field_constants(parameters)
+
+    def solve(gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
+        guess = Guess(gamma_bar, v, half)
+        found = corrected(constants, omega, guess, lanes, whole=False, tolerance=1e-8, free_omega=True)
+        slope = 1 / found.dgamma_bar_0_domega
+        return Solved(
+            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
+        )
+
+    return solve
