@@ -244,7 +244,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
 
 
 def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
-    """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled anyway."""
+    """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled."""
     from tippedisk_verify.flow import default_engine, default_lanes
     from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
     from tippedisk_verify.orbits.branch_interpolant import all_at_once
