@@ -8,7 +8,7 @@ import numpy
 import pytest
 
 from tests.problems import SETS
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -105,7 +105,7 @@ def test_bounds(taylor) -> None:
             branch([outside])
     with pytest.raises(InputError, match="the branch lies between"):
         BranchInterpolant(PRINTED, _LANES, branch.omega_h, lowest=29.0)
-    with pytest.raises(NoSuchCycleError, match="not supercritical"):
+    with pytest.raises(InputError, match="the branch ends near 30.827"):
         BranchInterpolant(PRINTED.changed(A="0.227e-3"), _LANES, branch.omega_h)
 
 

@@ -4,6 +4,8 @@ With the flight time as an unknown: the flow over tau followed by the section's 
 librating cycles that is the point symmetry S after half a period, for rotating ones a turn of gamma back after a whole
 one. Without an event to stop at, a Newton step costs one variational flight per lane and nothing else. Runs that have
 converged leave; the others go on.
+
+Either Omega is given, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ _SMALL_STEP = 1e-11
 _UNIT = 2.0**-53
 #: What a run keeps of its last step, and the shape of it.
 _LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "map": (2, 2), "residual": (), "trivial": ()}
+_FIRST, _OMEGA = 0, 3  # which of the two coordinates, the flight time and Omega is given
 
 
 @dataclass(frozen=True)
@@ -73,8 +76,8 @@ class BatchCycles:
     dperiod_domega: Array  #: [s^2/rad]
     converged: Any  #: whether Newton's iteration ended
     residual: Array  #: |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
-    last_step: Array  #: (n, 3) the last Newton step, of the `Guess`: derivatives were taken before it
-    sensitivity: Array  #: (n, 3, 3) d(the `Guess`) / d(end of the flight), what an error in the flow does
+    last_step: Array  #: (n, 3) the last Newton step, of the unknowns: derivatives were taken before it
+    sensitivity: Array  #: (n, 3, 3) d(the unknowns) / d(end of the flight), what an error in the flow does
 
     @property
     def log_multipliers(self) -> Any:
@@ -178,19 +181,22 @@ def corrected(
     section: BatchSection = LIBRATING,
     whole: bool = True,
     tolerance: Any = _SMALL_STEP,
+    free_omega: bool = False,
 ) -> Any:
     """Newton's iteration for every speed, then all numbers of the cycles found, as the section's ``cycles``.
 
     ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`. With ``whole=False`` the section's ``measures``
     and the fast multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative
-    step after which it ends.
+    step after which it ends. With ``free_omega`` the first coordinate is given, and ``omegas`` [rad/s] are guesses.
     """
     omegas = numpy.asarray(omegas, dtype=float)
     count, laps = len(omegas), section.laps
     tolerance = numpy.broadcast_to(tolerance, count)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
-    unknowns = numpy.stack((guess.first, guess.second, guess.flight), axis=1).astype(float)
-    converged, last = _iterated(constants, omegas, unknowns, tolerance, lanes, section)
+    unknowns = numpy.stack((guess.first, guess.second, guess.flight, omegas), axis=1).astype(float)
+    converged, last = _iterated(constants, unknowns, tolerance, lanes, section, _FIRST if free_omega else _OMEGA)
+    if free_omega:
+        omegas = unknowns[:, _OMEGA]
     (a, b), (c, d) = last["map"].transpose(1, 2, 0)
     trace, determinant = a + d, a * d - b * c
     discriminant = trace**2 / 4 - determinant
@@ -255,25 +261,31 @@ def measured_cycles(
 
 
 def _iterated(
-    constants: Array, omegas: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: BatchSection
+    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: BatchSection, given: int
 ) -> tuple[Any, dict[str, Any]]:
     """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
 
-    The stopping rule is not that of `newton`: each run ends by its own step, and leaves.
+    These are (n, 4): both coordinates, the flight time and Omega, of which the one numbered ``given`` stays. The
+    stopping rule is not that of `newton`: each run ends by its own step, and leaves.
     """
-    count = len(omegas)
+    count = len(unknowns)
     last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
     converged = numpy.zeros(count, dtype=bool)
     active = numpy.flatnonzero(_possible(unknowns, section))
     smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
+    free = numpy.delete(numpy.arange(4), given)
     for _ in range(_MOST_STEPS):
         if not len(active):
             break
-        step = _Step(constants[active], omegas[active], unknowns[active], lanes, section)
-        unknowns[active] += step.step
-        size = numpy.abs(step.step).max(axis=1)
-        inside = _possible(unknowns[active], section) & (unknowns[active, 0] > smallest[active])
-        small = inside & (size <= tolerance[active] * numpy.abs(unknowns[active]).max(axis=1))
+        step = _Step(constants[active], unknowns[active], lanes, section, free, given)
+        unknowns[numpy.ix_(active, free)] += step.step
+        now = unknowns[active]
+        sizes = numpy.abs(now[:, free])
+        if given == _OMEGA:
+            sizes = sizes.max(axis=1, keepdims=True)  # the coordinates and the time are of one order
+        relative = (numpy.abs(step.step) / sizes).max(axis=1)
+        inside = _possible(now, section) & (now[:, 0] >= smallest[active])
+        small = inside & (relative <= tolerance[active])
         converged[active[small]] = True
         for name, values in last.items():
             values[active[small]] = getattr(step, name)[small]
@@ -284,8 +296,8 @@ def _iterated(
 
 def _possible(unknowns: Array, section: BatchSection) -> Any:
     """Which runs may go on: within the section, and forward in time."""
-    first, second, flight = unknowns.T
-    inside = section.possible(first, second) & (flight > 0) & (flight < _LONGEST)
+    first, second, flight, omega = unknowns.T
+    inside = section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
     return inside & numpy.isfinite(unknowns).all(axis=1)
 
 
@@ -322,30 +334,40 @@ class _Step:
     """One Newton step of every run that is still under way."""
 
     def __init__(
-        self, constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor, section: BatchSection
+        self,
+        constants: Array,
+        unknowns: Array,
+        lanes: BatchTaylor,
+        section: BatchSection,
+        free: Any,
+        given: int,
     ) -> None:
-        starts = _starts(unknowns, section)
+        starts, omegas = _starts(unknowns, section), unknowns[:, _OMEGA]
         flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
         rates = _rates(constants, omegas, flights.states)
         errors = _errors(flights, starts, section)
-        rows, free = flights.derivatives, section.unknowns
-        matrix = numpy.empty((len(omegas), 3, 3))
-        matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, free], section.image * rates
-        for column, axis in enumerate(free):
+        rows, moved_axes = flights.derivatives, section.unknowns
+        matrix = numpy.empty((len(omegas), 3, 4))
+        matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, moved_axes], section.image * rates
+        matrix[:, :, 3] = section.image * rows[:, :, 3]
+        for column, axis in enumerate(moved_axes):
             matrix[:, axis, column] -= 1
         # The Rayleigh quotient of flow and image on the flow's direction.
         direction = _rates(constants, omegas, starts)
         along = [direction[:, k, None] for k in range(3)]
         images = rows[:, :, 0] * along[0] + rows[:, :, 1] * along[1] + rows[:, :, 2] * along[2]
         self.trivial = section.image * _summed(images * direction) / _summed(direction**2)
-        self.inverse = _inverse(matrix) * section.image
+        self.inverse = _inverse(matrix[:, :, free]) * section.image
         self.step = -(self.inverse @ (errors * section.image)[:, :, None])[:, :, 0]
-        self.by_omega = -(self.inverse @ rows[:, :, 3:])[:, :, 0]
+        by_given = numpy.ones_like(unknowns)
+        by_given[:, free] = -(self.inverse @ (section.image * matrix[:, :, given])[:, :, None])[:, :, 0]
+        with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
+            self.by_omega = by_given[:, :3] / by_given[:, 3:]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
         # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
-        flight = -rows[:, section.across, free] / rates[:, section.across, None]
+        flight = -rows[:, section.across, moved_axes] / rates[:, section.across, None]
         moved = [
-            rows[:, k, free] + rates[:, k, None] * flight if k in section.moving else rows[:, k, free] for k in free
+            rows[:, k, moved_axes] + (rates[:, k, None] * flight if k in section.moving else 0.0) for k in moved_axes
         ]
         self.map = section.image * numpy.stack(moved, axis=1)
 

@@ -4,8 +4,9 @@ It is derived in docs/error_budgets.md. `rotating_interpolant` has it too, for e
 
 On every fourth node (there every third), and at both ends, the cycle is solved again a few times with other last bits
 of the constants, each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of
-three neighbours is the measure of rounding, of the parameters' too. Between those nodes it is interpolated by
-chords, which lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+three neighbours is the measure of rounding, of the parameters' too. What has a pole at a fold is multiplied by what
+vanishes there. Between those nodes it is interpolated by chords, which lie above what grows like a power of Omega -
+Omega_h, and hold what vanishes at Omega_crit.
 
 What follows from derivatives is taken before the last Newton step: how it changes with the start is measured as well,
 by starts moved much farther than rounding moves them.
@@ -42,8 +43,9 @@ _UNIT = 2.0**-53
 class BranchBudget:
     """Half-widths of the numbers of cycles on a branch, measured on some of its nodes.
 
-    ``s`` are the abscissas of the nodes, falling, and ``room`` [rad/s] their distances to the nearer end of the branch.
-    Rounding is measured on every so many nodes. ``scale``, of abscissas, times a spread is what is interpolated.
+    ``s`` are the abscissas of the nodes, monotonic, and ``room`` [rad/s] their distances to the nearest end of the
+    branch or fold. Rounding is measured on every so many nodes. ``scale``, of cycles and their abscissas, times a
+    spread is what is interpolated; its power ``pole`` is taken for derivatives by Omega.
     """
 
     def __init__(
@@ -56,15 +58,16 @@ class BranchBudget:
         *,
         section: BatchSection = LIBRATING,
         every: int = _EVERY,
-        scale: Callable[[Array], Any] = numpy.ones_like,
+        scale: Callable[[BatchCycles, Array], Any] = lambda cycles, s: numpy.ones_like(s),
+        pole: int = 1,
     ) -> None:
         self._constants, self._nodes, self.s, self._room, self._lanes = constants, nodes, s, room, lanes
-        self._section, self._every, self._scale = section, every, scale
+        self._section, self._every, self._scale, self._pole = section, every, scale, pole
         by_omega = tuple(f"d{name}_domega" for name in ("period", *section.names))
         # Those of the multipliers follow (`multiplier_widths`).
         self._measured = ("period", *section.names, *section.measures, "log_multipliers", "map_multiplier", *by_omega)
         #: Those that are taken before the last Newton step.
-        self._before = ("map_multiplier", *by_omega)
+        self._before, self._by_omega = ("map_multiplier", *by_omega), by_omega
 
     def all_half_widths(self, cycles: BatchCycles, s: Array) -> dict[str, Any]:
         """(n,) half-widths of all numbers of n cycles at the abscissas ``s``."""
@@ -76,9 +79,9 @@ class BranchBudget:
     def half_widths(self, cycles: BatchCycles, s: Array) -> dict[str, Any]:
         """The same of the measured numbers."""
         s_known, spreads, slopes = self._sources
-        last = numpy.abs(cycles.last_step).T
-        widths, scale = {}, self._scale(s)
+        last, widths = numpy.abs(cycles.last_step).T, {}
         for name in self._measured:
+            scale = self._scaled(name, cycles, s)
             widths[name] = TWIN_FACTOR * numpy.interp(s, s_known, spreads[name]) / scale + 2 * _UNIT * numpy.abs(
                 getattr(cycles, name)
             )
@@ -86,11 +89,17 @@ class BranchBudget:
                 widths[name] += _SLOPE * numpy.interp(s, s_known, slope) / scale * step
         return widths
 
+    def _scaled(self, name: str, cycles: BatchCycles, s: Array) -> Any:
+        """What a spread of that number is multiplied by where it is interpolated."""
+        return self._scale(cycles, s) ** (self._pole if name in self._by_omega else 1)
+
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """On some nodes, in rising s: the spread of each number, and its change with the start."""
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self.s) - 1, 0, -self._every), 0)
+        if self.s[0] < self.s[-1]:
+            every = every[::-1]
         nodes, omegas, section = self._nodes, self._nodes.omega[every], self._section
         constants = numpy.broadcast_to(self._constants, (len(every), len(self._constants)))
         start = section.guess(nodes)[:, every]
@@ -107,10 +116,9 @@ class BranchBudget:
             guess = section.guess(cycles)
             for name, known in values.items():
                 known.append(getattr(cycles, name))
-        scale = self._scale(self.s[every])
-        spreads = {
-            name: largest_nearby(numpy.ptp(numpy.stack(known), axis=0) * scale) for name, known in values.items()
-        }
+        sampled = nodes.only(every)
+        scales = {name: self._scaled(name, sampled, self.s[every]) for name in self._measured}
+        spreads = {name: numpy.ptp(numpy.stack(known), axis=0) * scales[name] for name, known in values.items()}
         slopes: dict[str, list[Any]] = {name: [] for name in self._before}
         away = _START_SHIFT * self._room[every] / omegas * numpy.abs(start)
         for index in range(3):
@@ -120,8 +128,12 @@ class BranchBudget:
             cycles = corrected(constants, omegas, guessed, self._lanes, section=section, tolerance=1e-5, whole=False)
             for name in self._before:
                 moved_by = numpy.abs(getattr(cycles, name) - getattr(nodes, name)[every])
-                slopes[name].append(moved_by / away[index] * scale)
-        return self.s[every], spreads, slopes
+                slopes[name].append(moved_by / away[index] * scales[name])
+        # A node next to a fold is not found again at its speed; what is interpolated is smooth there.
+        found = numpy.isfinite([*spreads.values(), *(part for parts in slopes.values() for part in parts)]).all(axis=0)
+        spreads = {name: largest_nearby(spread[found]) for name, spread in spreads.items()}
+        slopes = {name: [part[found] for part in parts] for name, parts in slopes.items()}
+        return self.s[every][found], spreads, slopes
 
 
 def multiplier_widths(

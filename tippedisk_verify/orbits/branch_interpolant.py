@@ -1,9 +1,8 @@
 """The branch of limit cycles as a function of Omega, with its own error.
 
-Close to Omega_h every quantity of the branch is a series in log(Omega - Omega_h) and powers of Omega - Omega_h, and at
-Omega_crit the squared amplitude is analytic. So one polynomial in s = log(Omega - Omega_h) through Chebyshev nodes
-serves the whole branch. The nodes are solved a few at a time, from the Hopf point on, each group predicted from those
-before; then a list of any length is predicted by the polynomial and corrected in one step of all lanes.
+All numbers of the cycles are polynomials along the `amplitude_family`, from the Hopf point through any folds to the
+connection. Omega(s) is inverted piece by piece, so that a speed at which two cycles coexist gives both. A list of any
+length is predicted by the polynomials and corrected in one step of all lanes.
 
 What is claimed for a number is the subject of `branch_budget`; for interpolated numbers the truncation is added.
 """
@@ -24,27 +23,28 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, amplitude
 from tippedisk_verify.orbits.averaged import averaged
 from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
-from tippedisk_verify.orbits.branch_budget import BranchBudget, largest_nearby, multiplier_widths
+from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.theory.harmonic_balance import section_start
-from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["BranchInterpolant", "Values"]
 
-_GROUP = 8  # nodes that are solved together
-_NODES_PER_UNIT = 12  # of s; the coefficients then fall to rounding, a hundredfold with every eight nodes
 _UNIT = 2.0**-53
+_LEFT_OUT = 1 / 1000  # of the branch, at either end, if no bounds are given
+_CLOSEST = 1e-5  # rad/s; how near Omega_h is followed for want of bounds
+_POLE = 3  # of derivatives by Omega at a fold, where each error of Omega counts as 1 / (dOmega/da)^3
+_FLAT = 0.05  # of the way in amplitude to a fold, an error that is no longer linear
+_FAR_OFF = 1e-6  # rad/s; a limit farther from the given Omega_h is another connection's
 
-#: Amplitudes: their squares are analytic at the Hopf point; with the sign of the amplitude itself.
-_SQUARED = {"gamma_bar_0": 1, "v_0": -1, "beta_max": 1}
+#: The numbers that are interpolated, each divided by this power of the amplitude.
+_POWERS = {"v_0": 1, "beta_max": 1, "period": 0, "log_multipliers": 0}
 
 
 @dataclass(frozen=True)
 class Values:
-    """Interpolated numbers at n speeds as (n,) arrays, and their half-widths under the same names."""
+    """Interpolated numbers of n cycles as (n,) arrays, and their half-widths under the same names."""
 
     omega: Array  #: [rad/s]
     period: Array  #: T [s]
@@ -57,11 +57,12 @@ class Values:
 
 
 class BranchInterpolant:
-    """The branch of stable limit cycles between two speeds above ``omega_h`` and below Omega_crit, in double.
+    """The branch of the linear law's limit cycles from the Hopf point to the connection at ``omega_h``, in double.
 
-    ``lowest`` and ``highest`` [rad/s] bound where it may be asked; by default a thousandth of the branch is left out at
-    either end. Raises InputError for bounds outside the branch, NoSuchCycleError for a subcritical Hopf point or where
-    the family cannot be followed.
+    Where it turns round in a fold, a speed has several cycles: answers list them from the smallest amplitude on, speed
+    after speed. ``lowest`` and ``highest`` [rad/s] bound where it may be asked; by default a thousandth of the branch
+    is left out at either end. Raises InputError for bounds outside the branch or where it does not end at ``omega_h``,
+    NoSuchCycleError where it cannot be followed.
     """
 
     def __init__(
@@ -75,138 +76,108 @@ class BranchInterpolant:
     ) -> None:
         parameters.refuse_smooth("the branch interpolant is")
         self.parameters, self._lanes, self.omega_h = parameters, lanes, omega_h
-        self.omega_crit = float(omega_crit(parameters))
-        if criticality(parameters) != "supercritical":
-            raise NoSuchCycleError("the Hopf point is not supercritical: there is no stable branch below Omega_crit")
-        if not 0 < omega_h < self.omega_crit:
-            raise InputError(f"Omega_h lies between 0 and {self.omega_crit:.10g} rad/s, not {shown(omega_h)}")
-        margin = (self.omega_crit - omega_h) / 1000
-        self.lowest = omega_h + margin if lowest is None else lowest
-        self.highest = self.omega_crit - margin if highest is None else highest
-        if not omega_h < self.lowest <= self.highest < self.omega_crit:
-            raise InputError(
-                f"the branch lies between {omega_h:.10g} and {self.omega_crit:.10g} rad/s: its bounds must too"
-            )
         self._constants = field_constants(parameters)
-        # A little room at both ends, where the polynomial is at its worst.
-        top = math.log(self.highest - omega_h) + 0.02 * (self.omega_crit - self.highest)
-        bottom = math.log(self.lowest - omega_h) - 0.02
-        count = _GROUP * max(3, math.ceil(_NODES_PER_UNIT * (top - bottom) / _GROUP))
-        self._solve(top, bottom, count)
-
-    # -------------------------------------------------------------------------------------------- the nodes
-    def _solve(self, top: float, bottom: float, count: int) -> None:
-        angles = (2 * numpy.arange(count) + 1) * numpy.pi / (2 * count)
-        omegas = self.omega_h + numpy.exp((top + bottom) / 2 + (top - bottom) / 2 * numpy.cos(angles))
-        # The speed is what was rounded: s follows from it, so that no error is left in the abscissa.
-        self._s = numpy.log(omegas - self.omega_h)
-        self._weights = (-1.0) ** numpy.arange(count) * numpy.sin(angles)
-        known = numpy.empty((0, 4))
-        rows = numpy.empty((count, 4))
-        solved = 0
-        while solved < count:
-            ahead = slice(solved, min(solved + _GROUP, count))
-            group = corrected(
-                self._constants,
-                omegas[ahead],
-                self._guess(omegas[ahead], known),
-                self._lanes,
-                whole=False,
-                tolerance=3e-8,
+        if not 0 < omega_h < math.inf:
+            raise InputError(f"Omega_h is a positive speed, not {shown(omega_h)}")
+        self._family = AmplitudeFamily(parameters, solve=self._of_amplitudes, closest=self._closest(lowest, highest))
+        self.omega_crit = self._family.omega_crit
+        self._check_limit()
+        turns = [self._family.place(s).omega for s in self._family.folds]
+        ends = (self.omega_crit, *turns, omega_h)
+        margin = (max(ends) - min(ends)) * _LEFT_OUT
+        self.lowest = min(ends) + margin if lowest is None else lowest
+        self.highest = max(ends) - margin if highest is None else highest
+        if not min(ends) < self.lowest <= self.highest < max(ends):
+            raise InputError(
+                f"the branch lies between {min(ends):.10g} and {max(ends):.10g} rad/s: its bounds must too"
             )
-            good = int(numpy.argmin(numpy.append(group.converged, False)))
-            if not good:
-                known = self._between(known, omegas[solved])
-                continue
-            rows[solved : solved + good] = self._rows(group)[:good]
-            known = numpy.concatenate((known, rows[solved : solved + good]))
-            solved += good
-        # Once more, so that the derivatives are those at the cycle and not at the last guess.
-        guess = Guess(*rows[:, 1:].T)
-        self.nodes = corrected(self._constants, omegas, guess, self._lanes, tolerance=self._resolved(omegas))
+        nodes = self._family.nodes
+        #: The cycles at the nodes of the family, from the Hopf point on.
+        self.nodes: Cycles = corrected(
+            self._constants,
+            nodes[:, 3],
+            Guess(amplitude(nodes[:, 0]), nodes[:, 1] * amplitude(nodes[:, 0]), nodes[:, 2]),
+            lanes,
+            tolerance=1e-9,
+            free_omega=True,
+        )
         if not self.nodes.converged.all():
             raise NoSuchCycleError("the family of limit cycles could not be followed")
+        self._s = nodes[:, 0]
 
-    def _resolved(self, omegas: Array) -> Array:
-        """The relative step after which only rounding is left: it grows as Omega_h comes near."""
-        return 1e-11 * numpy.maximum(1.0, 1e-4 / (omegas - self.omega_h))
+    def _closest(self, *bounds: float | None) -> float:
+        """How near its limit the family has to be followed."""
+        near = [abs(bound - self.omega_h) for bound in bounds if bound is not None and bound != self.omega_h]
+        return 0.9 * min([*near, max(_CLOSEST, _LEFT_OUT * abs(self._omega_crit() - self.omega_h))])
 
-    def _rows(self, cycles: Cycles) -> Array:
-        """What predictions are made from: s, gamma_bar_0, v_0 and the half period."""
-        s = numpy.log(cycles.omega - self.omega_h)
-        return numpy.stack((s, cycles.gamma_bar_0, cycles.v_0, cycles.period / 2), axis=1)
+    def _omega_crit(self) -> float:
+        from tippedisk_verify.theory.hopf import omega_crit
 
-    def _between(self, known: Array, omega: float) -> Array:
-        """More known cycles on the way to a node that was not reached; the last of them is halfway there."""
-        target = math.log(omega - self.omega_h)
-        begin = known[-1, 0] if len(known) else math.log(self.omega_crit - self.omega_h)
-        if abs(target - begin) < 1e-3:
-            raise NoSuchCycleError(f"the family of limit cycles could not be followed to {omega:.10g} rad/s")
-        steps = begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP)
-        speeds = self.omega_h + numpy.exp(steps)
-        cycles = corrected(self._constants, speeds, self._guess(speeds, known), self._lanes, whole=False)
-        good = int(numpy.argmin(numpy.append(cycles.converged, False)))
-        if not good:
-            raise NoSuchCycleError(f"the family of limit cycles could not be followed to {omega:.10g} rad/s")
-        return numpy.concatenate((known, self._rows(cycles)[:good]))
+        return float(omega_crit(self.parameters))
 
-    def _guess(self, omegas: Array, known: Array) -> Guess:
-        """From the one-harmonic law, then along what is known, in variables that are straight close to Omega_h."""
-        if not len(known):
-            constants = self.parameters.at(DOUBLE)
-            starts = [start for omega in omegas.tolist() if (start := section_start(constants, omega))]
-            if len(starts) < len(omegas):
-                raise NoSuchCycleError("the one-harmonic law has no cycle to start from: Omega_h is far off")
-            return Guess(*numpy.transpose(starts))
-        s = numpy.log(omegas - self.omega_h)
-        if known[:, 1].max() < 2:
-            s_known, gamma_bar, v, half_period = known[-_GROUP:].T
-            below = self.omega_crit - omegas
-            below_known = self.omega_crit - self.omega_h - numpy.exp(s_known)
-            columns = (gamma_bar**2 / below_known, v / gamma_bar, half_period)
-            square, ratio, half = _extrapolated(s_known, columns, s, 5)
-            size = numpy.sqrt(numpy.maximum(square * below, 0))
-            return Guess(size, ratio * size, half)
-        s_known, gamma_bar, v, half_period = known[-6:].T
-        left, speed, half = _extrapolated(s_known, (numpy.log(numpy.pi - gamma_bar), numpy.log(-v), half_period), s, 3)
-        with numpy.errstate(over="ignore"):
-            return Guess(numpy.pi - numpy.exp(left), -numpy.exp(speed), half)
+    def _of_amplitudes(self, gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
+        """The family's solver: all amplitudes at once."""
+        found = corrected(
+            self._constants, omega, Guess(gamma_bar, v, half), self._lanes, whole=False, tolerance=1e-8, free_omega=True
+        )
+        slope = 1 / found.dgamma_bar_0_domega
+        return Solved(
+            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
+        )
+
+    def _check_limit(self) -> None:
+        limit = self._family.limit
+        if abs(limit - self.omega_h) > _FAR_OFF + abs(limit - self._family.nodes[-1, 3]):
+            raise InputError(f"the branch ends near {limit:.8g} rad/s, not at Omega_h = {shown(self.omega_h)}")
 
     # -------------------------------------------------------------------------------------------- the errors
     @cached_property
     def _budget(self) -> BranchBudget:
-        omegas = self.nodes.omega
-        room = numpy.minimum(omegas - self.omega_h, self.omega_crit - omegas)
-        return BranchBudget(self._constants, self.nodes, self._s, room, self._lanes)
+        s, slope = self._s, numpy.abs(self._family.nodes[:, 6])
+        bend = numpy.abs(numpy.gradient(self._family.nodes[:, 6], s))
+        # The way to the Hopf point, to a fold and to the connection, each as the slope there foretells it.
+        room = slope * numpy.minimum(numpy.minimum(s / 2, 0.25), slope / (2 * bend))
+        return BranchBudget(
+            self._constants, self.nodes, s, room, self._lanes, scale=lambda cycles, _: _slope(cycles), pole=_POLE
+        )
 
     def half_widths(self, cycles: Cycles) -> dict[str, Array]:
-        """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays."""
-        return self._budget.all_half_widths(cycles, numpy.log(cycles.omega - self.omega_h))
+        """For each number of cycles on this branch the half-width that holds the truth, as (n,) arrays.
+
+        Infinite next to a fold, where errors in double reach beyond it.
+        """
+        s = numpy.arctanh(cycles.gamma_bar_0 / numpy.pi)
+        widths = self._budget.all_half_widths(cycles, s)
+        lost = widths["gamma_bar_0"] > _FLAT * self._to_fold(s)
+        return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
+
+    def _to_fold(self, s: Array) -> Any:
+        """How far from a fold the amplitude is [rad]."""
+        folds = numpy.array([*self._family.folds, numpy.inf])
+        away = numpy.abs(numpy.arctanh(numpy.tanh(s)[:, None]) - folds)  # NaN for cycles that were not found
+        return away.min(axis=1) * numpy.pi / numpy.cosh(s) ** 2
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
         """Interpolated numbers, each with a half-width that holds the truth. Raises InputError outside the bounds."""
-        speeds = self._checked(omegas)
-        ratios = self._ratios(speeds)
+        speeds, s = self._places(omegas)
+        ratios, panels = self._family.ratios(s)
+        slope = numpy.abs(self._family.at(s)[3]) * numpy.cosh(s) ** 2 / numpy.pi
         values: dict[str, Any] = {}
         widths: dict[str, Any] = {}
-        below = self.omega_crit - speeds
-        s = numpy.log(speeds - self.omega_h)
+        a = amplitude(s)
         for name, (scaled, width) in self._scaled.items():
-            at = ratios @ scaled
+            at = (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
             # independent of the others'. One width is for both, whichever prevails.
-            moved = numpy.interp(s, self._s[::-1], width[::-1])
-            truncation = numpy.interp(s, *self._truncation[name])
-            error = numpy.sqrt(moved**2 + ratios**2 @ width**2) + truncation
-            if name in _SQUARED:
-                values[name] = _SQUARED[name] * numpy.sqrt(at * below)
-                widths[name] = error * below / (2 * numpy.abs(values[name]))
-            elif name == "map_multiplier":
-                values[name], widths[name] = 1 - at * below, error * below
-            else:
-                values[name], widths[name] = at, error
-            widths[name] += 4 * _UNIT * numpy.abs(values[name])
+            moved = numpy.interp(s, self._s, width)
+            own = (width.reshape(-1, NODES)[panels] ** 2 * ratios**2).sum(axis=1)
+            error = (numpy.sqrt(moved**2 + own) + self._truncation[name][panels]) / slope
+            values[name] = a if name == "gamma_bar_0" else 1 - at * a**2 if name == "map_multiplier" else at
+            if _POWERS.get(name):
+                values[name] = at * a
+            widths[name] = error + 4 * _UNIT * numpy.abs(values[name])
+        lost = widths["gamma_bar_0"] > _FLAT * self._to_fold(s)
         half, both = values.pop("map_multiplier"), values.pop("log_multipliers")
         of_multipliers = multiplier_widths(half, both, widths.pop("map_multiplier"), widths.pop("log_multipliers"))
         del of_multipliers["multiplier_slow"]
@@ -215,94 +186,93 @@ class BranchInterpolant:
             omega=speeds,
             log_multiplier_slow=log_slow,
             log_multiplier_fast=both - log_slow,
-            uncertainty=widths | of_multipliers,
+            uncertainty={
+                name: numpy.where(lost, numpy.inf, width) for name, width in (widths | of_multipliers).items()
+            },
             **values,
         )
 
     @cached_property
     def _scaled(self) -> dict[str, tuple[Any, Any]]:
-        """Node values of what is analytic up to the Hopf point, with their half-widths."""
-        nodes, below = self.nodes, self.omega_crit - self.nodes.omega
-        widths = self._budget.half_widths(nodes, self._s)
-        for name in _SQUARED:
-            widths[name] = widths[name] * 2 * numpy.abs(getattr(nodes, name)) / below
-        widths["map_multiplier"] = widths["map_multiplier"] / below
-        return {name: (value, widths[name]) for name, value in self._analytic(nodes).items()}
+        """Node values of what is analytic along the family, and the numbers' half-widths there times dOmega/da."""
+        widths, slope = self._budget.half_widths(self.nodes, self._s), _slope(self.nodes)
+        return {name: (value, widths[name] * slope) for name, value in self._analytic(self.nodes).items()}
 
     def _analytic(self, cycles: Cycles) -> dict[str, Any]:
         """Those of the cycles' numbers that are interpolated, made analytic up to the Hopf point."""
-        below = self.omega_crit - cycles.omega
-        scaled = {name: getattr(cycles, name) ** 2 / below for name in _SQUARED}
-        scaled["map_multiplier"] = (1 - cycles.map_multiplier) / below
-        return scaled | {"period": cycles.period, "log_multipliers": cycles.log_multipliers}
+        a = cycles.gamma_bar_0
+        scaled = {name: getattr(cycles, name) / a**power for name, power in _POWERS.items()}
+        return {"gamma_bar_0": a, "map_multiplier": (1 - cycles.map_multiplier) / a**2} | scaled
 
     @cached_property
-    def _truncation(self) -> dict[str, tuple[Any, Any]]:
-        """What the polynomial leaves out: twice its distance from cycles that are solved midway between the nodes.
+    def _truncation(self) -> dict[str, Any]:
+        """What the polynomials leave out, times dOmega/da, on each panel.
 
-        There it is about as wrong as anywhere between them. Abscissas, rising, and the largest of three neighbours.
+        It is twice their largest distance from cycles that are solved midway between the panel's nodes.
         """
-        middles = (self._s[1:] + self._s[:-1])[::-1] / 2
-        speeds = self.omega_h + numpy.exp(middles)
-        ratios, solved = self._ratios(speeds), self._analytic(self._solved_at(speeds))
-        away = {name: numpy.abs(ratios @ scaled - solved[name]) for name, (scaled, _) in self._scaled.items()}
-        return {
-            name: (middles, DISTANCES * largest_nearby(numpy.nan_to_num(distance, nan=numpy.inf)))
-            for name, distance in away.items()
-        }
+        nodes = self._s.reshape(-1, NODES)
+        middles = ((nodes[:, 1:] + nodes[:, :-1]) / 2).ravel()
+        solved = self._solved_at(self._family.at(middles)[2], middles)
+        ratios, panels = self._family.ratios(middles)
+        a, known = amplitude(middles), self._analytic(solved)
+        widest = {}
+        for name, (scaled, _) in self._scaled.items():
+            at = a if name == "gamma_bar_0" else (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
+            power = 2 if name == "map_multiplier" else _POWERS.get(name, 0)
+            away = numpy.abs(at - known[name]) * a**power * _slope(solved)
+            # Next to a fold the cycle is not found at its speed; the panel's others are told.
+            widest[name] = DISTANCES * numpy.nan_to_num(away).reshape(len(nodes), -1).max(axis=1)
+        return widest
 
-    def _checked(self, omegas: Sequence[float]) -> Array:
+    def _places(self, omegas: Sequence[float]) -> tuple[Array, Array]:
+        """The speed and the abscissa of each cycle. Raises InputError for speeds outside the bounds."""
         speeds = numpy.atleast_1d(numpy.asarray(omegas, dtype=float))
         outside = speeds[~((speeds >= self.lowest) & (speeds <= self.highest))]
         if len(outside):
             raise InputError(
                 f"{outside[0]:.10g} rad/s lies outside the branch's bounds {self.lowest:.10g} ... {self.highest:.10g}"
             )
-        return speeds
-
-    def _ratios(self, speeds: Array) -> Any:
-        """Barycentric weights of every node for every speed, (n, nodes); each row sums to 1."""
-        away = numpy.log(speeds - self.omega_h)[:, None] - self._s
-        hit = away == 0
-        with numpy.errstate(divide="ignore", invalid="ignore"):
-            ratios = self._weights / away
-            ratios /= ratios.sum(axis=1, keepdims=True)
-        struck = hit.any(axis=1)
-        ratios[struck] = hit[struck]
-        return ratios
+        first, last = self._family.nodes[[0, -1], 3]
+        for name, end, reached in (("Omega_crit", self.omega_crit, first), ("Omega_h", self.omega_h, last)):
+            beyond = speeds[(speeds - reached) * (speeds - end) <= 0]
+            if len(beyond):
+                raise InputError(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
+        s = self._family.abscissas(speeds)
+        index, piece = numpy.nonzero(numpy.isfinite(s.T))
+        return speeds[index], s[piece, index]
 
     def cycles(self, omegas: Sequence[float]) -> Cycles:
         """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
-        return self._solved_at(self._checked(omegas))
+        return self._solved_at(*self._places(omegas))
 
-    def _solved_at(self, speeds: Array) -> Cycles:
-        ratios = self._ratios(speeds)
-        square, ratio, period = (ratios @ self._scaled_values[name] for name in ("gamma_bar_0", "v_0", "period"))
-        size = numpy.sqrt(square * (self.omega_crit - speeds))
-        guess = Guess(size, ratio * size, period / 2)
-        cycles = corrected(self._constants, speeds, guess, self._lanes, tolerance=self._resolved(speeds))
+    def _solved_at(self, speeds: Array, s: Array) -> Cycles:
+        ratio, half, _, slope = self._family.at(s)
+        a = amplitude(s)
+        # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
+        flat = numpy.abs(slope) * numpy.cosh(s) ** 2 / numpy.pi
+        resolved = 1e-11 * numpy.maximum(1.0, 1e-4 / numpy.minimum(numpy.abs(speeds - self.omega_h), flat))
+        cycles = corrected(self._constants, speeds, Guess(a, ratio * a, half), self._lanes, tolerance=resolved)
+        # Next to a fold the iteration may have gone beyond it.
+        other = slope * cycles.dgamma_bar_0_domega < 0
+        if other.any():
+            cycles.converged[other] = False
         return averaged(self.parameters, cycles, self._lanes)
 
-    @cached_property
-    def _scaled_values(self) -> dict[str, Any]:
-        nodes = self.nodes
-        return {
-            "gamma_bar_0": nodes.gamma_bar_0**2 / (self.omega_crit - nodes.omega),
-            "v_0": nodes.v_0 / nodes.gamma_bar_0,
-            "period": nodes.period,
-        }
-
     def limit_cycles(self, omegas: Sequence[float]) -> list[LimitCycle]:
-        """`cycles` as the result objects that single speeds give. Raises NoSuchCycleError if one has not converged."""
+        """`cycles` as the result objects that single speeds give.
+
+        Raises NoSuchCycleError if one has not converged, or is too close to a fold for doubles.
+        """
         solved = self.cycles(omegas)
-        if not solved.converged.all():
-            lost = solved.omega[~solved.converged][0]
+        widths = self.half_widths(solved)
+        held = solved.converged & numpy.isfinite(widths["gamma_bar_0"])
+        if not held.all():
+            lost = solved.omega[~held][0]
             raise NoSuchCycleError(f"the iteration has not converged at {lost:.10g} rad/s")
-        cycles: list[LimitCycle] = measured_cycles(solved, self.half_widths(solved), LIBRATING, self.parameters)
+        cycles: list[LimitCycle] = measured_cycles(solved, widths, LIBRATING, self.parameters)
         return cycles
 
 
-def _extrapolated(s_known: Array, columns: Sequence[Any], s: Array, degree: int) -> list[Any]:
-    powers = numpy.vander(s_known - s[0], min(degree, len(s_known) - 1) + 1)
-    coefficients = numpy.linalg.lstsq(powers, numpy.stack(columns, axis=1), rcond=None)[0]
-    return list((numpy.vander(s - s[0], powers.shape[1]) @ coefficients).T)
+def _slope(cycles: Any) -> Any:
+    """|dOmega/da|."""
+    return 1 / numpy.abs(cycles.dgamma_bar_0_domega)

@@ -98,7 +98,7 @@ class RotatingInterpolant:
     def _sigma(self, s: Array) -> Array:
         return numpy.exp(s) - self._sigma_h
 
-    def _scale(self, s: Array) -> Array:
+    def _scale(self, cycles: Any, s: Array) -> Array:
         """What sensitivities, which have a pole at the fold, are multiplied by where they are interpolated."""
         sigma = numpy.abs(self._sigma(s))
         return sigma / (self._sigma_h + sigma)
