@@ -26,7 +26,7 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights
 
-__all__ = ["Fold", "LibrationFold", "RotationFold", "fold_in_double", "fold_near", "fold_to_digits", "rotation_fold"]
+__all__ = ["Fold", "LibrationFold", "RotationFold", "fold_in", "fold_in_double", "fold_near", "fold_to_digits", "rotation_fold"]
 
 _DIFFERENCE = 1e-5  # of unknowns of order one: rounding and the third derivatives then err alike, by some 1e-9
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
@@ -107,17 +107,26 @@ def fold_to_digits(
 
     Raises Shortfall if it is not found, or the digits are not reached.
     """
-    precision = bits(bits_for_digits(digits + _GUARD))
-    near, jacobian = fold_near(kind.section, parameters, near, engine)
-    rough = _numbers(kind.section, parameters, near, jacobian, engine, precision)
-    sharp = _numbers(kind.section, parameters, near, jacobian, engine, companion(precision))
-    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
-    fold = kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
+    fold = fold_in(kind, parameters, near, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.unknowns):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
             raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
     return fold
+
+
+def fold_in(
+    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, precision: Precision
+) -> Any:
+    """The fold of that kind near a point, computed in ``precision`` and compared with the next wider arithmetic.
+
+    Raises Shortfall if it is not found.
+    """
+    near, jacobian = fold_near(kind.section, parameters, near, engine)
+    rough = _numbers(kind.section, parameters, near, jacobian, engine, precision)
+    sharp = _numbers(kind.section, parameters, near, jacobian, engine, companion(precision))
+    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
+    return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
 
 def _conditions(mapped: Any) -> tuple[Any, Any, Any]:
