@@ -1,4 +1,4 @@
-"""Proved rotating cycles and their fold: against the ordinary roads, and what must not be proved."""
+"""Proved rotating cycles: against the ordinary roads, and what must not be proved."""
 
 from __future__ import annotations
 
@@ -11,14 +11,11 @@ from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_
 from tippedisk_verify.certified.cycle import Status
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.rotation import prove_rotation, turn_flight
-from tippedisk_verify.certified.rotation_fold import prove_rotation_fold
 from tippedisk_verify.certified.section import Status as FlightStatus
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import TurnFlights
 from tippedisk_verify.theory.spectral_rotation import spectral_rotation
@@ -104,33 +101,6 @@ def test_what_is_not_proved() -> None:
         prove_rotation(PRINTED, "-1", ("0.45", "0.55"))
 
 
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
-def test_the_fold_is_proved(taylor, disk) -> None:
-    fold = rotation_fold(disk, taylor, digits=30)
-    proof = prove_rotation_fold(disk, fold.beta_bar_top.value, fold.v_top.value, fold.omega.value, digits=12)
-    assert proof.proved, proof.statement
-    for name in ("omega", "beta_bar_top", "v_top", "period"):
-        assert getattr(proof, name).contains(getattr(fold, name)), name
-    assert proof.omega.uncertainty < proof.omega.value / 10**12
-    # The arc is a hypothesis: what is printed is what was tested, and the curve stays inside the intervals printed.
-    arc = Measured.of(*proof.beta_bar_top.decimals())
-    assert arc == proof.beta_bar_top
-    slope = float(fold.null_vector)
-    assert float(arc.uncertainty) * slope < float(Measured.of(*proof.v_top.decimals()).uncertainty)
-
-
-@pytest.mark.slow(minutes=2)
-def test_no_fold_is_proved_beside_it(taylor) -> None:
-    """On an arc of the family on which Omega only rises, and where there is no cycle at all."""
-    cycle = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
-    beside = prove_rotation_fold(PRINTED, cycle.beta_bar_top.value, cycle.v_top.value, Fraction("30.02"), digits=8)
-    assert not beside.proved
-    off = prove_rotation_fold(PRINTED, "0.463", "0.526", "30.004", digits=8)
-    assert not off.proved
-    assert "nothing is proved" in off.statement
-
-
 def test_the_command(capsys) -> None:
     words = [
         "certify",
@@ -150,7 +120,10 @@ def test_the_command(capsys) -> None:
     assert main(["certify", "orbit", "--rotating", "--omega", "31"]) == 1
     assert "nothing is proved" in capsys.readouterr().out
     for words, told in (
-        (["--at-fold"], "belong to --rotating"),
+        (["--unstable", "--omega", "30"], "belongs to --rotating"),
+        (["--fold", "1", "--omega", "30"], "belongs to --at-fold"),
+        (["--at-fold", "--below-crit", "1"], "leave out"),
+        (["--at-fold", "--friction", "smooth"], "linear"),
         (["--rotating", "--at-fold", "--omega", "30"], "leave out"),
         (["--rotating"], "give the speed"),
         (["--rotating", "--omega", "30.06", "--friction", "smooth"], "linear"),

@@ -105,7 +105,7 @@ def test_bounds(taylor) -> None:
             branch([outside])
     with pytest.raises(InputError, match="the branch lies between"):
         BranchInterpolant(PRINTED, _LANES, branch.omega_h, lowest=29.0)
-    with pytest.raises(InputError, match="the branch ends near 30.827"):
+    with pytest.raises(InputError, match=r"the branch ends near 30\.827"):
         BranchInterpolant(PRINTED.changed(A="0.227e-3"), _LANES, branch.omega_h)
 
 

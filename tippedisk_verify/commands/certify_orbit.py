@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from tippedisk_verify.commands.common import Common, common_options, print_result, speed, speed_options
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
 
 __all__ = ["orbit"]
 
@@ -20,7 +20,8 @@ __all__ = ["orbit"]
 )
 @click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
 @click.option("--unstable", is_flag=True, help="Of the rotating cycles, the unstable one.")
-@click.option("--at-fold", is_flag=True, help="Prove where the stable and the unstable rotating cycles meet.")
+@click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
+@click.option("--fold", "number", type=int, metavar="N", help="The fold number N, if the family has several.")
 @common_options
 def orbit(
     common: Common,
@@ -30,12 +31,19 @@ def orbit(
     rotating: bool,
     unstable: bool,
     at_fold: bool,
+    number: int | None,
 ) -> int:
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
+    if at_fold:
+        if omega is not None or below_crit is not None or guess is not None or unstable:
+            raise InputError("--at-fold finds the speed itself: leave out the other options")
+        return _fold(common, rotating, number)
+    if number is not None:
+        raise InputError("--fold belongs to --at-fold")
     if rotating:
-        return _rotating(common, omega, below_crit, guess, unstable, at_fold)
-    if unstable or at_fold:
-        raise InputError("--unstable and --at-fold belong to --rotating")
+        return _rotating(common, omega, below_crit, guess, unstable)
+    if unstable:
+        raise InputError("--unstable belongs to --rotating")
     from tippedisk_verify.certified.cycle import CycleProof, Status, prove_cycle
 
     common.parameters.refuse_smooth("limit cycles are proved")
@@ -57,32 +65,54 @@ def orbit(
     return 0 if proof.proved else 1
 
 
+def _fold(common: Common, rotating: bool, number: int | None) -> int:
+    """Prove a fold of the rotating or the librating family."""
+    from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, prove_fold
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.folds import Fold, libration_folds, rotation_fold
+
+    parameters, digits = common.parameters, common.digits
+    parameters.refuse_smooth("folds of limit cycles are proved")
+    kind: type[FoldProof] = RotationFoldProof if rotating else LibrationFoldProof
+    folds: tuple[Fold, ...] = ()
+    fault = "this disk's family of limit cycles about inverted spinning has no fold"
+    try:
+        if rotating:
+            folds = (rotation_fold(parameters, default_engine(), digits=digits + 10),)
+        else:
+            folds = libration_folds(parameters, default_engine(), digits=digits + 10)
+    except (NoSuchCycleError, NoConnectionError) as error:
+        fault = str(error)
+    if not folds:
+        print_result(common, kind(False, fault, parameters, 0).json())
+        return 1
+    if number is None and len(folds) > 1:
+        speeds = ", ".join(f"{fold.omega:.10g}" for fold in folds)
+        raise InputError(f"this family has {len(folds)} folds, at {speeds} rad/s: choose one with --fold N, from 1 on")
+    if number is not None and not 1 <= number <= len(folds):
+        raise InputError(f"--fold {number}: this family has {len(folds)} fold{'s' * (len(folds) > 1)}")
+    fold = folds[(number or 1) - 1]
+    near = [getattr(fold, name).value for name in (*kind.unknowns, "omega")]
+    proof = prove_fold(kind, parameters, near, digits=digits)
+    print_result(common, proof.json())
+    return 0 if proof.proved else 1
+
+
 def _rotating(
     common: Common,
     omega: str | None,
     below_crit: str | None,
     guess: tuple[str, str] | None,
     unstable: bool,
-    at_fold: bool,
 ) -> int:
-    """Prove a rotating cycle, or the fold of their family."""
+    """Prove a rotating cycle."""
     from tippedisk_verify.certified.cycle import Status
     from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
-    from tippedisk_verify.certified.rotation_fold import prove_rotation_fold
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.folds import rotation_fold
     from tippedisk_verify.orbits.rotating import rotating_cycle
 
     parameters, digits = common.parameters, common.digits
     parameters.refuse_smooth("rotating cycles are proved")
-    if at_fold:
-        if omega is not None or below_crit is not None or guess is not None or unstable:
-            raise InputError("--at-fold finds the speed itself: leave out the other options")
-        fold = rotation_fold(parameters, default_engine(), digits=digits + 10)
-        state = (fold.beta_bar_top.value, fold.v_top.value, fold.omega.value)
-        proved = prove_rotation_fold(parameters, *state, digits=digits)
-        print_result(common, proved.json())
-        return 0 if proved.proved else 1
     value = speed(common, omega, below_crit)
     if guess is None:
         try:

@@ -68,6 +68,11 @@ class Place:
     omega: float  #: [rad/s]
     piece: int  #: counted from the Hopf point, one more after each fold
 
+    @property
+    def start(self) -> tuple[float, float]:
+        """(gamma_bar, v) on the section."""
+        return self.gamma_bar, self.v
+
 
 def amplitude(s: Any) -> Any:
     """gamma_bar_0 [rad] at the abscissa."""
@@ -98,7 +103,7 @@ class AmplitudeFamily:
         solve: Solver | None = None,
         closest: float = _CLOSEST,
     ) -> None:
-        self.parameters = parameters
+        self.parameters, self.engine = parameters, engine
         if solve is None:
             if engine is None:
                 raise TypeError("a family needs an engine or a solver")
@@ -201,6 +206,25 @@ class AmplitudeFamily:
         """Where Omega tends to at the end [rad/s], to some part of its distance from there."""
         last = self._panels[-1]
         return float(last[-1, 3] + math.copysign(self._left(last), last[-1, 6]))
+
+    @cached_property
+    def ends(self) -> tuple[tuple[str, float], ...]:
+        """What bounds the pieces, by name, and its speed [rad/s]: the Hopf point, the folds and the connection."""
+        turns = (("a fold", self.place(s).omega) for s in self.folds)
+        return ("Omega_crit", self.omega_crit), *turns, ("Omega_h", self.limit)
+
+    def refusal(self, omega: float) -> str:
+        """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
+        lowest, highest = (choose(self.ends, key=lambda end: end[1]) for choose in (min, max))
+        text = f"no limit cycle found at {omega:.10g} rad/s"
+        for (name, end), side in ((lowest, -1), (highest, 1)):
+            if (omega - end) * side > 0:
+                word = "less" if side > 0 else "more"
+                return (
+                    f"{text}: the family lies between {lowest[0]} = {lowest[1]:.10g} and {highest[0]} = "
+                    f"{highest[1]:.10g} rad/s, and {name} is {word} by {abs(omega - end):.2g}"
+                )
+        return text
 
     @property
     def s_end(self) -> float:

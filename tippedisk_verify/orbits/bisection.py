@@ -88,7 +88,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
     Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
     Another engine has no wider arithmetic; there looser tolerances say how far the answer is off.
-    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and Omega_crit.
+    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and 3/2 Omega_crit.
     """
     follow = _Follower(parameters, engine)
     lower, upper = _bisected(follow)
@@ -162,14 +162,16 @@ class _Follower:
 def _bisected(follow: _Follower) -> tuple[Fraction, Fraction]:
     """Two neighbouring doubles between which the branch changes sides.
 
-    Raises NoConnectionError where it does not between Omega_crit / 2 and Omega_crit.
+    Raises NoConnectionError where it does not between Omega_crit / 2 and 3/2 Omega_crit.
     """
     top = Fraction(float(omega_crit(follow.parameters)))
     upper, lower = top, top * Fraction(63, 64)
-    if follow(upper, DOUBLE) == "passes":
-        raise NoConnectionError(
-            "the saddle's unstable branch passes already at Omega_crit: no connection below it to look for"
-        )
+    while follow(upper, DOUBLE) == "passes":
+        upper, lower = upper + top / 64, upper
+        if upper > top * 3 / 2:
+            raise NoConnectionError(
+                "the saddle's unstable branch passes at every speed up to 3/2 Omega_crit: no connection"
+            )
     while follow(lower, DOUBLE) != "passes":
         upper, lower = lower, lower - top / 64
         if lower < top / 2:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy
@@ -17,17 +19,18 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
-from tippedisk_verify.orbits.continuation import continued, followed_cycle
+from tippedisk_verify.orbits.continuation import cycles_at_speed
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
 from tippedisk_verify.orbits.near_connection import cycle_at
 from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["DEFAULT_COUNT", "MANY", "Branch", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
+_FEWEST = 5  # of them on a piece between folds
 _MOST = 1_000_000
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
@@ -71,48 +74,64 @@ def family(
     paper_sets: bool = False,
     omegas: Sequence[object] | None = None,
 ) -> Iterator[LimitCycle]:
-    """The paper's 801 cycles, those at the speeds [rad/s] given, or an even overview.
+    """The paper's 801 cycles, those at the speeds [rad/s] given, or an overview from the Hopf point to the connection.
 
-    Raises InputError for speeds that are no positive decimals, NoSuchCycleError where the family ends.
+    A speed at which several cycles coexist gives all of them, from the smallest amplitude on. Raises InputError for
+    speeds that are no positive decimals, NoSuchCycleError where the family has no cycle.
     """
-    if omegas is not None:
-        speeds = [checked_speed(omega) for omega in omegas]
-        if not 0 < len(speeds) <= _MOST:
-            raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-        if len(speeds) >= MANY and parameters.friction == "linear":
-            yield from _together(parameters, [float(speed) for speed in speeds], engine)
-        else:
-            yield from _one_by_one(parameters, speeds, engine)
+    if paper_sets:
+        yield from _papers(parameters, engine)
         return
+    if omegas is None:
+        yield from _overview(AmplitudeFamily(parameters, engine))
+        return
+    speeds = [checked_speed(omega) for omega in omegas]
+    if not 0 < len(speeds) <= _MOST:
+        raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
+    if len(speeds) >= MANY and parameters.friction == "linear":
+        yield from _together(parameters, [float(speed) for speed in speeds], engine)
+    else:
+        yield from _one_by_one(parameters, speeds, engine)
+
+
+def _overview(family: AmplitudeFamily) -> Iterator[LimitCycle]:
+    """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these."""
+    breaks = family.breaks
+    for piece, ((_, begin), (_, end)) in enumerate(pairwise(family.ends)):
+        share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
+        count = max(_FEWEST, round(DEFAULT_COUNT * share))
+        for n in range(count):
+            place = (2 * n - count + 1) / (count - 1)
+            omega = begin + (0.5 + 0.499 * place * (1.5 - 0.5 * place * place)) * (end - begin)
+            yield cycles_at_speed(family, Fraction(omega), piece=piece)[0]
+
+
+def _papers(parameters: Parameters, engine: Engine) -> Iterator[LimitCycle]:
+    """The cycles at the paper's speeds. Raises NoSuchCycleError for a disk with which these do not make sense."""
     omega_h = bisect_omega_h(parameters, engine).omega_h.value
-    if not paper_sets:
-        crit = omega_crit(parameters, 20).value
-        # From just below Omega_crit down to a thousandth of the way above Omega_h, closer together towards both ends.
-        shares = [(2 * n - DEFAULT_COUNT + 1) / (DEFAULT_COUNT - 1) for n in range(DEFAULT_COUNT)]
-        spread = [0.5 + 0.499 * share * (1.5 - 0.5 * share * share) for share in shares]
-        yield from continued(parameters, [float(crit) - share * float(crit - omega_h) for share in spread], engine)
-        return
     sets = sets_of(parameters, omega_h)
+    if not omega_h < Fraction(sets.start):
+        raise NoSuchCycleError(
+            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {sets.start:.10g} rad/s; for this disk that"
+            f" lies below Omega_h = {float(omega_h):.10g} rad/s"
+        )
+    speeds = (sets.start, *sets.increasing, *sets.decreasing)
     if parameters.friction == "linear":
-        yield from _together(parameters, (sets.start, *sets.increasing, *sets.decreasing), engine, omega_h)
-        return
-    start = followed_cycle(parameters, Fraction(sets.start), engine)
-    yield start
-    yield from continued(parameters, sets.increasing, engine, first=start)
-    yield from continued(parameters, sets.decreasing, engine, first=start)
+        yield from _together(parameters, speeds, engine, omega_h)
+    else:
+        yield from _one_by_one(parameters, [Fraction(speed) for speed in speeds], engine)
 
 
 def _one_by_one(parameters: Parameters, speeds: Sequence[Fraction], engine: Engine) -> Iterator[LimitCycle]:
-    """Each from the one before, or by itself where that does not lead there."""
-    here = None
+    """All cycles at each speed, or the one next to the connection that doubles do not hold."""
+    known: AmplitudeFamily | None = None
+    with suppress(NoSuchCycleError):
+        known = AmplitudeFamily(parameters, engine)
     for speed in speeds:
-        try:
-            if here is None:
-                raise NoSuchCycleError("there is none before")
-            (here,) = continued(parameters, [speed], engine, first=here)
-        except NoSuchCycleError:
-            here = cycle_at(parameters, speed, engine)
-        yield here
+        if known is not None and any(known.places(float(speed))):
+            yield from cycles_at_speed(known, speed)
+        else:
+            yield cycle_at(parameters, speed, engine)
 
 
 def _together(

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily, Place
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
-from tippedisk_verify.theory.hopf import criticality, omega_crit
+from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["PaperSets", "continued", "followed_cycle", "paper_sets"]
+__all__ = ["PaperSets", "continued", "cycles_at_speed", "followed_cycle", "paper_sets"]
 
 _STEPS = 400
 _FEWEST_HALVINGS = 12
@@ -71,49 +72,65 @@ def continued(
         yield previous
 
 
-def followed_cycle(parameters: Parameters, omega: Fraction, engine: Engine, *, digits: int = 12) -> LimitCycle:
-    """The limit cycle at ``omega`` [rad/s] of either law; followed from near the Hopf point where no guess is at hand.
+def followed_cycle(
+    parameters: Parameters, omega: Fraction, engine: Engine, *, digits: int = 12, stable: bool | None = None
+) -> LimitCycle:
+    """The limit cycle at ``omega`` [rad/s] of either law, found on the family where no guess is at hand.
 
-    Raises as `limit_cycle` does; below Omega_h it says so.
+    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises as `limit_cycle` does,
+    with the speeds between which the family lies.
     """
+    found: LimitCycle | None = None
+    if stable is not False:
+        with suppress(NoSuchCycleError):
+            found = limit_cycle(parameters, omega, engine, digits=digits)
+            if found.stable:
+                return found
     try:
-        return _followed(parameters, omega, engine, digits)
+        cycles = cycles_at_speed(AmplitudeFamily(parameters, engine), omega, digits)
     except NoSuchCycleError:
-        _refused_outside(parameters, omega, engine)
-        raise
-
-
-def _refused_outside(parameters: Parameters, omega: Fraction, engine: Engine) -> None:
-    """Raises NoSuchCycleError with the reason if the speed lies outside the family, as far as that can be told."""
-    crit = omega_crit(parameters, 20).value
-    if omega > crit and criticality(parameters) == "supercritical":
-        raise NoSuchCycleError(
-            f"no limit cycle at {float(omega):.10g} rad/s: they are born below Omega_crit = {float(crit):.10g} rad/s,"
-            f" which is less by {float(omega - crit):.2g}"
-        ) from None
-    omega_h = Fraction(0)
-    with suppress(NoConnectionError, Shortfall):
-        omega_h = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    if omega < omega_h:
-        raise NoSuchCycleError(
-            f"no limit cycle at {float(omega):.10g} rad/s: they exist above Omega_h = {float(omega_h):.10g}, which is"
-            f" more by {float(omega_h - omega):.2g}, and below Omega_crit = {float(crit):.10g} rad/s"
-        ) from None
-
-
-def _followed(parameters: Parameters, omega: Fraction, engine: Engine, digits: int) -> LimitCycle:
-    try:
-        return limit_cycle(parameters, omega, engine, digits=digits)
-    except NoSuchCycleError:
-        crit = omega_crit(parameters, 20).value
-        if parameters.friction == "linear" or not omega < crit:
+        if found is None or stable is not None:
             raise
-    # The linear law's balance guesses too far away here: step towards the speed, closer and closer together.
-    speeds = [float(crit + (omega - crit) * Fraction(share, 16)) for share in (1, 4, 8, 11, 13, 14, 15)]
-    *_, near = continued(parameters, speeds, engine)
-    *_, near = continued(parameters, [float(omega)], engine, first=near)
-    guess = (float(near.gamma_bar_0), float(near.v_0))
-    return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
+        return found
+    wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
+    if not wanted and stable is not None:
+        kind = "stable" if stable else "unstable"
+        raise NoSuchCycleError(f"the only limit cycle found at {float(omega):.10g} rad/s is not {kind}")
+    return (wanted or cycles)[0]
+
+
+def cycles_at_speed(
+    family: AmplitudeFamily, omega: Fraction, digits: int = 12, *, piece: int | None = None
+) -> list[LimitCycle]:
+    """All cycles of the family at a speed [rad/s], from the smallest amplitude on, each to ``digits`` digits.
+
+    Only that of one piece, if it is named.
+
+    Raises NoSuchCycleError if there is none, or if doubles cannot tell two apart, Shortfall if the digits are not
+    reached.
+    """
+    if family.engine is None:
+        raise TypeError("the family needs an engine for its cycles")
+    cycles = [
+        _on_piece(family, place, limit_cycle(family.parameters, omega, family.engine, digits=digits, guess=place.start))
+        for place in family.places(float(omega))
+        if piece in (None, place.piece)
+    ]
+    if not cycles:
+        raise NoSuchCycleError(family.refusal(float(omega)))
+    return cycles
+
+
+def _on_piece(family: AmplitudeFamily, place: Place, cycle: LimitCycle) -> LimitCycle:
+    """The cycle, if it lies on the piece where it was looked for."""
+    s = math.atanh(float(cycle.gamma_bar_0) / math.pi)
+    low, high = family.breaks[place.piece : place.piece + 2]
+    # At the ends, which are no folds, it may lie a little beyond the nodes.
+    if (low != family.s_start and s < low) or (high != family.s_end and s > high):
+        raise NoSuchCycleError(
+            f"{float(cycle.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
+        )
+    return cycle
 
 
 def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
@@ -131,7 +148,7 @@ def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine:
             if halvings == _FEWEST_HALVINGS:
                 raise
             if halvings == _EXPLAINED_AFTER:
-                _refused_outside(parameters, target, engine)
+                _refuse_outside(parameters, target, engine)
     raise AssertionError("unreachable")  # pragma: no cover
 
 
@@ -141,3 +158,13 @@ def _predicted(here: LimitCycle, omega: Fraction) -> tuple[float, float]:
         float(here.gamma_bar_0) + step * float(here.dgamma_bar_0_domega),
         float(here.v_0) + step * float(here.dv_0_domega),
     )
+
+
+def _refuse_outside(parameters: Parameters, omega: Fraction, engine: Engine) -> None:
+    """Raises NoSuchCycleError with the reason if the speed is not on the family, as far as that can be told."""
+    try:
+        family = AmplitudeFamily(parameters, engine)
+    except NoSuchCycleError:
+        return
+    if not any(family.places(float(omega))):
+        raise NoSuchCycleError(family.refusal(float(omega))) from None

@@ -21,12 +21,23 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.half_map import HalfFlights
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights
 
-__all__ = ["Fold", "LibrationFold", "RotationFold", "fold_in", "fold_in_double", "fold_near", "fold_to_digits", "rotation_fold"]
+__all__ = [
+    "Fold",
+    "LibrationFold",
+    "RotationFold",
+    "fold_in",
+    "fold_in_double",
+    "fold_near",
+    "fold_to_digits",
+    "libration_folds",
+    "rotation_fold",
+]
 
 _DIFFERENCE = 1e-5  # of unknowns of order one: rounding and the third derivatives then err alike, by some 1e-9
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
@@ -88,6 +99,19 @@ def rotation_fold(
     near = (family or RotatingFamily(parameters, engine)).near_fold().at
     fold: RotationFold = fold_to_digits(RotationFold, parameters, near, engine, digits)
     return fold
+
+
+def libration_folds(parameters: Parameters, engine: Engine, *, digits: int = 12) -> tuple[LibrationFold, ...]:
+    """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
+
+    Raises NoSuchCycleError where the family cannot be followed, Shortfall if the digits are not reached.
+    """
+    checked_digits(digits)
+    family = AmplitudeFamily(parameters, engine)
+    places = [family.place(s) for s in family.folds]
+    return tuple(
+        fold_to_digits(LibrationFold, parameters, (*place.start, place.omega), engine, digits) for place in places
+    )
 
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:

@@ -19,15 +19,16 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PeriodContinuation", "PeriodLaw", "limit_of_cycles", "resolving"]
 
 _SMALLEST_IN_DOUBLE = 1e-7  # Omega - Omega_h [rad/s] down to which double has the slopes to a few digits
 _MOST_CYCLES = 60
+_FIRST, _BEYOND_A_FOLD = 0.3, 0.3  # abscissas of the family by amplitude where its descent begins
+_FOLLOWED = 1e-3  # rad/s; as near Omega_h as folds are looked for
 
 
 class PeriodContinuation:
@@ -43,14 +44,16 @@ class PeriodContinuation:
 
     @property
     def above(self) -> Fraction:
-        """Omega - Omega_h of the last cycle [rad/s]."""
+        """Omega - Omega_h of the last cycle [rad/s], negative where cycles lie below."""
         return fraction(self.here.omega) - self.law.omega_h
 
     def nearest(self, above: Fraction) -> tuple[float, float]:
         """(gamma_bar_0, v_0) at Omega_h + ``above``, interpolated in logarithms between cycles found in double."""
-        distances = [float(fraction(point.omega) - self.law.omega_h) for point in self._points]
-        known = [k for k, distance in enumerate(distances) if distance > 0][::-1]
-        at = math.log(float(above))
+        side = math.copysign(1.0, self.above)
+        distances = [side * float(fraction(point.omega) - self.law.omega_h) for point in self._points]
+        # Those on the way to the connection, and not beyond a fold.
+        known = [k for k, distance in enumerate(distances) if 0 < distance <= min(distances[: k + 1])][::-1]
+        at = math.log(abs(float(above)))
         logs = numpy.log([distances[k] for k in known])
         left = numpy.log([math.pi - float(self._points[k].gamma_bar_0) for k in known])
         speed = numpy.log([-float(self._points[k].v_0) for k in known])
@@ -63,10 +66,10 @@ class PeriodContinuation:
         """
         # The prediction is off by about the last change of the limit: a cycle a hundred times further out is within it.
         ahead = max(100 * self.change, least)
-        if not ahead < self.above:
-            ahead = self.above / 4
+        if not ahead < abs(self.above):
+            ahead = abs(self.above) / 4
         precision = resolving(self.parameters, self.law.omega_h, ahead, 12)
-        half_period, guess = self.law.at(ahead, self.here, precision)
+        half_period, guess = self.law.at(ahead if self.above > 0 else -ahead, self.here, precision)
         try:
             point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
@@ -86,7 +89,7 @@ def resolving(parameters: Parameters, near: Fraction, above: Fraction, digits: i
     """
     unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, near, "noninverted").eigenvalues)
     power = 1 + unstable / (unstable - slow)
-    return bits(bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -_log10(above)))))
+    return bits(bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -_log10(abs(above))))))
 
 
 def _log10(value: Fraction) -> float:
@@ -110,11 +113,10 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
 
 
 def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
-    """Cycles of the family in double, from near the Hopf point as far as the slopes keep a few digits."""
-    speed = omega_crit(parameters, 20).value * Fraction(999, 1000)
-    cycle = limit_cycle(parameters, speed, engine, precision=DOUBLE)
-    guess = (float(cycle.gamma_bar_0), float(cycle.v_0), float(speed))
-    points = [cycle_at_half_period(parameters, float(cycle.period) / 2, guess, engine)]
+    """Cycles of the family in double, from where no fold is ahead as far as the slopes keep a few digits."""
+    family = AmplitudeFamily(parameters, engine, closest=_FOLLOWED)
+    start = family.place(max([_FIRST, *(fold + _BEYOND_A_FOLD for fold in family.folds)]))
+    points = [cycle_at_half_period(parameters, start.half_period, (*start.start, start.omega), engine)]
     for point in lengthened(parameters, points[0], engine, longest=30.0):
         points.append(point)
         growth = max(
@@ -153,7 +155,12 @@ class PeriodLaw:
         """Half the period of the cycle that far above Omega_h, and a guess of its state and speed."""
         ctx = self._ctx
         target = quotient(ctx, above)
-        ahead = ctx.log(self._c / target) / self._unstable
+        # Of the two terms that which prevails tells where to begin.
+        ahead = max(
+            ctx.log(term / target) / rate
+            for term, rate in ((self._c, self._unstable), (self._b, -self._stable))
+            if term / target > 0
+        )
         for _ in range(60):
             e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
             step = (self._c * e + self._b * f - target) / (-self._unstable * self._c * e + self._stable * self._b * f)

@@ -20,6 +20,7 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import Precision, checked_digits
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.cycles import Cycle
@@ -29,7 +30,7 @@ from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = [
     "DOUBLE_SHOOTS",
@@ -51,24 +52,43 @@ _C = TypeVar("_C", bound=Cycle)
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
-    Raises InputError unless 0 < above < Omega_crit - Omega_h, NoSuchCycleError where none is found, Shortfall if the
-    digits are not reached.
+    Raises InputError unless ``above`` is positive and the family reaches as far, NoSuchCycleError where none is found,
+    Shortfall if the digits are not reached.
     """
     value, wanted = checked_distance(above, "above", digits)
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h
-    room = omega_crit(parameters, 20).value - near.value
+    room = _room_above(parameters, near.value, engine)
     if value >= room:
         raise InputError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
     omega_h = splitting_zero(parameters, near.value, engine, wanted).omega_h
     omega = omega_h.value + value
     if value > room / 2:
-        cycle = limit_cycle(parameters, omega, engine, digits=digits)
+        cycle = followed_cycle(parameters, omega, engine, digits=digits)
     else:
         cycle = cycle_near(parameters, omega, omega_h.value, engine, digits=digits)
     widened = with_speed(cycle, omega_h, value, room)
     if widened.period.uncertainty > widened.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return widened
+
+
+def _room_above(parameters: Parameters, omega_h: Fraction, engine: Engine) -> Fraction:
+    """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
+    if criticality(parameters) == "supercritical" and _saddle_attracts(parameters, omega_h):
+        return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
+    (_, start), (_, end) = AmplitudeFamily(parameters, engine).ends[-2:]
+    if start < end:
+        raise NoSuchCycleError(
+            f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"
+            f" {start:.10g} rad/s: its saddle value is positive"
+        )
+    return Fraction(start) - omega_h
+
+
+def _saddle_attracts(parameters: Parameters, omega: Fraction) -> bool:
+    """Whether the saddle value lambda_u + lambda_s is negative: cycles next to the connection are then stable."""
+    unstable, slow, _ = equilibrium(parameters, omega, "noninverted").eigenvalues
+    return float(unstable.re) + float(slow.re) < 0
 
 
 def checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, int]:
@@ -92,26 +112,31 @@ def checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, i
     return value, zeros + digits + 6
 
 
-def cycle_at(parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
+def cycle_at(
+    parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12, stable: bool | None = None
+) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
-    Raises InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits
+    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits
     are not reached.
     """
     speed = checked_speed(omega)
     try:
-        return followed_cycle(parameters, speed, engine, digits=digits)
+        return followed_cycle(parameters, speed, engine, digits=digits, stable=stable)
     except NoSuchCycleError:
         omega_h = None
         with suppress(NoConnectionError, Shortfall):
             omega_h = resolved_omega_h(parameters, speed, engine)
         if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
             raise
-        if speed < omega_h:  # the reason in double may be off by more than the distance
-            below = float(omega_h - speed)
+        attracts = _saddle_attracts(parameters, omega_h)
+        if (speed < omega_h) is attracts:  # the reason in double may be off by more than the distance
+            away, side = float(abs(omega_h - speed)), "below" if attracts else "above"
             raise NoSuchCycleError(
-                f"no limit cycle found at {float(speed):.10g} rad/s, {below:.2g} rad/s below Omega_h"
+                f"no limit cycle found at {float(speed):.10g} rad/s, {away:.2g} rad/s {side} Omega_h"
             ) from None
+        if stable is not None and stable is not attracts:
+            raise
         return cycle_near(parameters, speed, omega_h, engine, digits=digits)
 
 
@@ -136,12 +161,14 @@ def cycle_near(
     *,
     digits: int = 12,
 ) -> LimitCycle:
-    """The limit cycle at exactly ``omega`` [rad/s], a little above ``omega_h``: their distance needs some digits.
+    """The limit cycle at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs some digits.
+
+    It lies above, or below where the saddle value is positive.
 
     Raises NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
     above = omega - omega_h
-    if above > DOUBLE_SHOOTS:
+    if abs(above) > DOUBLE_SHOOTS:
         guess = PeriodContinuation(parameters, engine).nearest(above)
         return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
     precision = resolving(parameters, omega_h, above, digits + 4)
@@ -153,10 +180,10 @@ def cycle_near(
 def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
     """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
     descent = PeriodContinuation(parameters, engine)
-    if above >= descent.above:
+    if abs(above) >= abs(descent.above):
         return descent.nearest(above)
-    while 100 * descent.change >= above:
-        descent.further(4 * above)
+    while 100 * descent.change >= abs(above):
+        descent.further(4 * abs(above))
     precision = resolving(parameters, descent.law.omega_h, above, 20)
     _, guess = descent.law.at(above, descent.here, precision)
     return guess[:2]
