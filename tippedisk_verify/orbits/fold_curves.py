@@ -21,11 +21,12 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.amplitude_family import amplitude
+from tippedisk_verify.orbits.folds import LibrationFold, fold_in, fold_to_digits
 from tippedisk_verify.orbits.half_map import HalfFlights
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Plane", "Trace", "fold_traces", "interpolated"]
+__all__ = ["Plane", "Trace", "fold_at", "fold_traces", "interpolated"]
 
 _LEAST, _MOST = 0.03, 4.0  # of s: amplitudes from 0.1 rad to 2e-3 rad below pi
 _FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.01, 0.1, 1e-4
@@ -33,6 +34,7 @@ _BEND = 1e-3  # how far a prediction may be off; the next step is longer if it w
 _PREDICTED_FROM = 4  # points, by the cubic through them
 _DIFFERENCE = 1e-4  # of unknowns of order one, and less where the cycles come close to the saddles
 _SETTLED = 1e-9  # of a step; points are corrected to more digits later
+_GRID = 10**12  # shares of a range at which points are given
 _SAME = 1e-2  # two folds this near in (v / a, Omega, share of the range) are one
 
 
@@ -49,9 +51,13 @@ class Plane:
         """The disk with that value; C, which enters no equation, is left out. Raises InputError as `Parameters`."""
         return self.parameters.changed(**{self.name: value, "C": None})
 
-    def value(self, share: float) -> Fraction:
+    def value(self, share: float | Fraction) -> Fraction:
         """The parameter at a share of the range."""
         return self.lowest + (self.highest - self.lowest) * Fraction(share)
+
+    def decimal(self, share: float) -> Fraction:
+        """The same to some twelve digits: a decimal, if the range's ends are, and within the range."""
+        return self.value(min(max(0, Fraction(round(share * _GRID), _GRID)), 1))
 
     def share(self, value: Fraction) -> float:
         """The share of the range at a value."""
@@ -75,6 +81,30 @@ class Trace:
 
     def passes(self, s: float, point: Any) -> bool:
         return bool(self.s[0] <= s <= self.s[-1] and numpy.abs(self(s) - point).max() < _SAME)
+
+
+def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> LibrationFold:
+    """The fold next to a point of a trace, of a disk with a decimal parameter, its speed to ``digits`` digits.
+
+    Raises Shortfall or InputError if it is not found, or another one is.
+    """
+    a, failure = float(amplitude(s)), Shortfall("the iteration for the fold arrives at another one")
+    # Between its points a trace is good to some eight digits, too few for cycles that come close to the saddles.
+    for refined in (False, True):
+        try:
+            ratio, omega, share = map(float, _fold_at(plane, engine, s, point) if refined else point)
+            disk, near = plane.at(plane.decimal(share)), (a, ratio * a, omega)
+            fold: LibrationFold = fold_in(LibrationFold, disk, near, engine, DOUBLE)
+            if fold.omega.uncertainty > fold.omega.value / 10**digits:
+                near = float(fold.gamma_bar_0), float(fold.v_0), float(fold.omega)
+                fold = fold_to_digits(LibrationFold, disk, near, engine, digits)
+            if abs(float(fold.gamma_bar_0) - a) < _SAME * min(a, math.pi - a):
+                return fold
+        except (InputError, Shortfall) as fault:
+            failure = Shortfall(str(fault))
+        except numpy.linalg.LinAlgError:
+            failure = Shortfall("the conditions of the fold are singular in double")
+    raise failure
 
 
 def interpolated(at: Any, points: Any, where: float) -> Any:

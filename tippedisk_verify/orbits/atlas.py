@@ -1,0 +1,397 @@
+"""The plane of one parameter and the speed: Hopf, fold and heteroclinic curves, the points on them, what is stable.
+
+Some disks of the range are examined on their own (`slices`), more of them where they differ from their neighbours;
+this finds what curves there are. Curves of folds are then followed by amplitude (`fold_curves`), Omega_h by the
+parameter. Points spread evenly over each curve are corrected to the digits asked for. What cannot be had is a gap with
+its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.orbits.connection_curve import CONDITIONS, omega_h_near, refined_point, rough_condition
+from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces, interpolated
+from tippedisk_verify.orbits.slices import Slice, slice_of
+from tippedisk_verify.parallel import as_done
+from tippedisk_verify.theory.hopf import criticality_margin, omega_crit
+
+__all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas"]
+
+MOST_POINTS = 10_000
+_SLICES = 17  # disks examined to begin with
+_NARROW = 1 / 512  # of the range: how closely it is found where things change
+_PREDICTED = 1e-4  # rad/s; how well Omega_h must be known between two disks before it is computed
+_SAMPLES = 8  # of a curve for each of its points, to spread these
+_CHUNK = 8  # points that a process computes at a time
+_MARGINS = 256  # shares at which the sign of the first Lyapunov coefficient is looked at
+
+Advance = Callable[[str, int], None]
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """A point of a curve: an exact value of the parameter, and the speed."""
+
+    value: Fraction
+    omega: Measured  #: [rad/s]
+    gamma_bar_0: Measured | None = None  #: of the cycle, at a fold [rad]
+    period: Measured | None = None  #: of the cycle, at a fold [s]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Values of the parameter between which something is not known, or is otherwise than elsewhere."""
+
+    lowest: Fraction
+    highest: Fraction
+    reason: str
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points of one curve, in their order along it."""
+
+    kind: str  #: hopf, fold or heteroclinic
+    points: tuple[CurvePoint, ...]
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A point of codimension two: bautin, neutral-saddle or hopf-heteroclinic."""
+
+    kind: str
+    value: Measured
+    omega: Measured  #: [rad/s]
+
+
+@dataclass(frozen=True)
+class Region:
+    """A stretch of the parameter's range on which the same curves lie in the same order, and what is between them."""
+
+    lowest: Fraction
+    highest: Fraction
+    bounds: tuple[str, ...]  #: kinds of the curves, by rising speed
+    slices: tuple[Slice, ...]  #: the disks of the stretch that were examined
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """All that was found in the plane."""
+
+    plane: Plane
+    curves: tuple[Curve, ...]
+    points: tuple[SpecialPoint, ...]
+    regions: tuple[Region, ...]
+    gaps: tuple[Gap, ...]
+
+
+def atlas(
+    plane: Plane,
+    *,
+    points: int = 200,
+    digits: int = 12,
+    executor: Executor | None = None,
+    advance: Advance = lambda label, steps: None,
+) -> Atlas:
+    """The atlas of the plane, with so many ``points`` on each curve and their speeds to ``digits`` significant digits.
+
+    Raises InputError for a number of points or digits that is not offered, a range that is none or leaves the disks
+    that `Parameters` takes, and the smooth law.
+    """
+    plane.parameters.refuse_smooth("an atlas is")
+    checked_digits(digits)
+    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
+        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
+    if not plane.lowest < plane.highest:
+        raise InputError("the range must rise: its lowest value must be less than its highest")
+    plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
+    work = partial(_all_done, executor=executor, advance=advance)
+    bautin = _bautin_points(plane, digits)
+    slices = _examined(plane, work)
+    specials = _connection_points(plane, slices, digits, work)
+    known = sorted(plane.share(point.value.value) for point in (*bautin, *specials))
+    slices = _completed(plane, slices, known, work)
+    traces = work(partial(_traces, plane), [(_seeds(slices), tuple(plane.share(p.value.value) for p in bautin))])[0]
+    curves, gaps = _curves(plane, slices, traces, points, digits, work)
+    return Atlas(
+        plane,
+        tuple(curves),
+        tuple(sorted((*bautin, *specials), key=lambda point: point.value.value)),
+        tuple(_regions(plane, slices, known)),
+        (*gaps, *_family_gaps(plane, slices)),
+    )
+
+
+# ------------------------------------------------------------------------------------------------ work for processes
+def _all_done(function: Callable[[Any], Any], jobs: Iterable[Any], executor: Executor | None, advance: Advance) -> Any:
+    """The answers to all jobs, in their order."""
+    numbered = list(enumerate(jobs))
+    answers = {}
+    for (number, _), answer in as_done(partial(_numbered, function), numbered, executor):
+        answers[number] = answer
+        advance("", 1)
+    return [answers[number] for number, _ in numbered]
+
+
+def _numbered(function: Callable[[Any], Any], job: tuple[int, Any]) -> Any:
+    return function(job[1])
+
+
+def _slice(plane: Plane, share: float) -> Slice:
+    return slice_of(plane.at(plane.decimal(share)), share, default_engine())
+
+
+def _traces(plane: Plane, job: tuple[list[tuple[float, Any]], Sequence[float]]) -> list[Trace]:
+    return fold_traces(plane, *job, default_engine())
+
+
+def _refined(plane: Plane, digits: int, job: tuple[Any, tuple[float, float], Any]) -> SpecialPoint | Gap:
+    kind, ends, known = job
+    try:
+        found = refined_point(kind, plane, ends, lambda share: _predicted(known, share), default_engine(), digits)
+    except (InputError, Shortfall) as fault:
+        return Gap(plane.decimal(ends[0]), plane.decimal(ends[1]), f"{kind}: {fault}")
+    return SpecialPoint(found.kind, found.value, found.omega)
+
+
+def _connections(plane: Plane, digits: int, job: list[tuple[float, float]]) -> list[CurvePoint | Gap]:
+    answers: list[CurvePoint | Gap] = []
+    for share, near in job:
+        value = plane.decimal(share)
+        try:
+            answers.append(CurvePoint(value, omega_h_near(plane.at(value), near, default_engine(), digits)))
+        except (InputError, Shortfall) as fault:
+            answers.append(Gap(value, value, f"heteroclinic: {fault}"))
+    return answers
+
+
+def _folds(plane: Plane, digits: int, job: list[tuple[float, Any]]) -> list[CurvePoint | Gap]:
+    answers: list[CurvePoint | Gap] = []
+    for s, point in job:
+        try:
+            fold = fold_at(plane, s, point, default_engine(), digits)
+            value = getattr(fold.parameters, plane.name)
+            answers.append(CurvePoint(value, fold.omega, fold.gamma_bar_0, fold.period))
+        except (InputError, Shortfall) as fault:
+            value = plane.decimal(float(point[2]))
+            answers.append(Gap(value, value, f"fold: {fault}"))
+    return answers
+
+
+# ------------------------------------------------------------------------------------------------ disks of the range
+def _examined(plane: Plane, work: Callable[..., Any]) -> list[Slice]:
+    """Disks of the range: close together where Omega_h ends, and where it could not be told from its neighbours."""
+    slices: list[Slice] = work(partial(_slice, plane), numpy.linspace(0, 1, _SLICES).tolist())
+    while wanted := [
+        (before.share + after.share) / 2
+        for before, after in zip(slices, slices[1:], strict=False)
+        if after.share - before.share > _NARROW
+        and ((before.omega_h is None) != (after.omega_h is None) or _uncertain(slices, before, after))
+    ]:
+        slices = sorted([*slices, *work(partial(_slice, plane), wanted)], key=lambda one: one.share)
+    return slices
+
+
+def _uncertain(slices: Sequence[Slice], before: Slice, after: Slice) -> bool:
+    """Whether either disk's Omega_h could not be told from that of its neighbours."""
+    for one in (before, after):
+        if one.omega_h is None:
+            continue
+        others = [pair for pair in _run(slices, one) if pair[0] != one.share]
+        if len(others) < 2 or abs(_predicted(others, one.share) - one.omega_h) > 64 * _PREDICTED:
+            return True
+    return False
+
+
+def _run(slices: Sequence[Slice], one: Slice) -> list[tuple[float, float]]:
+    """(share, Omega_h) of the disks that have a connection, from one of them on to both sides."""
+    return next(run for run in _runs(slices) if any(share == one.share for share, _ in run))
+
+
+def _runs(slices: Sequence[Slice]) -> list[list[tuple[float, float]]]:
+    """(share, Omega_h) of neighbouring disks that have a connection."""
+    runs: list[list[tuple[float, float]]] = [[]]
+    for one in slices:
+        if one.omega_h is None:
+            runs.append([])
+        else:
+            runs[-1].append((one.share, one.omega_h))
+    return [run for run in runs if run]
+
+
+def _predicted(known: Sequence[tuple[float, float]], share: float) -> float:
+    """Omega_h at a share by the polynomial through the six nearest disks."""
+    near = sorted(known, key=lambda pair: abs(pair[0] - share))[:6]
+    at, omega = (numpy.array(column) for column in zip(*near, strict=True))
+    return float(interpolated(at, omega[:, None], share)[0])
+
+
+def _completed(plane: Plane, slices: list[Slice], known: Sequence[float], work: Callable[..., Any]) -> list[Slice]:
+    """More disks: between any two known changes one, and closer together where things change for another reason."""
+    edges = [0.0, *known, 1.0]
+    wanted = [
+        (low + high) / 2
+        for low, high in zip(edges, edges[1:], strict=False)
+        if high > low and not any(low < one.share < high for one in slices)
+    ]
+    while wanted:
+        slices = sorted([*slices, *work(partial(_slice, plane), wanted)], key=lambda one: one.share)
+        wanted = [
+            (before.share + after.share) / 2
+            for before, after in zip(slices, slices[1:], strict=False)
+            if before.signature != after.signature
+            and after.share - before.share > _NARROW
+            and not any(before.share <= share <= after.share for share in known)
+        ]
+    return slices
+
+
+# ------------------------------------------------------------------------------------------------ special points
+def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
+    """Where the margin of criticality changes its sign, by exact bisection of a rational function."""
+    shares = [Fraction(k, _MARGINS) for k in range(_MARGINS + 1)]
+
+    def margin(share: Fraction) -> Fraction:
+        return criticality_margin(plane.at(plane.value(share)))
+
+    found = []
+    signs = [margin(share) > 0 for share in shares]
+    for low, high, positive in zip(shares, shares[1:], signs, strict=False):
+        if (margin(high) > 0) == positive:
+            continue
+        while plane.value(high) - plane.value(low) > plane.value(high) / 10 ** (digits + 2):
+            middle = (low + high) / 2
+            low, high = (middle, high) if (margin(middle) > 0) == positive else (low, middle)
+        ends = [plane.value(share) for share in (low, high)]
+        left, right = (omega_crit(plane.at(value), digits + 2) for value in ends)
+        # Omega_crit is monotonic over so short a distance.
+        width = abs(left.value - right.value) + left.uncertainty + right.uncertainty
+        found.append(SpecialPoint("bautin", Measured(sum(ends) / 2, ends[1] - ends[0]), Measured(left.value, width)))
+    return found
+
+
+def _connection_points(
+    plane: Plane, slices: Sequence[Slice], digits: int, work: Callable[..., Any]
+) -> list[SpecialPoint]:
+    """The points on the curve of Omega_h; those that cannot be refined are left out of it."""
+    jobs = []
+    for run in _runs(slices):
+        for kind in CONDITIONS:
+            values = [rough_condition(kind, plane.at(plane.decimal(share)), omega) for share, omega in run]
+            for k, (before, after) in enumerate(zip(values, values[1:], strict=False)):
+                if (before < 0) != (after < 0):
+                    jobs.append((kind, (run[k][0], run[k + 1][0]), run))
+    answers = work(partial(_refined, plane, digits), jobs)
+    return [answer for answer in answers if isinstance(answer, SpecialPoint)]
+
+
+# ------------------------------------------------------------------------------------------------ curves
+def _seeds(slices: Sequence[Slice]) -> list[tuple[float, Any]]:
+    return [(s, numpy.array([ratio, omega, one.share])) for one in slices for s, ratio, omega in one.folds]
+
+
+def _curves(
+    plane: Plane, slices: Sequence[Slice], traces: Sequence[Trace], points: int, digits: int, work: Callable[..., Any]
+) -> tuple[list[Curve], list[Gap]]:
+    """All curves with their points, and where points could not be had."""
+    shares = numpy.linspace(0, 1, _SAMPLES * points)
+    crit = numpy.array([float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()])
+    connected = []
+    for run in _runs(slices):
+        here = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
+        connected.append((run, here, numpy.array([_predicted(run, share) for share in here.tolist()])))
+    folded = [(trace, *_inside(trace, points)) for trace in traces]
+    speeds = numpy.concatenate([crit, *(omega for *_, omega in connected), *(found[:, 1] for *_, found in folded)])
+    height = max(float(speeds.max() - speeds.min()), 1e-9)
+    values = [plane.decimal(share) for share in _spread(shares, shares, crit / height, points)]
+    curves = [Curve("hopf", tuple(CurvePoint(value, omega_crit(plane.at(value), digits + 2)) for value in values))]
+    jobs: list[tuple[str, list[Any]]] = []
+    for run, here, omegas in connected:
+        chosen = _spread(here, here, omegas / height, points)
+        jobs.append(("heteroclinic", [(share, _predicted(run, share)) for share in chosen]))
+    for trace, s, found in folded:
+        chosen = _spread(s, found[:, 2], found[:, 1] / height, points)
+        jobs.append(("fold", [(where, trace(where)) for where in chosen]))
+    gaps: list[Gap] = []
+    for kind, job in jobs:
+        chunks = [job[k : k + _CHUNK] for k in range(0, len(job), _CHUNK)]
+        correct = _connections if kind == "heteroclinic" else _folds
+        answers = [answer for chunk in work(partial(correct, plane, digits), chunks) for answer in chunk]
+        curves.append(Curve(kind, tuple(answer for answer in answers if isinstance(answer, CurvePoint))))
+        gaps += [answer for answer in answers if isinstance(answer, Gap)]
+    return curves, gaps
+
+
+def _inside(trace: Trace, points: int) -> tuple[Any, Any]:
+    """Abscissas close together on the part of a trace that lies in the range, and its points there."""
+    ends = list(trace.s[[0, -1]])
+    for k, within in enumerate((trace.s[1], trace.s[-2])):  # only the last point on each side may lie outside
+        while abs(ends[k] - within) > 1e-12 and not 0 <= trace(ends[k])[2] <= 1:
+            middle = (ends[k] + within) / 2
+            if 0 <= trace(middle)[2] <= 1:
+                within = middle
+            else:
+                ends[k] = middle
+    s = numpy.linspace(*ends, _SAMPLES * points)
+    return s, numpy.array([trace(where) for where in s.tolist()])
+
+
+def _spread(parameter: Any, x: Any, y: Any, count: int) -> list[float]:
+    """Values of the parameter at which the points are evenly spread along the curve (x, y), its ends among them."""
+    length = numpy.concatenate([[0.0], numpy.cumsum(numpy.hypot(numpy.diff(x), numpy.diff(y)))])
+    wanted = numpy.linspace(0, length[-1], count)
+    values = numpy.interp(wanted, length, parameter)
+    return [float(value) for value in values]
+
+
+# ------------------------------------------------------------------------------------------------ regions and gaps
+def _regions(plane: Plane, slices: Sequence[Slice], known: Sequence[float]) -> list[Region]:
+    """The disks grouped by what they have in common; a region ends at a known change, else halfway to the next."""
+    groups: list[list[Slice]] = []
+    for one in slices:
+        if groups and groups[-1][-1].signature == one.signature:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    edges = [0.0]
+    for before, after in zip(groups, groups[1:], strict=False):
+        left, right = before[-1].share, after[0].share
+        between = [share for share in known if left <= share <= right]
+        edges.append(between[0] if between else (left + right) / 2)
+    edges.append(1.0)
+    return [
+        Region(plane.decimal(low), plane.decimal(high), tuple(name for name, _ in group[0].bounds), tuple(group))
+        for group, low, high in zip(groups, edges, edges[1:], strict=False)
+    ]
+
+
+def _family_gaps(plane: Plane, slices: Sequence[Slice]) -> list[Gap]:
+    """Where families do not end in a connection, where there is none, and where cycles change stability otherwise."""
+    gaps = []
+    for name, what in (
+        ("no_family", "limit cycles"),
+        ("no_connection", "heteroclinic"),
+        ("other_changes", "limit cycles"),
+    ):
+        group: list[Slice] = []
+        for one in (*slices, None):
+            if one is not None and getattr(one, name):
+                group.append(one)
+            elif group:
+                ends = [plane.decimal(part.share) for part in (group[0], group[-1])]
+                gaps.append(Gap(ends[0], ends[1], f"{what}: {getattr(group[len(group) // 2], name)}"))
+                group = []
+    return gaps
