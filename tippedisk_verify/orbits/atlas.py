@@ -19,8 +19,9 @@ import numpy
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.orbits.connection_curve import CONDITIONS, omega_h_near, refined_point, rough_condition
 from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces, interpolated
@@ -28,7 +29,7 @@ from tippedisk_verify.orbits.slices import Slice, slice_of
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.theory.hopf import criticality_margin, omega_crit
 
-__all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas"]
+__all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas", "plane_of"]
 
 MOST_POINTS = 10_000
 _SLICES = 17  # disks examined to begin with
@@ -98,6 +99,36 @@ class Atlas:
     gaps: tuple[Gap, ...]
 
 
+def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) -> Plane:
+    """The plane named by its axes, such as "A,Omega", over a range of decimals, or a tenth of the value to both sides.
+
+    The default range is cut where `Parameters` refuses. Raises InputError for axes or ends that are none.
+    """
+    name, _, other = axes.partition(",")
+    if name not in SYMBOLS or other != "Omega":
+        raise InputError(f"the plane '{shown(axes)}' is not known: give one of {', '.join(SYMBOLS)}, then ,Omega")
+    own: Fraction = getattr(parameters, name)
+    if ends is not None:
+        low, high = (exact(end) for end in ends)
+        if low.pi_multiple or high.pi_multiple:
+            raise InputError("the ends of the range must be decimals")
+        return Plane(parameters, name, low.rational, high.rational)
+    unit = Fraction(10) ** (decimal_magnitude(own) - 3)
+
+    def reached(side: int) -> Fraction:
+        steps = [round(own * (1 + side * Fraction(k, 1000)) / unit) * unit for k in range(1, 101)]
+        return [own, *(value for value in steps if _taken(parameters, name, value))][-1]
+
+    return Plane(parameters, name, reached(-1), reached(1))
+
+
+def _taken(parameters: Parameters, name: str, value: Fraction) -> bool:
+    try:
+        return bool(Plane(parameters, name, value, value).at(value))
+    except InputError:
+        return False
+
+
 def atlas(
     plane: Plane,
     *,
@@ -121,7 +152,8 @@ def atlas(
     work = partial(_all_done, executor=executor, advance=advance)
     bautin = _bautin_points(plane, digits)
     slices = _examined(plane, work)
-    specials = _connection_points(plane, slices, digits, work)
+    answers = _connection_points(plane, slices, digits, work)
+    specials = [answer for answer in answers if isinstance(answer, SpecialPoint)]
     known = sorted(plane.share(point.value.value) for point in (*bautin, *specials))
     slices = _completed(plane, slices, known, work)
     traces = work(partial(_traces, plane), [(_seeds(slices), tuple(plane.share(p.value.value) for p in bautin))])[0]
@@ -131,7 +163,7 @@ def atlas(
         tuple(curves),
         tuple(sorted((*bautin, *specials), key=lambda point: point.value.value)),
         tuple(_regions(plane, slices, known)),
-        (*gaps, *_family_gaps(plane, slices)),
+        (*(answer for answer in answers if isinstance(answer, Gap)), *gaps, *_family_gaps(plane, slices)),
     )
 
 
@@ -285,8 +317,8 @@ def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
 
 def _connection_points(
     plane: Plane, slices: Sequence[Slice], digits: int, work: Callable[..., Any]
-) -> list[SpecialPoint]:
-    """The points on the curve of Omega_h; those that cannot be refined are left out of it."""
+) -> list[SpecialPoint | Gap]:
+    """The points on the curve of Omega_h, or between which disks one is that cannot be refined."""
     jobs = []
     for run in _runs(slices):
         for kind in CONDITIONS:
@@ -294,8 +326,7 @@ def _connection_points(
             for k, (before, after) in enumerate(zip(values, values[1:], strict=False)):
                 if (before < 0) != (after < 0):
                     jobs.append((kind, (run[k][0], run[k + 1][0]), run))
-    answers = work(partial(_refined, plane, digits), jobs)
-    return [answer for answer in answers if isinstance(answer, SpecialPoint)]
+    return list(work(partial(_refined, plane, digits), jobs))
 
 
 # ------------------------------------------------------------------------------------------------ curves

@@ -1,0 +1,151 @@
+"""The plane of one parameter and the speed: its curves, the points on them, and what is stable between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, pyplot
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.orbits.atlas import Atlas, Region
+
+__all__ = ["axis_label", "draw_atlas"]
+
+_COLUMNS = 64  # of each region, from curve to curve
+_TINT = 0.78  # share of white in what is filled
+_FILLED = {"inverted spinning": BLUE, "limit cycle": GREEN, "both": ORANGE, "neither": GREY, "undecided": "#ffffff"}
+_LINES = {
+    "hopf": (BLACK, "-", "Hopf: inverted spinning changes stability"),
+    "fold": (RED, "-", "fold of limit cycles"),
+    "heteroclinic": (BLUE, "-", "heteroclinic connection, Ω_h"),
+    "end of the family": (PURPLE, "--", "end of the family of limit cycles, no saddle-saddle connection"),
+}
+_MARKS = {
+    "bautin": ("o", "Bautin point"),
+    "neutral-saddle": ("s", "neutral saddle on Ω_h"),
+    "hopf-heteroclinic": ("D", "Ω_h = Ω_crit"),
+}
+
+
+def axis_label(name: str, largest: float) -> tuple[str, float]:
+    """The axis's label for a parameter, with a power of 1000 before its unit, and the factor to the numbers on it."""
+    unit = next(item.metadata["unit"] for item in fields(Parameters) if item.name == name)
+    unit = "" if unit == "1" else unit.replace("^2", "²")
+    power = 3 * math.floor(math.log10(largest) / 3) if unit else 0
+    text = f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} {unit}" if power else unit
+    symbol = {"mu": "μ", "epsilon": "ε"}.get(name, name)
+    return f"{symbol} [{text}]" if text else symbol, 10.0**-power
+
+
+def draw_atlas(found: Atlas) -> Any:
+    """The figure: regions filled, curves and points over them."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    plane = found.plane
+    label, factor = axis_label(plane.name, float(plane.highest))
+    figure, axis = pyplot().subplots(figsize=(7.2, 5.6), layout="constrained")
+    lines = _lines(found)
+    speeds = numpy.concatenate([line[1] for _, line in lines])
+    room = 0.12 * max(float(speeds.max() - speeds.min()), 0.01)
+    low, high = speeds.min() - room, speeds.max() + room
+    labels = set()
+    for region in found.regions:
+        labels |= _fill(axis, region, lines, (low, high), factor)
+    marks: list[Any] = [
+        Patch(facecolor=_tinted(name), edgecolor=GREY, hatch="///" if name == "undecided" else None, label=_worded(name))
+        for name in _FILLED
+        if name in labels
+    ]
+    for kind, line in lines:
+        colour, style, text = _LINES[kind]
+        axis.plot(line[0] * factor, line[1], style, color=colour, lw=1.6, zorder=3)
+        if text not in [mark.get_label() for mark in marks]:
+            marks.append(Line2D([], [], color=colour, ls=style, lw=1.6, label=text))
+    for kind, (sign, text) in _MARKS.items():
+        here = [point for point in found.points if point.kind == kind]
+        axis.plot(
+            [float(point.value) * factor for point in here],
+            [float(point.omega) for point in here],
+            sign, color=PURPLE, mec=BLACK, mew=0.7, ms=6.5, zorder=4, ls="none",
+        )  # fmt: skip
+        if here:
+            marks.append(Line2D([], [], ls="none", marker=sign, color=PURPLE, mec=BLACK, mew=0.7, ms=6.5, label=text))
+    axis.set(xlabel=label, ylabel="Ω [rad/s]", ylim=(low, high))
+    axis.set_xlim(float(plane.lowest) * factor, float(plane.highest) * factor)
+    axis.ticklabel_format(useOffset=False)
+    axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+    others = ", ".join(
+        f"{item.name} = {float(getattr(plane.parameters, item.name)):g}"
+        for item in fields(Parameters)
+        if item.metadata and item.name not in (plane.name, "C")
+    )
+    axis.set_title(f"What is stable where: {others} (SI units)")
+    return figure
+
+
+def _worded(stable: str) -> str:
+    return {
+        "inverted spinning": "stable: inverted spinning",
+        "limit cycle": "stable: limit cycle",
+        "both": "stable: inverted spinning and limit cycle",
+        "neither": "stable: neither of the two",
+    }.get(stable, stable)
+
+
+def _tinted(stable: str) -> tuple[float, ...]:
+    from matplotlib.colors import to_rgb
+
+    return tuple(_TINT + (1 - _TINT) * part for part in to_rgb(_FILLED[stable]))
+
+
+def _lines(found: Atlas) -> list[tuple[str, Any]]:
+    """(kind, (2, n) parameter and speed) of what is drawn as a line, in SI units."""
+    lines = []
+    for curve in found.curves:
+        if curve.points:
+            line = numpy.array([(float(point.value), float(point.omega)) for point in curve.points]).T
+            lines.append((curve.kind, line))
+    for region in found.regions:
+        ends = [
+            (float(found.plane.value(one.share)), speed)
+            for one in region.slices
+            for kind, speed in one.bounds
+            if kind == "end of the family"
+        ]
+        if ends:
+            lines.append(("end of the family", numpy.array(ends).T))
+    return lines
+
+
+def _fill(axis: Any, region: Region, lines: list[tuple[str, Any]], window: tuple[float, float], factor: float) -> Any:
+    """Fill the cells of a region; returns what is stable in them."""
+    at = numpy.linspace(float(region.lowest), float(region.highest), _COLUMNS)
+    edges = [numpy.full(len(at), window[0])]
+    for number, kind in enumerate(region.bounds):
+        which = region.bounds[:number].count(kind)
+        mine = [line for name, line in lines if name == kind]
+        edges.append(numpy.array([_speed(mine, value, which) for value in at.tolist()]))
+    edges.append(numpy.full(len(at), window[1]))
+    cells = region.slices[0].cells
+    for cell, low, high in zip(cells, edges, edges[1:], strict=False):
+        hatch = {"hatch": "///", "edgecolor": GREY} if cell.stable == "undecided" else {}
+        axis.fill_between(at * factor, low, high, color=_tinted(cell.stable), lw=0, zorder=1, **hatch)
+    return {cell.stable for cell in cells}
+
+
+def _speed(lines: list[Any], value: float, which: int) -> float:
+    """The speed of the line of that number, from below, at a value; next to where all end, that of the nearest end."""
+    met = []
+    for x, y in lines:
+        for k in numpy.flatnonzero((x[:-1] - value) * (x[1:] - value) <= 0):
+            share = (value - x[k]) / (x[k + 1] - x[k]) if x[k + 1] != x[k] else 0.0
+            met.append(float(y[k] + share * (y[k + 1] - y[k])))
+    met = sorted(set(met))
+    if which < len(met):
+        return met[which]
+    nearest = min(((abs(float(a) - value), float(b)) for x, y in lines for a, b in zip(x, y, strict=True)))
+    return nearest[1]
