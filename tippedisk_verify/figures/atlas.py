@@ -11,6 +11,7 @@ import numpy
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.atlas import Atlas, Region
+from tippedisk_verify.orbits.fold_curves import Plane
 
 __all__ = ["axis_label", "draw_atlas"]
 
@@ -20,13 +21,13 @@ _FILLED = {"inverted spinning": BLUE, "limit cycle": GREEN, "both": ORANGE, "nei
 _LINES = {
     "hopf": (BLACK, "-", "Hopf: inverted spinning changes stability"),
     "fold": (RED, "-", "fold of limit cycles"),
-    "heteroclinic": (BLUE, "-", "heteroclinic connection, Ω_h"),
+    "heteroclinic": (BLUE, "-", "heteroclinic connection, $\\Omega_h$"),
     "end of the family": (PURPLE, "--", "end of the family of limit cycles, no saddle-saddle connection"),
 }
 _MARKS = {
     "bautin": ("o", "Bautin point"),
-    "neutral-saddle": ("s", "neutral saddle on Ω_h"),
-    "hopf-heteroclinic": ("D", "Ω_h = Ω_crit"),
+    "neutral-saddle": ("s", "neutral saddle: saddle value 0 on $\\Omega_h$"),
+    "hopf-heteroclinic": ("D", "$\\Omega_h = \\Omega_\\mathrm{crit}$"),
 }
 
 
@@ -34,7 +35,7 @@ def axis_label(name: str, largest: float) -> tuple[str, float]:
     """The axis's label for a parameter, with a power of 1000 before its unit, and the factor to the numbers on it."""
     unit = next(item.metadata["unit"] for item in fields(Parameters) if item.name == name)
     unit = "" if unit == "1" else unit.replace("^2", "²")
-    power = 3 * math.floor(math.log10(largest) / 3) if unit else 0
+    power = 3 * round(math.log10(largest) / 3) if unit else 0
     text = f"10{str(power).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))} {unit}" if power else unit
     symbol = {"mu": "μ", "epsilon": "ε"}.get(name, name)
     return f"{symbol} [{text}]" if text else symbol, 10.0**-power
@@ -50,7 +51,7 @@ def draw_atlas(found: Atlas) -> Any:
     figure, axis = pyplot().subplots(figsize=(7.2, 5.6), layout="constrained")
     lines = _lines(found)
     speeds = numpy.concatenate([line[1] for _, line in lines])
-    room = 0.12 * max(float(speeds.max() - speeds.min()), 0.01)
+    room = 0.08 * max(float(speeds.max() - speeds.min()), 0.01)
     low, high = speeds.min() - room, speeds.max() + room
     labels = set()
     for region in found.regions:
@@ -78,13 +79,19 @@ def draw_atlas(found: Atlas) -> Any:
     axis.set_xlim(float(plane.lowest) * factor, float(plane.highest) * factor)
     axis.ticklabel_format(useOffset=False)
     axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
-    others = ", ".join(
-        f"{item.name} = {float(getattr(plane.parameters, item.name)):g}"
-        for item in fields(Parameters)
-        if item.metadata and item.name not in (plane.name, "C")
-    )
-    axis.set_title(f"What is stable where: {others} (SI units)")
+    axis.set_title(_disk(plane))
     return figure
+
+
+def _disk(plane: Plane) -> str:
+    """The parameters that all disks of the plane share, with their units."""
+    parts = []
+    for item in fields(Parameters):
+        if item.metadata and item.name not in (plane.name, "C"):
+            label, factor = axis_label(item.name, float(getattr(plane.parameters, item.name)))
+            symbol, _, unit = label.partition(" [")
+            parts.append(f"{symbol} = {float(getattr(plane.parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip())
+    return "Disks with " + ", ".join(parts)
 
 
 def _worded(stable: str) -> str:
