@@ -34,6 +34,7 @@ __all__ = [
     "print_result",
     "processes",
     "progress",
+    "result_lines",
     "speed",
     "speed_options",
 ]
@@ -132,18 +133,18 @@ def print_result(common: Common, result: dict[str, Any], lines: Iterable[object]
     if common.json:
         click.echo(json.dumps(result, indent=1))
     elif not common.quiet:
-        for line in _lines(result, "") if lines is None else lines:
+        for line in result_lines(result) if lines is None else lines:
             click.echo(line)
 
 
-def _lines(entries: dict[str, Any], indent: str) -> Iterator[str]:
+def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
     """A line for each number and sentence; what consists of several goes below its name."""
     from tippedisk_verify.commands.quantities import heading
 
     for name, value in entries.items():
         if isinstance(value, dict) and not _measured(value):
             yield f"{indent}{heading(name)}:"
-            yield from _lines(value, indent + "  ")
+            yield from result_lines(value, indent + "  ")
         elif isinstance(value, list) and len(value) > 1:
             yield f"{indent}{heading(name)}:"
             yield from (f"{indent}  {_said(entry)}" for entry in value)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import click
 
-from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
+from tippedisk_verify.commands.common import (
+    Common,
+    common_options,
+    print_result,
+    progress,
+    result_lines,
+    speed,
+    speed_options,
+)
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError
 
@@ -18,37 +26,55 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS"]
 
 
-@quantities_of("beta", "gamma", "v", "eigenvalues")
+@quantities_of("beta", "gamma", "v", "eigenvalues", "kind_changes")
 @click.command()
 @speed_options
 @common_options
 def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
     """States, eigenvalues and stability of inverted and noninverted spinning."""
-    from tippedisk_verify.theory.equilibria import equilibrium
+    from tippedisk_verify.theory.codimension_two import kind_changes
+    from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 
-    omega_value = speed(common, omega, below_crit)
-    print_result(
-        common,
-        {
-            "inverted": equilibrium(common.parameters, omega_value, "inverted", common.digits).json(),
-            "noninverted": equilibrium(common.parameters, omega_value, "noninverted", common.digits).json(),
-        },
-    )
+    omega_value, result = speed(common, omega, below_crit), {}
+    for name in get_args(EquilibriumName):
+        changes = [change.json() for change in kind_changes(common.parameters, name, common.digits)]
+        found = equilibrium(common.parameters, omega_value, name, common.digits)
+        result[name] = found.json() | {"kind_changes": changes}
+    print_result(common, result)
     return 0
 
 
 @quantities_of(
     *("omega_crit", "period", "first_lyapunov_coefficient"),
-    *("transversality", "amplitude_squared_slope", "period_slope"),
+    *("transversality", "quadratic_coefficient", "quartic_coefficient", "second_lyapunov_coefficient"),
+    *("amplitude_squared_slope", "period_slope"),
+    *("quadratic_coefficient_slope", "fold_amplitude_slope", "fold_speed_curvature"),
 )
 @click.command()
+@click.option(
+    "--bautin",
+    metavar="P",
+    help="Also the Bautin points, where the first Lyapunov coefficient vanishes, as P of A, B, m, r and e varies.",
+)
 @common_options
-def hopf(common: Common) -> int:
+def hopf(common: Common, bautin: str | None) -> int:
     """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
+    from tippedisk_verify.theory.codimension_two import bautin_points
     from tippedisk_verify.theory.hopf import hopf_point
 
     common.parameters.refuse_smooth("the Hopf point's normal form is")
-    print_result(common, hopf_point(common.parameters, common.digits).json())
+    entries = hopf_point(common.parameters, common.digits).json()
+    if bautin is None:
+        print_result(common, entries)
+        return 0
+    points = [point.json() for point in bautin_points(common.parameters, bautin, common.digits)]
+    lines = list(result_lines(entries))
+    if not points:
+        lines.append(f"no Bautin point: no admissible {bautin} makes the first Lyapunov coefficient zero")
+    for point in points:
+        lines.append(f"Bautin point as {bautin} varies:")
+        lines += result_lines({name: entry for name, entry in point.items() if name != "parameter"}, "  ")
+    print_result(common, entries | {"bautin": points}, lines)
     return 0
 
 

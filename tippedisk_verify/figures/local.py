@@ -136,11 +136,8 @@ def draw_harmonic_balance(curves: dict[str, list[tuple[float, float, float]]], c
 def _harmonic_balance(audit: Audit, examined: Sequence[str]) -> Drawing:
     curves = harmonic_balance_rows(audit.parameters)
     linear = audit.linear(audit.parameters.name)
-    law, truth = slopes(linear, "printed"), hopf_point(linear)
-    amplitude, period = (
-        100 * (float(mine) / float(right) - 1)
-        for mine, right in zip(law, (truth.amplitude_squared_slope, truth.period_slope), strict=True)
-    )
+    law, truth = slopes(linear, "printed"), hopf_point(linear).slopes()
+    amplitude, period = (100 * (float(mine) / float(right) - 1) for mine, right in zip(law, truth, strict=True))
     rows = [(key, *point) for key, points in curves.items() for point in points]
     return Drawing(
         figure=lambda columns: draw_harmonic_balance(curves, columns),

@@ -29,7 +29,7 @@ from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation, resolvin
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.periodic import LimitCycle, Shot, limit_cycle, measured_cycle
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
-from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = [
@@ -74,7 +74,7 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
 
 def _room_above(parameters: Parameters, omega_h: Fraction, engine: Engine) -> Fraction:
     """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
-    if criticality(parameters) == "supercritical" and _saddle_attracts(parameters, omega_h):
+    if criticality(parameters) == "supercritical" and saddle_value_sign(parameters, omega_h) < 0:
         return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
     (_, start), (_, end) = AmplitudeFamily(parameters, engine).ends[-2:]
     if start < end:
@@ -83,12 +83,6 @@ def _room_above(parameters: Parameters, omega_h: Fraction, engine: Engine) -> Fr
             f" {start:.10g} rad/s: its saddle value is positive"
         )
     return Fraction(start) - omega_h
-
-
-def _saddle_attracts(parameters: Parameters, omega: Fraction) -> bool:
-    """Whether the saddle value lambda_u + lambda_s is negative: cycles next to the connection are then stable."""
-    unstable, slow, _ = equilibrium(parameters, omega, "noninverted").eigenvalues
-    return float(unstable.re) + float(slow.re) < 0
 
 
 def checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, int]:
@@ -129,7 +123,7 @@ def cycle_at(
             omega_h = resolved_omega_h(parameters, speed, engine)
         if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
             raise
-        attracts = _saddle_attracts(parameters, omega_h)
+        attracts = saddle_value_sign(parameters, omega_h) < 0
         if (speed < omega_h) is attracts:  # the reason in double may be off by more than the distance
             away, side = float(abs(omega_h - speed)), "below" if attracts else "above"
             raise NoSuchCycleError(

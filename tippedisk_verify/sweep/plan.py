@@ -58,7 +58,8 @@ def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict
     from tippedisk_verify.theory.hopf import hopf_point
 
     hopf = hopf_point(parameters, digits)
-    return {name: getattr(hopf, name) for name in hopf.__dataclass_fields__}
+    numbers = {name: getattr(hopf, name) for name in hopf.__dataclass_fields__}
+    return {name: value for name, value in numbers.items() if value is not None}
 
 
 def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:

@@ -26,12 +26,14 @@ __all__ = [
     "EquilibriumName",
     "Linearization",
     "characteristic_polynomial",
+    "discriminant",
     "eigenvalue_discs",
     "equilibrium",
     "is_stable",
     "linearization",
     "location",
     "right_eigenvector",
+    "saddle_value_sign",
     "stiff_eigenvalue_estimate",
 ]
 
@@ -109,6 +111,27 @@ def is_stable(matrix: Linearization) -> bool:
     """Routh-Hurwitz for the cubic: a2 > 0, a0 > 0 and a2 a1 > a0. Exact for exact entries."""
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     return bool(a2 > 0 and a0 > 0 and a2 * a1 > a0)
+
+
+def discriminant(matrix: Linearization) -> Any:
+    """Of the characteristic polynomial [1/s^6]: positive where all eigenvalues are real, negative where two are not."""
+    _, a2, a1, a0 = characteristic_polynomial(matrix)
+    return 18 * a2 * a1 * a0 - 4 * a2**3 * a0 + a2**2 * a1**2 - 4 * a1**3 - 27 * a0**2
+
+
+def saddle_value_sign(parameters: Parameters, omega: object) -> int:
+    """The sign, 1, 0 or -1, of lambda_u + Re(lambda_s) at noninverted spinning, lambda_s the slower stable eigenvalue.
+
+    Decided exactly. It is negative where limit cycles next to a connection of the saddles are stable. Below the speed
+    Omega_crit (r - e) / (r + e) it is positive whatever the friction. Raises InputError as `checked_speed` does.
+    """
+    _, a2, a1, a0 = characteristic_polynomial(linearization(parameters, checked_speed(omega), "noninverted"))
+    # a2 a1 - a0 is the product of the sums of the unstable eigenvalue with either stable one, times a positive number.
+    # If the sums have one sign, it is that of lambda_u - a2, twice their mean: opposite to the polynomial's at a2 > 0.
+    product, at_a2 = a2 * a1 - a0, 2 * a2**3 + a1 * a2 + a0
+    if product < 0 or at_a2 < 0:
+        return 1
+    return -1 if product else 0
 
 
 def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any, Any]:

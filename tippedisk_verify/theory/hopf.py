@@ -17,6 +17,7 @@ from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "speed_below_crit",
 ]
 
+_GUARDS = (15, 60, 240, 960)  # digits more than asked for, in turn
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 
@@ -45,8 +47,17 @@ class HopfPoint:
     first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
     criticality: Criticality  #: of the first Lyapunov coefficient's sign, decided exactly
     transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
-    amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
-    period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
+    quadratic_coefficient: Measured  #: c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0 [1/(rad s)]
+    quartic_coefficient: Measured  #: c_2 [1/(rad^3 s)]
+    second_lyapunov_coefficient: Measured | None = None  #: Kuznetsov's l_2, likewise; only where l_1 = 0
+    amplitude_squared_slope: Measured | None = None  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s], if l_1 != 0
+    period_slope: Measured | None = None  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad], if l_1 != 0
+
+    def slopes(self) -> tuple[Measured, Measured]:
+        """`amplitude_squared_slope` and `period_slope`. Raises Shortfall where l_1 = 0."""
+        if self.amplitude_squared_slope is None or self.period_slope is None:
+            raise Shortfall("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
+        return self.amplitude_squared_slope, self.period_slope
 
     def json(self) -> dict[str, object]:
         return {
@@ -131,32 +142,40 @@ def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
-    Each quantity is evaluated with 15 digits more than asked for, and again with 20 more to see its error.
-    Raises InputError as `checked_digits` does, Shortfall where the first Lyapunov coefficient vanishes, or nearly so.
+    Each quantity is evaluated with 15 digits more than asked for, or with more where l_1 nearly vanishes, and again
+    with 20 more to see its error. Where l_1 = 0, the Bautin point, there is l_2 instead of the two slopes.
+    Raises InputError as `checked_digits` does, Shortfall where cancellation leaves fewer digits.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
     checked_digits(digits)
-    kind = criticality(parameters)
-    if kind == "degenerate":
-        raise Shortfall("the first Lyapunov coefficient vanishes exactly: the amplitude law has no first-order slope")
-    working = bits_for_digits(digits + 15)
-    rough, sharp = normal_form(parameters, working), normal_form(parameters, working + 66)
-    measured = {
-        name: Measured.compared(value, sharp[name], Fraction(1, 2 ** (working - 1))) for name, value in rough.items()
-    }
-    for name, value in measured.items():
-        if value.uncertainty > abs(value.value) * Fraction(1, 10**digits):
-            raise Shortfall(f"{name} loses more than 15 digits to cancellation: ask for more digits")
-    return HopfPoint(criticality=kind, **measured)
+    for guard in _GUARDS:
+        working = bits_for_digits(digits + guard)
+        rough, sharp = (_numbers(parameters, width) for width in (working, working + 66))
+        least = Fraction(1, 2 ** (working - 1))
+        measured = {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
+        vague = [name for name, number in measured.items() if number.uncertainty * 10**digits > abs(number.value)]
+        if not vague:
+            return HopfPoint(criticality=criticality(parameters), **measured)
+    raise Shortfall(f"{vague[0]} loses more than {_GUARDS[-1]} digits to cancellation")
 
 
-def normal_form(parameters: Parameters, working_bits: int) -> dict[str, Any]:
-    """The numbers of `HopfPoint` in an arithmetic of ``working_bits``, as mpmath numbers.
+def _numbers(parameters: Parameters, working_bits: int) -> dict[str, Any]:
+    ctx, law = bits(working_bits).context, amplitude_law(parameters)
+    numbers = normal_form(parameters, working_bits, degenerate=not law.quadratic)
+    coefficients = {f"{name}_coefficient": quotient(ctx, part) for name, part in law._asdict().items()}
+    return numbers | {name: part * numbers["omega_crit"] for name, part in coefficients.items()}
+
+
+def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool = False) -> dict[str, Any]:
+    """Numbers of `HopfPoint` in an arithmetic of ``working_bits``, as mpmath numbers.
 
     Kuznetsov, Elements of Applied Bifurcation Theory, Eq. (5.39) without its quadratic terms, which the point symmetry
     removes: c_1 = <p, C(q, q, qbar)> / 2 and l_1 = Re c_1 / omega, with A q = i omega q, A^T p = -i omega p,
     <q, q> = <p, q> = 1. On the centre manifold z' = lambda(Omega) z + c_1 z |z|^2 and x = z q + conj(z q), so
     |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+
+    ``degenerate`` takes l_1 as zero. The next term of z' is then c_2 z |z|^4 with l_2 = Re c_2 / omega (Section 8.3),
+    and |z|^4 = -Re lambda / Re c_2 on the cycles, which gives l_2 by the amplitude law: a = 2 |z| |q_2|.
     """
     ctx = bits(working_bits).context
     constants = parameters.within(ctx)
@@ -182,12 +201,14 @@ def normal_form(parameters: Parameters, working_bits: int) -> dict[str, Any]:
     coefficient = (left[1] * kinematic + left[2] * acceleration) / 2
     # d(lambda)/d(Omega) = <p, dA/dOmega q>: dA/dOmega has the entries 1, -2 Omega and A32 / Omega.
     drift = left[1] * right[0] + left[2] * (-2 * speed * right[0] + a32 / speed * right[1])
+    numbers = {"omega_crit": speed, "period": 2 * ctx.pi / frequency, "transversality": drift.real}
+    if degenerate:
+        quartic = speed * quotient(ctx, amplitude_law(parameters).quartic)
+        second = -drift.real * quartic * (2 * abs(right[1])) ** 4 / frequency
+        return numbers | {"first_lyapunov_coefficient": ctx.zero, "second_lyapunov_coefficient": second}
     growth = drift.real / coefficient.real  # |z|^2 per unit of Omega_crit - Omega
-    return {
-        "omega_crit": speed,
-        "period": 2 * ctx.pi / frequency,
+    return numbers | {
         "first_lyapunov_coefficient": coefficient.real / frequency,
-        "transversality": drift.real,
         "amplitude_squared_slope": 4 * abs(right[0]) ** 2 * growth,
         "period_slope": -2 * ctx.pi / frequency**2 * (coefficient.imag * growth - drift.imag),
     }
