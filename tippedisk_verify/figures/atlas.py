@@ -91,7 +91,7 @@ def _disk(plane: Plane) -> str:
             label, factor = axis_label(item.name, float(getattr(plane.parameters, item.name)))
             symbol, _, unit = label.partition(" [")
             parts.append(f"{symbol} = {float(getattr(plane.parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip())
-    return "Disks with " + ", ".join(parts)
+    return "Disks with " + ", ".join(parts[:4]) + ",\n" + ", ".join(parts[4:])
 
 
 def _worded(stable: str) -> str:
@@ -139,8 +139,9 @@ def _fill(axis: Any, region: Region, lines: list[tuple[str, Any]], window: tuple
     edges.append(numpy.full(len(at), window[1]))
     cells = region.slices[0].cells
     for cell, low, high in zip(cells, edges, edges[1:], strict=False):
-        hatch = {"hatch": "///", "edgecolor": GREY} if cell.stable == "undecided" else {}
-        axis.fill_between(at * factor, low, high, color=_tinted(cell.stable), lw=0, zorder=1, **hatch)
+        colour = _tinted(cell.stable)  # of the edges too: without them two regions of one kind have a seam
+        look = {"hatch": "///", "fc": colour, "ec": GREY} if cell.stable == "undecided" else {"color": colour, "lw": 0.5}
+        axis.fill_between(at * factor, low, high, zorder=1, **look)
     return {cell.stable for cell in cells}
 
 

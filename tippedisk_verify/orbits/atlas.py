@@ -27,7 +27,8 @@ from tippedisk_verify.orbits.connection_curve import CONDITIONS, omega_h_near, r
 from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces, interpolated
 from tippedisk_verify.orbits.slices import Slice, slice_of
 from tippedisk_verify.parallel import as_done
-from tippedisk_verify.theory.hopf import criticality_margin, omega_crit
+from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
+from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas", "plane_of"]
 
@@ -37,7 +38,6 @@ _NARROW = 1 / 512  # of the range: how closely it is found where things change
 _PREDICTED = 1e-4  # rad/s; how well Omega_h must be known between two disks before it is computed
 _SAMPLES = 8  # of a curve for each of its points, to spread these
 _CHUNK = 8  # points that a process computes at a time
-_MARGINS = 256  # shares at which the sign of the first Lyapunov coefficient is looked at
 
 Advance = Callable[[str, int], None]
 
@@ -279,7 +279,7 @@ def _completed(plane: Plane, slices: list[Slice], known: Sequence[float], work: 
         for low, high in zip(edges, edges[1:], strict=False)
         if high > low and not any(low < one.share < high for one in slices)
     ]
-    while wanted:
+    while True:
         slices = sorted([*slices, *work(partial(_slice, plane), wanted)], key=lambda one: one.share)
         wanted = [
             (before.share + after.share) / 2
@@ -288,31 +288,21 @@ def _completed(plane: Plane, slices: list[Slice], known: Sequence[float], work: 
             and after.share - before.share > _NARROW
             and not any(before.share <= share <= after.share for share in known)
         ]
-    return slices
+        if not wanted:
+            return slices
 
 
 # ------------------------------------------------------------------------------------------------ special points
 def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
-    """Where the margin of criticality changes its sign, by exact bisection of a rational function."""
-    shares = [Fraction(k, _MARGINS) for k in range(_MARGINS + 1)]
-
-    def margin(share: Fraction) -> Fraction:
-        return criticality_margin(plane.at(plane.value(share)))
-
-    found = []
-    signs = [margin(share) > 0 for share in shares]
-    for low, high, positive in zip(shares, shares[1:], signs, strict=False):
-        if (margin(high) > 0) == positive:
-            continue
-        while plane.value(high) - plane.value(low) > plane.value(high) / 10 ** (digits + 2):
-            middle = (low + high) / 2
-            low, high = (middle, high) if (margin(middle) > 0) == positive else (low, middle)
-        ends = [plane.value(share) for share in (low, high)]
-        left, right = (omega_crit(plane.at(value), digits + 2) for value in ends)
-        # Omega_crit is monotonic over so short a distance.
-        width = abs(left.value - right.value) + left.uncertainty + right.uncertainty
-        found.append(SpecialPoint("bautin", Measured(sum(ends) / 2, ends[1] - ends[0]), Measured(left.value, width)))
-    return found
+    """The Bautin points in the range."""
+    if plane.name not in BAUTIN_PARAMETERS:
+        return []
+    found = bautin_points(plane.at(plane.lowest), plane.name, digits)
+    return [
+        SpecialPoint("bautin", point.value, point.omega_crit)
+        for point in found
+        if plane.lowest <= point.value.value <= plane.highest
+    ]
 
 
 def _connection_points(
@@ -362,8 +352,22 @@ def _curves(
         correct = _connections if kind == "heteroclinic" else _folds
         answers = [answer for chunk in work(partial(correct, plane, digits), chunks) for answer in chunk]
         curves.append(Curve(kind, tuple(answer for answer in answers if isinstance(answer, CurvePoint))))
-        gaps += [answer for answer in answers if isinstance(answer, Gap)]
+        gaps += _joined(answers)
     return curves, gaps
+
+
+def _joined(answers: Sequence[CurvePoint | Gap]) -> list[Gap]:
+    """The gaps among the points of a curve; neighbours that have the same reason as one."""
+    gaps: list[Gap] = []
+    for number, answer in enumerate(answers):
+        if isinstance(answer, CurvePoint):
+            continue
+        if number and gaps and isinstance(answers[number - 1], Gap) and gaps[-1].reason == answer.reason:
+            low, high = min(gaps[-1].lowest, answer.lowest), max(gaps[-1].highest, answer.highest)
+            gaps[-1] = Gap(low, high, answer.reason)
+        else:
+            gaps.append(answer)
+    return gaps
 
 
 def _inside(trace: Trace, points: int) -> tuple[Any, Any]:

@@ -12,10 +12,9 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.measured import Measured, decimal_magnitude
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.fold_curves import Plane
-from tippedisk_verify.orbits.heteroclinic import saddle_eigenvalues
 from tippedisk_verify.orbits.splitting import splitting_zero, splitting_zero_in_double
-from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
+from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
 
 __all__ = ["CONDITIONS", "Condition", "ConnectionPoint", "omega_h_near", "refined_point", "rough_condition"]
 
@@ -55,11 +54,13 @@ def rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
     return float(unstable.re + slow.re)
 
 
-def _condition(kind: Condition, disk: Parameters, omega_h: Measured, digits: int) -> Measured:
-    if kind == "hopf-heteroclinic":
-        return omega_h - omega_crit(disk, digits)
-    unstable, slow, _ = saddle_eigenvalues(disk, omega_h, digits)
-    return unstable + slow
+def _signs(kind: Condition, disk: Parameters, omega_h: Measured) -> set[int]:
+    """The exact signs of what vanishes at both ends of Omega_h's half-width, between which it changes one at most."""
+    ends = (omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
+    if kind == "neutral-saddle":
+        return {saddle_value_sign(disk, omega) for omega in ends}
+    square = omega_crit_squared(disk)
+    return {(omega**2 > square) - (omega**2 < square) for omega in ends}
 
 
 def refined_point(
@@ -87,10 +88,9 @@ def refined_point(
         for side in (value - width, value + width):
             disk = plane.at(side)
             omega = omega_h_near(disk, near(share), engine, exact_digits)
-            sides.append((omega, _condition(kind, disk, omega, exact_digits)))
+            sides.append((omega, _signs(kind, disk, omega)))
         (left, before), (right, after) = sides
-        products = [b.value + k * b.uncertainty for b in (before, after) for k in (-1, 1)]
-        if all(x * y < 0 for x in products[:2] for y in products[2:]):
+        if (before, after) in (({-1}, {1}), ({1}, {-1})):
             break
         width *= 4
         if width > value / 10**6:

@@ -27,7 +27,7 @@ from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic", "saddle_eigenvalues"]
+__all__ = ["METHODS", "Heteroclinic", "Method", "heteroclinic"]
 
 Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 METHODS: tuple[Method, ...] = get_args(Method)
@@ -116,7 +116,7 @@ def heteroclinic(
         omega_h, _ = limit_of_cycles(parameters, engine, digits)
     else:
         omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
-    eigenvalues = saddle_eigenvalues(parameters, omega_h, digits)
+    eigenvalues = _eigenvalues(parameters, omega_h, digits)
     unstable, slow, _ = eigenvalues
     return Heteroclinic(
         omega_h=omega_h,
@@ -130,11 +130,8 @@ def heteroclinic(
     )
 
 
-def saddle_eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
-    """Of noninverted spinning at Omega_h [1/s], with what the uncertainty of Omega_h does to them.
-
-    They are smooth in it, so their change is linear.
-    """
+def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
+    """With what the uncertainty of Omega_h does to them: they are smooth in it, so their change is linear."""
     here, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
