@@ -22,7 +22,9 @@ __all__ = ["COMMANDS"]
 @quantities_of("omega", "gamma_bar_0", "period")
 @click.command()
 @click.option("--plane", default="A,Omega", show_default=True, metavar="NAME,Omega", help="A parameter, and the speed.")
-@click.option("--range", "ends", nargs=2, metavar="LOW HIGH", help="Of the parameter; a tenth to both sides if not given.")
+@click.option(
+    "--range", "ends", nargs=2, metavar="LOW HIGH", help="Of the parameter; a tenth to both sides if not given."
+)
 @click.option("--points", type=int, default=200, show_default=True, metavar="N", help="Points of each curve.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
@@ -104,7 +106,7 @@ def _write(found: Atlas, result: dict[str, Any], folder: Path) -> None:
     from tippedisk_verify.model.measured import Measured
 
     name = found.plane.name
-    rows = [
+    rows: list[tuple[object, ...]] = [
         (curve.kind, number, *Measured.of(point.value, 0).decimals(), *point.omega.decimals())
         for number, curve in enumerate(found.curves)
         for point in curve.points
@@ -128,8 +130,9 @@ def _lines(found: Atlas) -> Iterator[str]:
         parts = [region.slices[0].cells[0].stable]
         for bound, cell in zip(region.bounds, region.slices[0].cells[1:], strict=True):
             parts += [f"| {bound} |", cell.stable]
-        yield f"stable by rising Omega, {name} from {float(region.lowest):.9g} to {float(region.highest):.9g}: " + " ".join(
-            parts
+        yield (
+            f"stable by rising Omega, {name} from {float(region.lowest):.9g} to {float(region.highest):.9g}: "
+            + " ".join(parts)
         )
     for gap in found.gaps:
         yield f"gap, {name} from {float(gap.lowest):.9g} to {float(gap.highest):.9g}: {gap.reason}"

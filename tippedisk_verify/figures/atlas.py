@@ -48,8 +48,13 @@ def draw_atlas(found: Atlas) -> Any:
 
     plane = found.plane
     label, factor = axis_label(plane.name, float(plane.highest))
-    figure, axis = pyplot().subplots(figsize=(7.2, 5.6), layout="constrained")
     lines = _lines(found)
+    folded = any(kind == "fold" for kind, _ in lines)
+    figure, axes = pyplot().subplots(
+        1 + folded, 1, figsize=(7.2, 5.6 + 2.0 * folded), height_ratios=(3, 1)[: 1 + folded], sharex=True,
+        squeeze=False, layout="constrained",
+    )  # fmt: skip
+    axis, lowest = axes[0, 0], axes[-1, 0]
     speeds = numpy.concatenate([line[1] for _, line in lines])
     room = 0.08 * max(float(speeds.max() - speeds.min()), 0.01)
     low, high = speeds.min() - room, speeds.max() + room
@@ -57,7 +62,9 @@ def draw_atlas(found: Atlas) -> Any:
     for region in found.regions:
         labels |= _fill(axis, region, lines, (low, high), factor)
     marks: list[Any] = [
-        Patch(facecolor=_tinted(name), edgecolor=GREY, hatch="///" if name == "undecided" else None, label=_worded(name))
+        Patch(
+            facecolor=_tinted(name), edgecolor=GREY, hatch="///" if name == "undecided" else None, label=_worded(name)
+        )
         for name in _FILLED
         if name in labels
     ]
@@ -75,12 +82,34 @@ def draw_atlas(found: Atlas) -> Any:
         )  # fmt: skip
         if here:
             marks.append(Line2D([], [], ls="none", marker=sign, color=PURPLE, mec=BLACK, mew=0.7, ms=6.5, label=text))
-    axis.set(xlabel=label, ylabel="Ω [rad/s]", ylim=(low, high))
+    if folded:
+        _widths(lowest, lines, factor)
+    lowest.set_xlabel(label)
+    axis.set(ylabel="Ω [rad/s]", ylim=(low, high))
     axis.set_xlim(float(plane.lowest) * factor, float(plane.highest) * factor)
     axis.ticklabel_format(useOffset=False)
-    axis.legend(handles=marks, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+    figure.legend(handles=marks, loc="outside lower center", ncols=2, frameon=False)
     axis.set_title(_disk(plane))
     return figure
+
+
+def _widths(axis: Any, lines: list[tuple[str, Any]], factor: float) -> None:
+    """How far the folds are from the other two curves, which the other picture is too small to show."""
+    others = {
+        kind: numpy.concatenate([line for name, line in lines if name == kind], axis=1)
+        for kind in ("hopf", "heteroclinic")
+        if any(name == kind for name, _ in lines)
+    }
+    for kind, fold in lines:
+        if kind == "fold":
+            for name, (x, speed) in others.items():
+                order = numpy.argsort(x)
+                away = numpy.abs(
+                    fold[1] - numpy.interp(fold[0], x[order], speed[order], left=numpy.nan, right=numpy.nan)
+                )
+                axis.semilogy(fold[0] * factor, away, color=_LINES[name][0], lw=1.4)
+    axis.set_ylabel("distance of the folds\nto either [rad/s]")
+    axis.grid(lw=0.3, alpha=0.5)
 
 
 def _disk(plane: Plane) -> str:
@@ -90,7 +119,9 @@ def _disk(plane: Plane) -> str:
         if item.metadata and item.name not in (plane.name, "C"):
             label, factor = axis_label(item.name, float(getattr(plane.parameters, item.name)))
             symbol, _, unit = label.partition(" [")
-            parts.append(f"{symbol} = {float(getattr(plane.parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip())
+            parts.append(
+                f"{symbol} = {float(getattr(plane.parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip()
+            )
     return "Disks with " + ", ".join(parts[:4]) + ",\n" + ", ".join(parts[4:])
 
 
@@ -103,10 +134,11 @@ def _worded(stable: str) -> str:
     }.get(stable, stable)
 
 
-def _tinted(stable: str) -> tuple[float, ...]:
-    from matplotlib.colors import to_rgb
+def _tinted(stable: str) -> str:
+    from matplotlib.colors import to_hex, to_rgb
 
-    return tuple(_TINT + (1 - _TINT) * part for part in to_rgb(_FILLED[stable]))
+    red, green, blue = (_TINT + (1 - _TINT) * part for part in to_rgb(_FILLED[stable]))
+    return to_hex((red, green, blue))
 
 
 def _lines(found: Atlas) -> list[tuple[str, Any]]:
@@ -140,7 +172,9 @@ def _fill(axis: Any, region: Region, lines: list[tuple[str, Any]], window: tuple
     cells = region.slices[0].cells
     for cell, low, high in zip(cells, edges, edges[1:], strict=False):
         colour = _tinted(cell.stable)  # of the edges too: without them two regions of one kind have a seam
-        look = {"hatch": "///", "fc": colour, "ec": GREY} if cell.stable == "undecided" else {"color": colour, "lw": 0.5}
+        look = (
+            {"hatch": "///", "fc": colour, "ec": GREY} if cell.stable == "undecided" else {"color": colour, "lw": 0.5}
+        )
         axis.fill_between(at * factor, low, high, zorder=1, **look)
     return {cell.stable for cell in cells}
 

@@ -13,6 +13,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy
@@ -24,8 +25,15 @@ from tippedisk_verify.model.measured import Measured, decimal_magnitude
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.orbits.connection_curve import CONDITIONS, omega_h_near, refined_point, rough_condition
-from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces, interpolated
-from tippedisk_verify.orbits.slices import Slice, slice_of
+from tippedisk_verify.orbits.examined_disks import (
+    Work,
+    connected_runs,
+    examined,
+    examined_between,
+    predicted_omega_h,
+)
+from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces
+from tippedisk_verify.orbits.slices import Slice
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
@@ -33,9 +41,6 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas", "plane_of"]
 
 MOST_POINTS = 10_000
-_SLICES = 17  # disks examined to begin with
-_NARROW = 1 / 512  # of the range: how closely it is found where things change
-_PREDICTED = 1e-4  # rad/s; how well Omega_h must be known between two disks before it is computed
 _SAMPLES = 8  # of a curve for each of its points, to spread these
 _CHUNK = 8  # points that a process computes at a time
 
@@ -151,11 +156,11 @@ def atlas(
     plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
     work = partial(_all_done, executor=executor, advance=advance)
     bautin = _bautin_points(plane, digits)
-    slices = _examined(plane, work)
+    slices = examined(plane, work)
     answers = _connection_points(plane, slices, digits, work)
     specials = [answer for answer in answers if isinstance(answer, SpecialPoint)]
     known = sorted(plane.share(point.value.value) for point in (*bautin, *specials))
-    slices = _completed(plane, slices, known, work)
+    slices = examined_between(plane, slices, known, work)
     traces = work(partial(_traces, plane), [(_seeds(slices), tuple(plane.share(p.value.value) for p in bautin))])[0]
     curves, gaps = _curves(plane, slices, traces, points, digits, work)
     return Atlas(
@@ -163,7 +168,12 @@ def atlas(
         tuple(curves),
         tuple(sorted((*bautin, *specials), key=lambda point: point.value.value)),
         tuple(_regions(plane, slices, known)),
-        (*(answer for answer in answers if isinstance(answer, Gap)), *gaps, *_family_gaps(plane, slices)),
+        (
+            *(answer for answer in answers if isinstance(answer, Gap)),
+            *gaps,
+            *_family_gaps(plane, slices),
+            *_unlike_the_curves(plane, slices, traces),
+        ),
     )
 
 
@@ -182,10 +192,6 @@ def _numbered(function: Callable[[Any], Any], job: tuple[int, Any]) -> Any:
     return function(job[1])
 
 
-def _slice(plane: Plane, share: float) -> Slice:
-    return slice_of(plane.at(plane.decimal(share)), share, default_engine())
-
-
 def _traces(plane: Plane, job: tuple[list[tuple[float, Any]], Sequence[float]]) -> list[Trace]:
     return fold_traces(plane, *job, default_engine())
 
@@ -193,7 +199,9 @@ def _traces(plane: Plane, job: tuple[list[tuple[float, Any]], Sequence[float]]) 
 def _refined(plane: Plane, digits: int, job: tuple[Any, tuple[float, float], Any]) -> SpecialPoint | Gap:
     kind, ends, known = job
     try:
-        found = refined_point(kind, plane, ends, lambda share: _predicted(known, share), default_engine(), digits)
+        found = refined_point(
+            kind, plane, ends, lambda share: predicted_omega_h(known, share), default_engine(), digits
+        )
     except (InputError, Shortfall) as fault:
         return Gap(plane.decimal(ends[0]), plane.decimal(ends[1]), f"{kind}: {fault}")
     return SpecialPoint(found.kind, found.value, found.omega)
@@ -223,75 +231,6 @@ def _folds(plane: Plane, digits: int, job: list[tuple[float, Any]]) -> list[Curv
     return answers
 
 
-# ------------------------------------------------------------------------------------------------ disks of the range
-def _examined(plane: Plane, work: Callable[..., Any]) -> list[Slice]:
-    """Disks of the range: close together where Omega_h ends, and where it could not be told from its neighbours."""
-    slices: list[Slice] = work(partial(_slice, plane), numpy.linspace(0, 1, _SLICES).tolist())
-    while wanted := [
-        (before.share + after.share) / 2
-        for before, after in zip(slices, slices[1:], strict=False)
-        if after.share - before.share > _NARROW
-        and ((before.omega_h is None) != (after.omega_h is None) or _uncertain(slices, before, after))
-    ]:
-        slices = sorted([*slices, *work(partial(_slice, plane), wanted)], key=lambda one: one.share)
-    return slices
-
-
-def _uncertain(slices: Sequence[Slice], before: Slice, after: Slice) -> bool:
-    """Whether either disk's Omega_h could not be told from that of its neighbours."""
-    for one in (before, after):
-        if one.omega_h is None:
-            continue
-        others = [pair for pair in _run(slices, one) if pair[0] != one.share]
-        if len(others) < 2 or abs(_predicted(others, one.share) - one.omega_h) > 64 * _PREDICTED:
-            return True
-    return False
-
-
-def _run(slices: Sequence[Slice], one: Slice) -> list[tuple[float, float]]:
-    """(share, Omega_h) of the disks that have a connection, from one of them on to both sides."""
-    return next(run for run in _runs(slices) if any(share == one.share for share, _ in run))
-
-
-def _runs(slices: Sequence[Slice]) -> list[list[tuple[float, float]]]:
-    """(share, Omega_h) of neighbouring disks that have a connection."""
-    runs: list[list[tuple[float, float]]] = [[]]
-    for one in slices:
-        if one.omega_h is None:
-            runs.append([])
-        else:
-            runs[-1].append((one.share, one.omega_h))
-    return [run for run in runs if run]
-
-
-def _predicted(known: Sequence[tuple[float, float]], share: float) -> float:
-    """Omega_h at a share by the polynomial through the six nearest disks."""
-    near = sorted(known, key=lambda pair: abs(pair[0] - share))[:6]
-    at, omega = (numpy.array(column) for column in zip(*near, strict=True))
-    return float(interpolated(at, omega[:, None], share)[0])
-
-
-def _completed(plane: Plane, slices: list[Slice], known: Sequence[float], work: Callable[..., Any]) -> list[Slice]:
-    """More disks: between any two known changes one, and closer together where things change for another reason."""
-    edges = [0.0, *known, 1.0]
-    wanted = [
-        (low + high) / 2
-        for low, high in zip(edges, edges[1:], strict=False)
-        if high > low and not any(low < one.share < high for one in slices)
-    ]
-    while True:
-        slices = sorted([*slices, *work(partial(_slice, plane), wanted)], key=lambda one: one.share)
-        wanted = [
-            (before.share + after.share) / 2
-            for before, after in zip(slices, slices[1:], strict=False)
-            if before.signature != after.signature
-            and after.share - before.share > _NARROW
-            and not any(before.share <= share <= after.share for share in known)
-        ]
-        if not wanted:
-            return slices
-
-
 # ------------------------------------------------------------------------------------------------ special points
 def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
     """The Bautin points in the range."""
@@ -305,15 +244,13 @@ def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
     ]
 
 
-def _connection_points(
-    plane: Plane, slices: Sequence[Slice], digits: int, work: Callable[..., Any]
-) -> list[SpecialPoint | Gap]:
+def _connection_points(plane: Plane, slices: Sequence[Slice], digits: int, work: Work) -> list[SpecialPoint | Gap]:
     """The points on the curve of Omega_h, or between which disks one is that cannot be refined."""
     jobs = []
-    for run in _runs(slices):
+    for run in connected_runs(slices):
         for kind in CONDITIONS:
             values = [rough_condition(kind, plane.at(plane.decimal(share)), omega) for share, omega in run]
-            for k, (before, after) in enumerate(zip(values, values[1:], strict=False)):
+            for k, (before, after) in enumerate(pairwise(values)):
                 if (before < 0) != (after < 0):
                     jobs.append((kind, (run[k][0], run[k + 1][0]), run))
     return list(work(partial(_refined, plane, digits), jobs))
@@ -325,15 +262,15 @@ def _seeds(slices: Sequence[Slice]) -> list[tuple[float, Any]]:
 
 
 def _curves(
-    plane: Plane, slices: Sequence[Slice], traces: Sequence[Trace], points: int, digits: int, work: Callable[..., Any]
+    plane: Plane, slices: Sequence[Slice], traces: Sequence[Trace], points: int, digits: int, work: Work
 ) -> tuple[list[Curve], list[Gap]]:
     """All curves with their points, and where points could not be had."""
     shares = numpy.linspace(0, 1, _SAMPLES * points)
     crit = numpy.array([float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()])
     connected = []
-    for run in _runs(slices):
+    for run in connected_runs(slices):
         here = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
-        connected.append((run, here, numpy.array([_predicted(run, share) for share in here.tolist()])))
+        connected.append((run, here, numpy.array([predicted_omega_h(run, share) for share in here.tolist()])))
     folded = [(trace, *_inside(trace, points)) for trace in traces]
     speeds = numpy.concatenate([crit, *(omega for *_, omega in connected), *(found[:, 1] for *_, found in folded)])
     height = max(float(speeds.max() - speeds.min()), 1e-9)
@@ -342,7 +279,7 @@ def _curves(
     jobs: list[tuple[str, list[Any]]] = []
     for run, here, omegas in connected:
         chosen = _spread(here, here, omegas / height, points)
-        jobs.append(("heteroclinic", [(share, _predicted(run, share)) for share in chosen]))
+        jobs.append(("heteroclinic", [(share, predicted_omega_h(run, share)) for share in chosen]))
     for trace, s, found in folded:
         chosen = _spread(s, found[:, 2], found[:, 1] / height, points)
         jobs.append(("fold", [(where, trace(where)) for where in chosen]))
@@ -356,11 +293,11 @@ def _curves(
     return curves, gaps
 
 
-def _joined(answers: Sequence[CurvePoint | Gap]) -> list[Gap]:
-    """The gaps among the points of a curve; neighbours that have the same reason as one."""
+def _joined(answers: Sequence[CurvePoint | Gap | None]) -> list[Gap]:
+    """The gaps among what was found along a range; neighbours that have the same reason as one."""
     gaps: list[Gap] = []
     for number, answer in enumerate(answers):
-        if isinstance(answer, CurvePoint):
+        if not isinstance(answer, Gap):
             continue
         if number and gaps and isinstance(answers[number - 1], Gap) and gaps[-1].reason == answer.reason:
             low, high = min(gaps[-1].lowest, answer.lowest), max(gaps[-1].highest, answer.highest)
@@ -380,7 +317,7 @@ def _inside(trace: Trace, points: int) -> tuple[Any, Any]:
                 within = middle
             else:
                 ends[k] = middle
-    s = numpy.linspace(*ends, _SAMPLES * points)
+    s = numpy.linspace(ends[0], ends[1], _SAMPLES * points)
     return s, numpy.array([trace(where) for where in s.tolist()])
 
 
@@ -395,14 +332,9 @@ def _spread(parameter: Any, x: Any, y: Any, count: int) -> list[float]:
 # ------------------------------------------------------------------------------------------------ regions and gaps
 def _regions(plane: Plane, slices: Sequence[Slice], known: Sequence[float]) -> list[Region]:
     """The disks grouped by what they have in common; a region ends at a known change, else halfway to the next."""
-    groups: list[list[Slice]] = []
-    for one in slices:
-        if groups and groups[-1][-1].signature == one.signature:
-            groups[-1].append(one)
-        else:
-            groups.append([one])
+    groups = [list(run) for _, run in groupby(slices, key=lambda one: one.signature)]
     edges = [0.0]
-    for before, after in zip(groups, groups[1:], strict=False):
+    for before, after in pairwise(groups):
         left, right = before[-1].share, after[0].share
         between = [share for share in known if left <= share <= right]
         edges.append(between[0] if between else (left + right) / 2)
@@ -421,12 +353,29 @@ def _family_gaps(plane: Plane, slices: Sequence[Slice]) -> list[Gap]:
         ("no_connection", "heteroclinic"),
         ("other_changes", "limit cycles"),
     ):
-        group: list[Slice] = []
-        for one in (*slices, None):
-            if one is not None and getattr(one, name):
-                group.append(one)
-            elif group:
-                ends = [plane.decimal(part.share) for part in (group[0], group[-1])]
-                gaps.append(Gap(ends[0], ends[1], f"{what}: {getattr(group[len(group) // 2], name)}"))
-                group = []
+        for told, run in groupby(slices, key=lambda one: bool(getattr(one, name))):
+            if told:
+                group = list(run)
+                low, high = (plane.decimal(one.share) for one in (group[0], group[-1]))
+                gaps.append(Gap(low, high, f"{what}: {getattr(group[len(group) // 2], name)}"))
     return gaps
+
+
+def _unlike_the_curves(plane: Plane, slices: Sequence[Slice], traces: Sequence[Trace]) -> list[Gap]:
+    """Where the disks examined have fewer folds than there are curves, or more."""
+    lines = [(trace.points[:, 2], trace.points[:, 1]) for trace in traces]
+    gaps: list[Gap | None] = []
+    for one in slices:
+        crossed = [
+            float(omega[k])
+            for x, omega in lines
+            for k in numpy.flatnonzero((x[:-1] - one.share) * (x[1:] - one.share) < 0)
+        ]
+        reason = ""
+        if len(crossed) < len(one.folds):
+            reason = "fold: one that a disk has was not followed"
+        elif len(crossed) > len(one.folds) and not one.no_family:
+            reason = "regions: a curve of folds runs too close to the end of the family to be told from it"
+        value = plane.decimal(one.share)
+        gaps.append(Gap(value, value, reason) if reason else None)
+    return _joined(gaps)

@@ -64,7 +64,12 @@ def _signs(kind: Condition, disk: Parameters, omega_h: Measured) -> set[int]:
 
 
 def refined_point(
-    kind: Condition, plane: Plane, ends: tuple[float, float], near: Callable[[float], float], engine: Engine, digits: int
+    kind: Condition,
+    plane: Plane,
+    ends: tuple[float, float],
+    near: Callable[[float], float],
+    engine: Engine,
+    digits: int,
 ) -> ConnectionPoint:
     """The point of that kind between two shares of the range at which its condition differs in sign.
 

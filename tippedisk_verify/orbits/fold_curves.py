@@ -57,7 +57,7 @@ class Plane:
 
     def decimal(self, share: float) -> Fraction:
         """The same to some twelve digits: a decimal, if the range's ends are, and within the range."""
-        return self.value(min(max(0, Fraction(round(share * _GRID), _GRID)), 1))
+        return self.value(Fraction(min(max(0, round(share * _GRID)), _GRID), _GRID))
 
     def share(self, value: Fraction) -> float:
         """The share of the range at a value."""
@@ -183,7 +183,7 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
 
 
 def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
-    """(v_0 / gamma_bar_0, Omega, share) of the fold of that amplitude, by Newton's iteration on its three conditions."""
+    """(v_0 / gamma_bar_0, Omega, share) of the fold of that amplitude, by Newton's iteration on three conditions."""
     a, near = float(amplitude(s)), 1 / math.cosh(s) ** 2
 
     def mapped(unknowns: Any) -> Any:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy
@@ -90,7 +91,7 @@ def slice_of(disk: Parameters, share: float, engine: Engine) -> Slice:
     bounds.sort(key=lambda bound: bound[1])
     unstable, changes = (None, "") if family is None else _unstable_nodes(family, engine)
     speeds = [speed for _, speed in bounds]
-    inner = [(low + high) / 2 for low, high in zip(speeds, speeds[1:], strict=False)]
+    inner = [(low + high) / 2 for low, high in pairwise(speeds)]
     cells = []
     for low, omega, high in zip(
         [-numpy.inf, *speeds],
@@ -136,7 +137,7 @@ def _unstable_nodes(family: AmplitudeFamily, engine: Engine) -> tuple[Any, str]:
     changes = []
     for piece in range(len(family.folds) + 1):
         mine = found[found[:, 1] == piece]
-        for before, after in zip(mine, mine[1:], strict=False):
+        for before, after in pairwise(mine):
             if before[2] != after[2]:
                 low, high = sorted((before[0], after[0]))
                 changes.append(f"cycles change their stability without a fold between {low:.6g} and {high:.6g} rad/s")

@@ -33,7 +33,14 @@ from tippedisk_verify.model.precision import (
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["MOST_DIGITS", "Splitting", "SplittingFunction", "SplittingZero", "splitting_zero", "splitting_zero_in_double"]
+__all__ = [
+    "MOST_DIGITS",
+    "Splitting",
+    "SplittingFunction",
+    "SplittingZero",
+    "splitting_zero",
+    "splitting_zero_in_double",
+]
 
 _GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
 _FAR = 0.02  # where double still sees the approach to the second saddle clearly
