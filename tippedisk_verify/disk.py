@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.basins import Basins
     from tippedisk_verify.orbits.branches import Branch
     from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
-    from tippedisk_verify.orbits.folds import RotationFold
+    from tippedisk_verify.orbits.folds import LibrationFold, RotationFold
     from tippedisk_verify.orbits.heteroclinic import Heteroclinic
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
@@ -127,9 +127,9 @@ class Solution:
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)`` one of
-    your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. ``friction``
-    is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry, rounded) or a TOML file, ``Disk(r="0.045", ...)``
+    one of your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers.
+    ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
 
     Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
     ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
@@ -237,13 +237,15 @@ class Disk(Parameters):
         *,
         below_crit: object = None,
         above_het: object = None,
+        stable: bool | None = None,
         digits: int = 12,
         engine: Engine | None = None,
     ) -> LimitCycle:
         """The limit cycle about inverted spinning at ``omega``, Omega_crit - ``below_crit`` or Omega_h + ``above_het``.
 
-        Raises InputError unless one of the three is given, NoSuchCycleError where there is no cycle, Shortfall if the
-        digits are not reached.
+        Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError unless
+        one of the three is given, NoSuchCycleError where there is no such cycle, Shortfall if the digits are not
+        reached.
         """
         from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
         from tippedisk_verify.theory.hopf import speed_below_crit
@@ -251,10 +253,21 @@ class Disk(Parameters):
         if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
             raise InputError("give the speed with one of omega, below_crit and above_het")
         if above_het is not None:
+            if stable is not None:
+                raise InputError("above_het leads to the cycles next to Omega_h: choose with stable at a speed omega")
             return cycle_above(self, above_het, self._engine(engine), digits=digits)
         if below_crit is not None:
             omega = speed_below_crit(self, below_crit, digits)
-        return cycle_at(self, omega, self._engine(engine), digits=digits)
+        return cycle_at(self, omega, self._engine(engine), digits=digits, stable=stable)
+
+    def folds(self, *, digits: int = 12, engine: Engine | None = None) -> tuple[LibrationFold, ...]:
+        """Where two limit cycles about inverted spinning meet and end, from the Hopf point on; of many disks none.
+
+        Raises NoSuchCycleError where the family cannot be followed, Shortfall if the digits are not reached.
+        """
+        from tippedisk_verify.orbits.folds import libration_folds
+
+        return libration_folds(self, self._engine(engine), digits=digits)
 
     def rotating_cycle(
         self,
@@ -306,8 +319,8 @@ class Disk(Parameters):
     def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
 
-        A hundred speeds and more are rounded to doubles, and the linear law's cycles found together, in lanes of the
-        Taylor engine. Raises NoSuchCycleError where there is no cycle.
+        A speed with several cycles gives all of them. A hundred speeds and more are rounded to doubles, and the linear
+        law's cycles found together, in lanes of the Taylor engine. Raises NoSuchCycleError where there is no cycle.
         """
         from tippedisk_verify.orbits.branches import Branch, family
 

@@ -120,7 +120,6 @@ def test_the_command(capsys) -> None:
     assert main(["certify", "orbit", "--rotating", "--omega", "31"]) == 1
     assert "nothing is proved" in capsys.readouterr().out
     for words, told in (
-        (["--unstable", "--omega", "30"], "belongs to --rotating"),
         (["--fold", "1", "--omega", "30"], "belongs to --at-fold"),
         (["--at-fold", "--below-crit", "1"], "leave out"),
         (["--at-fold", "--friction", "smooth"], "linear"),

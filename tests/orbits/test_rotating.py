@@ -16,7 +16,7 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight, shifted
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, ROUNDED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, rotating_cycle
@@ -87,7 +87,7 @@ def test_the_fold_by_two_roads(taylor) -> None:
 
 
 @pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
+@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY, ROUNDED], ids=lambda disk: disk.name)
 def test_the_fold_to_30_digits(taylor, disk) -> None:
     shot, other = rotation_fold(disk, taylor, digits=30), spectral_fold(disk, digits=40)
     for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
@@ -253,11 +253,11 @@ def test_the_command(capsys) -> None:
     assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
     assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
     for words, told in (
-        (["--rotating"], "give a rotating cycle's speed"),
-        (["--rotating", "--omega", "30.02", "--at-fold"], "give a rotating cycle's speed"),
+        (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
+        (["--rotating", "--omega", "30.02", "--at-fold"], "give the speed of the cycle with one of"),
         (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
         (["--rotating", "--above-het", "1e-3"], "do not rotate"),
-        (["--unstable", "--omega", "30.02"], "belong to --rotating"),
+        (["--below-het", "1e-3"], "belongs to --rotating"),
         (["--rotating", "--omega", "30.07"], "below Omega_h"),
         (["--rotating", "--omega", "29"], "fold near"),
         (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),

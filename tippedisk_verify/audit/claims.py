@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
+from tippedisk_verify.model.parameters import PAPER_SETS, Friction, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.folds import fold_in_double
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
@@ -154,7 +154,7 @@ class Audit:
 
     @cached_property
     def sets(self) -> dict[str, Parameters]:
-        """The selected set first, then the named ones."""
+        """The selected set first, then those that describe the paper's disk."""
         return sets_with(self.parameters)
 
     def _set(self, name: str) -> Parameters:
@@ -202,9 +202,9 @@ class Audit:
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
-    """The audited sets, all under one friction law: the selected one first, then the named ones."""
+    """The audited sets, all under one friction law: the selected one first, then `PAPER_SETS`."""
     chosen = {parameters.name: parameters}
-    return chosen | {name: one.with_friction(parameters.friction) for name, one in NAMED_SETS.items()} | chosen
+    return chosen | {name: one.with_friction(parameters.friction) for name, one in PAPER_SETS.items()} | chosen
 
 
 def rounds_to(measured: Measured, printed: str) -> bool | None:
@@ -232,9 +232,11 @@ EXACT = ("exact arithmetic",)
 #: What is computed for one set, and whether the claim holds for it.
 Answer = tuple[Measured | str, bool | None]
 Examination = Callable[[Audit, str], Finding]
+#: A claim's note as it stands, or computed from the audit and what is printed.
+Note = str | Callable[[Audit, str], str]
 
 
-def number(compute_one: Callable[[Audit, str], Measured], note: str, methods: tuple[str, ...]) -> Examination:
+def number(compute_one: Callable[[Audit, str], Measured], note: Note, methods: tuple[str, ...]) -> Examination:
     """The examination of a printed number: for which sets the computed one rounds to it."""
 
     def one(audit: Audit, name: str, printed: str) -> Answer:
@@ -249,13 +251,14 @@ def per_set(one: Callable[[Audit, str], Answer], note: str, methods: tuple[str, 
     return compared(lambda audit, name, printed: one(audit, name), note, methods)
 
 
-def compared(one: Callable[[Audit, str, str], Answer], note: str, methods: tuple[str, ...]) -> Examination:
+def compared(one: Callable[[Audit, str, str], Answer], note: Note, methods: tuple[str, ...]) -> Examination:
     """Compare each set by itself with what is printed: what one set lacks leaves the others' answers alone."""
 
     def examine(audit: Audit, printed: str) -> Finding:
         computed: dict[str, Measured | str] = {}
         holds: dict[str, bool | None] = {}
-        notes = [note] if note else []
+        said = note if isinstance(note, str) else note(audit, printed)
+        notes = [said] if said else []
         for name in audit.sets:
             try:
                 computed[name], holds[name] = one(audit, name, printed)

@@ -11,7 +11,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import ROUNDED, Constants
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -132,6 +132,17 @@ _WHERE = (
     "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic solution ends there; on the"
     " cylinder, gamma modulo 2 pi, others may take over (claim only_above_omega_h)"
 )
+
+
+def _where(audit: Audit, printed: str) -> str:
+    """Where the periodic solution ends, and where it would with the rim of the set `rounded`."""
+    connection = heteroclinic(ROUNDED.with_friction(audit.parameters.friction), audit.engine)
+    return (
+        f"{_WHERE}. With a rim rounded by 5 mm (set rounded) Omega_h would be {float(connection.omega_h):#.6g} rad/s:"
+        " a sensitivity, not the paper's model (claim table_1)"
+    )
+
+
 _SAME_CYCLE = "that this limit cycle is the one born at Omega_crit (measured)"
 
 
@@ -146,7 +157,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "text below Figure Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
-        number(Audit.omega_h, _WHERE, ("manifolds",)),
+        number(Audit.omega_h, _where, ("manifolds",)),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
         proof=_theorems_6_to_8(

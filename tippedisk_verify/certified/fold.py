@@ -200,10 +200,13 @@ class _Attempt:
             return self.ended("the digits printed reach beyond the box that holds one cycle")
         if omega.uncertainty > omega.value / 10**self.digits:
             return self.ended(f"the speed is not enclosed to {self.digits} digits: ask for more")
+        coordinates: dict[str, Any] = dict(
+            zip(self.kind.unknowns, (Measured(self.p, self.half_length), v), strict=True)
+        )
         return replace(
             self.kind(True, f"in {self.bits} bits", self.parameters, self.bits, omega, extremum),
             period=measured(self.kind.laps * whole.time),
-            **dict(zip(self.kind.unknowns, (Measured(self.p, self.half_length), v), strict=True)),
+            **coordinates,
         )
 
     def whole(self, length: Any) -> _Enclosed | str:

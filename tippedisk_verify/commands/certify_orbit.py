@@ -19,7 +19,7 @@ __all__ = ["orbit"]
     help="Start from this state [rad, rad/s] at beta = pi/2; of a rotating cycle beta_bar and v at gamma = pi/2.",
 )
 @click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
-@click.option("--unstable", is_flag=True, help="Of the rotating cycles, the unstable one.")
+@click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
 @click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
 @click.option("--fold", "number", type=int, metavar="N", help="The fold number N, if the family has several.")
 @common_options
@@ -42,8 +42,6 @@ def orbit(
         raise InputError("--fold belongs to --at-fold")
     if rotating:
         return _rotating(common, omega, below_crit, guess, unstable)
-    if unstable:
-        raise InputError("--unstable belongs to --rotating")
     from tippedisk_verify.certified.cycle import CycleProof, Status, prove_cycle
 
     common.parameters.refuse_smooth("limit cycles are proved")
@@ -53,7 +51,8 @@ def orbit(
         from tippedisk_verify.orbits.continuation import followed_cycle
 
         try:
-            cycle = followed_cycle(common.parameters, value, default_engine(), digits=12)
+            stable = False if unstable else None
+            cycle = followed_cycle(common.parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
             failed = CycleProof(Status.NO_GUESS, str(fault), common.parameters, value, 0)
             print_result(common, failed.json())

@@ -95,7 +95,7 @@ def _with(command: F, *options: Callable[[F], F]) -> F:
 
 _QUESTION_OPTIONS = (
     click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
-                 help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
+                 help="printed, calibrated, geometry, rounded, or a TOML file of quoted decimals."),
     click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
                  help="The friction law."),
     click.option("--digits", type=int, default=12, show_default=True, metavar="N",
@@ -111,17 +111,12 @@ _SPEED_OPTIONS = (
 )
 
 
-def speed(common: Common, omega: str | None, below_crit: str | None, others: tuple[str, ...] = ()) -> Fraction:
-    """Omega as an exact rational [rad/s], from --omega or --below-crit.
-
-    ``others`` are the options that the command has for the same purpose.
-    """
+def speed(common: Common, omega: str | None, below_crit: str | None) -> Fraction:
+    """Omega as an exact rational [rad/s], from --omega or --below-crit."""
     from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.theory.hopf import speed_below_crit
 
     if (omega is None) == (below_crit is None):
-        if others:
-            raise InputError(f"give the speed with one of --omega, --below-crit and {' and '.join(others)}")
         raise InputError("give the speed with either --omega or --below-crit")
     if omega is not None:
         return checked_speed(omega)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import click
 
@@ -104,6 +104,25 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
     return 0
 
 
+class _Asked(NamedTuple):
+    """Which cycle of a family is wanted: what was given."""
+
+    omega: str | None
+    below_crit: str | None
+    above_het: str | None
+    below_het: str | None
+    unstable: bool
+    at_fold: bool
+
+    def refuse_unless_one(self, *names: str) -> None:
+        """Raises InputError unless exactly one of these options is given, and --unstable only where it chooses."""
+        if sum(getattr(self, name) not in (None, False) for name in names) != 1:
+            *first, last = (f"--{name.replace('_', '-')}" for name in names)
+            raise InputError(f"give the speed of the cycle with one of {', '.join(first)} and {last}")
+        if self.unstable and self.omega is None and self.below_crit is None:
+            raise InputError("--unstable goes with --omega or --below-crit")
+
+
 @quantities_of(
     *("omega", "period", "gamma_bar_0", "v_0", "beta_max"),
     *("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "trivial_multiplier_defect"),
@@ -114,40 +133,36 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 @speed_options
 @click.option("--above-het", metavar="D", help="Omega_h + D [rad/s], with D as small as 1e-100.")
 @click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
-@click.option("--unstable", is_flag=True, help="Of the rotating cycles, the unstable one.")
+@click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
 @click.option("--below-het", metavar="D", help="The rotating cycle at Omega_h - D [rad/s].")
-@click.option("--at-fold", is_flag=True, help="Where the stable and the unstable rotating cycles meet.")
+@click.option("--at-fold", is_flag=True, help="Where two cycles of the family meet and end: each of its folds.")
 @common_options
-def orbit(
-    common: Common,
-    omega: str | None,
-    below_crit: str | None,
-    above_het: str | None,
-    rotating: bool,
-    unstable: bool,
-    below_het: str | None,
-    at_fold: bool,
-) -> int:
+def orbit(common: Common, rotating: bool, **asked: Any) -> int:
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
+    answer = (_rotating if rotating else _librating)(common, _Asked(**asked))
+    none = answer.get("folds") == []
+    print_result(
+        common, answer, ["this disk's family of limit cycles about inverted spinning has no fold"] if none else None
+    )
+    return 0
+
+
+def _librating(common: Common, asked: _Asked) -> dict[str, object]:
+    """A cycle about inverted spinning, or the folds of their family, as JSON."""
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.folds import libration_folds
     from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
 
-    if rotating:
-        if above_het is not None:
-            raise InputError("--above-het leads to cycles that do not rotate: use --omega, --below-crit or --below-het")
-        print_result(common, _rotating(common, omega, below_crit, unstable, below_het, at_fold))
-        return 0
-    if unstable or at_fold or below_het is not None:
-        raise InputError("--unstable, --below-het and --at-fold belong to --rotating")
-    if above_het is not None:
-        if omega is not None or below_crit is not None:
-            raise InputError("give the speed with one of --omega, --below-crit and --above-het")
-        cycle = cycle_above(common.parameters, above_het, default_engine(), digits=common.digits)
-    else:
-        omega_value = speed(common, omega, below_crit, ("--above-het",))
-        cycle = cycle_at(common.parameters, omega_value, default_engine(), digits=common.digits)
-    print_result(common, _without_history(cycle))
-    return 0
+    parameters, engine, digits = common.parameters, default_engine(), common.digits
+    if asked.below_het is not None:
+        raise InputError("--below-het belongs to --rotating")
+    asked.refuse_unless_one("omega", "below_crit", "above_het", "at_fold")
+    if asked.at_fold:
+        return {"folds": [fold.json() for fold in libration_folds(parameters, engine, digits=digits)]}
+    if asked.above_het is not None:
+        return _without_history(cycle_above(parameters, asked.above_het, engine, digits=digits))
+    value, stable = speed(common, asked.omega, asked.below_crit), False if asked.unstable else None
+    return _without_history(cycle_at(parameters, value, engine, digits=digits, stable=stable))
 
 
 def _without_history(cycle: Cycle) -> dict[str, object]:
@@ -157,25 +172,22 @@ def _without_history(cycle: Cycle) -> dict[str, object]:
     return entries
 
 
-def _rotating(
-    common: Common, omega: str | None, below_crit: str | None, unstable: bool, below_het: str | None, at_fold: bool
-) -> dict[str, object]:
+def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
     """A rotating cycle, or the fold of their family, as JSON."""
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.folds import rotation_fold
     from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
-    if sum(given not in (None, False) for given in (omega, below_crit, below_het, at_fold)) != 1:
-        raise InputError("give a rotating cycle's speed with one of --omega, --below-crit, --below-het and --at-fold")
-    if unstable and (below_het is not None or at_fold):
-        raise InputError("--unstable goes with --omega or --below-crit")
-    if at_fold:
+    if asked.above_het is not None:
+        raise InputError("--above-het leads to cycles that do not rotate: use --omega, --below-crit or --below-het")
+    asked.refuse_unless_one("omega", "below_crit", "below_het", "at_fold")
+    if asked.at_fold:
         return rotation_fold(parameters, engine, digits=digits).json()
-    if below_het is not None:
-        return _without_history(rotating_below(parameters, below_het, engine, digits=digits))
-    value = speed(common, omega, below_crit)
-    return _without_history(rotating_cycle(parameters, value, engine, stable=not unstable, digits=digits))
+    if asked.below_het is not None:
+        return _without_history(rotating_below(parameters, asked.below_het, engine, digits=digits))
+    value = speed(common, asked.omega, asked.below_crit)
+    return _without_history(rotating_cycle(parameters, value, engine, stable=not asked.unstable, digits=digits))
 
 
 @quantities_of("omega", "period", "beta_max", "multiplier_slow")
@@ -186,7 +198,7 @@ def _rotating(
 @click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: str | None) -> int:
-    """The family of limit cycles between Omega_h and Omega_crit, or of the rotating ones."""
+    """The family of limit cycles from Omega_crit to Omega_h, through any folds, or of the rotating ones."""
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches

@@ -29,7 +29,7 @@ _QUANTITIES = {
     "beta_bar_0": Quantity("rad", "beta - pi/2 of a rotating cycle where gamma = -pi/2; v_0 is v there"),
     "beta_bar_top": Quantity("rad", "beta - pi/2 of a rotating cycle where gamma = pi/2"),
     "v_top": Quantity("rad/s", "v there"),
-    "null_vector": Quantity("1/s", "d(v_top)/d(beta_bar_top) along the family, at its fold"),
+    "null_vector": Quantity("1/s", "d(v_0)/d(gamma_bar_0), or d(v_top)/d(beta_bar_top), along the family, at its fold"),
     "margin": Quantity(
         "rad", "distance in beta from the boundary of the basins; positive where the disk keeps standing"
     ),

@@ -22,7 +22,8 @@ _LINES = {
     "hopf": (BLACK, "-", "Hopf: inverted spinning changes stability"),
     "fold": (RED, "-", "fold of limit cycles"),
     "heteroclinic": (BLUE, "-", "heteroclinic connection, $\\Omega_h$"),
-    "end of the family": (PURPLE, "--", "end of the family of limit cycles, no saddle-saddle connection"),
+    "amplitude pi": (PURPLE, "--", "γ's amplitude is π: limit cycles followed no further"),
+    "end of the family": (PURPLE, ":", "end of the family of limit cycles, no $\\Omega_h$ found"),
 }
 _MARKS = {
     "bautin": ("o", "Bautin point"),
@@ -149,14 +150,9 @@ def _lines(found: Atlas) -> list[tuple[str, Any]]:
             line = numpy.array([(float(point.value), float(point.omega)) for point in curve.points]).T
             lines.append((curve.kind, line))
     for region in found.regions:
-        ends = [
-            (float(found.plane.value(one.share)), speed)
-            for one in region.slices
-            for kind, speed in one.bounds
-            if kind == "end of the family"
-        ]
-        if ends:
-            lines.append(("end of the family", numpy.array(ends).T))
+        for other in {"amplitude pi", "end of the family"} & set(region.bounds):
+            ends = [(float(found.plane.value(one.share)), dict(one.bounds)[other]) for one in region.slices]
+            lines.append((other, numpy.array(ends).T))
     return lines
 
 

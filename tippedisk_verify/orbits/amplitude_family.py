@@ -5,8 +5,8 @@ tanh(s): v_0 / gamma_bar_0, the period and Omega are analytic in s at the Hopf p
 the saddle, which falls like exp(-2 s). They are polynomials through Chebyshev nodes on panels of s, each solved from
 the panel before, until Omega is as close to its limit as is asked for.
 
-A saddle whose stable eigenvalues are complex is no such limit: the amplitude then reaches pi at v_0 != 0, and the
-family goes on beyond what is followed here.
+Towards a saddle whose stable eigenvalues are complex, orbits wind: the amplitude then reaches pi at v_0 != 0, short of
+the connection. There what is followed here ends.
 """
 
 from __future__ import annotations
@@ -36,9 +36,11 @@ _SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels an
 _GROUP = 8  # nodes that are solved together
 _DEGREE = 7  # of the extrapolation to the next ones, through values and slopes
 _CLOSEST = 1e-5  # rad/s; how near its limit Omega is followed: beyond, doubles hold no more cycles
+_SLOWEST, _FASTEST = 1.5, 6.0  # rates at which the slope of Omega falls towards a connection: from 2 to 4, nearly
 _MOST_PANELS = 10  # the amplitude is then within 1e-5 of pi
 _JUMPED = 0.3  # relative; what is found farther than this from where it was looked for is another orbit
 _NEXT_TO_A_NODE = 1e-3  # of s; where nodes would have to be closer together the family is lost
+_MOST_STEPS = 10  # of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step that rounding follows
 
 
@@ -112,10 +114,10 @@ class AmplitudeFamily:
         self.omega_crit = float(omega_crit(parameters))
         panels: list[Array] = []
         self._rows = numpy.empty((0, 7))
-        while not panels or self._left(panels[-1]) > closest:
-            if len(panels) == _MOST_PANELS:
-                raise NoSuchCycleError(self._unconnected())
+        while not panels or (self._left(panels[-1]) > closest and len(panels) < _MOST_PANELS):
             panels.append(self._panel(len(panels)))
+        if not self._left(panels[-1]) < math.inf:
+            raise NoSuchCycleError(self._lost(panels[-1][-1, 0]))
         #: Nodes on each panel, rising, as (panels, nodes, 7): s, v / gamma_bar, T / 2, Omega and their slopes by s.
         self._panels = numpy.stack(panels)
 
@@ -179,21 +181,17 @@ class AmplitudeFamily:
         return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
 
     def _left(self, panel: Array) -> float:
-        """How far Omega is from its limit at the end of a panel, by how fast its slope falls; infinite if it rises."""
+        """How far Omega is from its limit at the end of a panel, by how fast its slope falls.
+
+        Infinite if it does not fall as it does towards a connection: there Omega - Omega_h goes with the distance from
+        the saddle to the power 1 + min(q, 1 / q), where q = |lambda_s| / lambda_u, and the distance like exp(-2 s).
+        """
         slopes = numpy.abs(panel[-3:, 6])
-        if not (slopes[1:] < slopes[:-1]).all():
-            return math.inf
-        return float(slopes[2] * (panel[-1, 0] - panel[-3, 0]) / math.log(slopes[0] / slopes[2]))
+        rate = math.log(slopes[0] / slopes[2]) / (panel[-1, 0] - panel[-3, 0]) if slopes.all() else 0.0
+        return float(slopes[2] / rate) if _SLOWEST < rate < _FASTEST else math.inf
 
     def _lost(self, s: float) -> str:
         return f"the family of limit cycles could not be followed to the amplitude {amplitude(s):.6g} rad"
-
-    def _unconnected(self) -> str:
-        _, ratio, half, omega, *_ = self._rows[-1]
-        return (
-            f"the family of limit cycles does not end in a connection: at {omega:.6g} rad/s gamma's amplitude is pi, "
-            f"with v_0 = {ratio * math.pi:.4g} rad/s and T = {2 * half:.4g} s"
-        )
 
     # ------------------------------------------------------------------------------------------------ what it tells
     @property
@@ -208,10 +206,20 @@ class AmplitudeFamily:
         return float(last[-1, 3] + math.copysign(self._left(last), last[-1, 6]))
 
     @cached_property
+    def connected(self) -> bool:
+        """Whether the family is followed to the connection: v_0 falls towards its end as the distance from pi does."""
+        s, ratio = self._panels[-1, [-3, -1], :2].T
+        return bool(math.log(ratio[0] / ratio[1]) > s[1] - s[0])  # the distance falls twice as fast
+
+    @cached_property
     def ends(self) -> tuple[tuple[str, float], ...]:
-        """What bounds the pieces, by name, and its speed [rad/s]: the Hopf point, the folds and the connection."""
+        """What bounds the pieces, by name, and its speed [rad/s]: the Hopf point, the folds and the connection.
+
+        The last one is the amplitude pi, if the family is not `connected`.
+        """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
-        return ("Omega_crit", self.omega_crit), *turns, ("Omega_h", self.limit)
+        last = "Omega_h" if self.connected else "gamma's amplitude of pi"
+        return ("Omega_crit", self.omega_crit), *turns, (last, self.limit)
 
     def refusal(self, omega: float) -> str:
         """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
@@ -219,10 +227,15 @@ class AmplitudeFamily:
         text = f"no limit cycle found at {omega:.10g} rad/s"
         for (name, end), side in ((lowest, -1), (highest, 1)):
             if (omega - end) * side > 0:
+                if end == self.limit and not self.connected:
+                    return (
+                        f"{text}: the family is followed from Omega_crit = {self.omega_crit:.7g} to {end:.7g} rad/s, "
+                        "where gamma's amplitude is pi"
+                    )
                 word = "less" if side > 0 else "more"
                 return (
-                    f"{text}: the family lies between {lowest[0]} = {lowest[1]:.10g} and {highest[0]} = "
-                    f"{highest[1]:.10g} rad/s, and {name} is {word} by {abs(omega - end):.2g}"
+                    f"{text}: the family lies between {lowest[0]} = {lowest[1]:.7g} and {highest[0]} = "
+                    f"{highest[1]:.7g} rad/s, and {name} is {word} by {abs(omega - end):.2g}"
                 )
         return text
 
@@ -292,10 +305,12 @@ class AmplitudeFamily:
             s = numpy.interp(omegas, known, s_known, left=numpy.nan, right=numpy.nan)
             inside = numpy.isfinite(s)
             here, wanted = s[inside], omegas[inside]
-            for _ in range(4):
-                _, _, omega, slope = self.at(here)
+            for _ in range(_MOST_STEPS):  # next to a fold each of the first ones halves the error only
+                before, (_, _, omega, slope) = here, self.at(here)
                 with numpy.errstate(divide="ignore", invalid="ignore"):
                     here = numpy.clip(numpy.nan_to_num(here - (omega - wanted) / slope, nan=low), low, high)
+                if not (numpy.abs(here - before) > _SETTLED).any():
+                    break
             s[inside] = here
             rows.append(s)
         return numpy.stack(rows)

@@ -18,6 +18,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
 from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
 __all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
 
@@ -88,11 +89,13 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.
     Without ``confirm`` the bracket is returned as double sees it, as a start for better methods.
     Another engine has no wider arithmetic; there looser tolerances say how far the answer is off.
-    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and 3/2 Omega_crit.
+    Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and 3/2 Omega_crit, or where it
+    does the saddle is a saddle-focus.
     """
     follow = _Follower(parameters, engine)
     lower, upper = _bisected(follow)
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
+    refuse_focus(parameters, centre)  # about which the branch winds: it passes without being connected
     if not confirm:
         return Connection(Measured(centre, half_width), "bisection in double", follow.runs)
     if not engine.measures_error:

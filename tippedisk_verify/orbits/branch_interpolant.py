@@ -127,6 +127,8 @@ class BranchInterpolant:
 
     def _check_limit(self) -> None:
         limit = self._family.limit
+        if not self._family.connected:
+            raise NoSuchCycleError(f"the branch is followed to {limit:.7g} rad/s only, where gamma's amplitude is pi")
         if abs(limit - self.omega_h) > _FAR_OFF + abs(limit - self._family.nodes[-1, 3]):
             raise InputError(f"the branch ends near {limit:.8g} rad/s, not at Omega_h = {shown(self.omega_h)}")
 

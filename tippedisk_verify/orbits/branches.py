@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
@@ -112,8 +112,8 @@ def _papers(parameters: Parameters, engine: Engine) -> Iterator[LimitCycle]:
     sets = sets_of(parameters, omega_h)
     if not omega_h < Fraction(sets.start):
         raise NoSuchCycleError(
-            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {sets.start:.10g} rad/s; for this disk that"
-            f" lies below Omega_h = {float(omega_h):.10g} rad/s"
+            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {sets.start:.10g} rad/s; for this disk "
+            f"that lies below Omega_h = {float(omega_h):.10g} rad/s"
         )
     speeds = (sets.start, *sets.increasing, *sets.decreasing)
     if parameters.friction == "linear":
@@ -137,8 +137,13 @@ def _one_by_one(parameters: Parameters, speeds: Sequence[Fraction], engine: Engi
 def _together(
     parameters: Parameters, speeds: Sequence[float], engine: Engine, omega_h: Fraction | None = None
 ) -> list[LimitCycle]:
-    """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is."""
-    if omega_h is None:
-        omega_h = bisect_omega_h(parameters, engine).omega_h.value
-    branch = BranchInterpolant(parameters, default_lanes(), float(omega_h), lowest=min(speeds), highest=max(speeds))
-    return branch.limit_cycles(speeds)
+    """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is.
+
+    One after the other where doubles or the branch do not hold them all.
+    """
+    lanes, low, high = default_lanes(), min(speeds), max(speeds)
+    try:
+        omega_h = omega_h or bisect_omega_h(parameters, engine).omega_h.value
+        return BranchInterpolant(parameters, lanes, float(omega_h), lowest=low, highest=high).limit_cycles(speeds)
+    except (NoConnectionError, NoSuchCycleError):
+        return list(_one_by_one(parameters, [Fraction(speed) for speed in speeds], engine))

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -20,6 +20,7 @@ __all__ = ["PaperSets", "continued", "cycles_at_speed", "followed_cycle", "paper
 
 _STEPS = 400
 _FEWEST_HALVINGS = 12
+_NEXT_TO_A_FOLD = 1e-5  # of the abscissa
 _EXPLAINED_AFTER = 3  # halvings; whether the speed is beyond the family's end costs about as much as they do
 
 
@@ -94,8 +95,8 @@ def followed_cycle(
         return found
     wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
     if not wanted and stable is not None:
-        kind = "stable" if stable else "unstable"
-        raise NoSuchCycleError(f"the only limit cycle found at {float(omega):.10g} rad/s is not {kind}")
+        kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
+        raise NoSuchCycleError(f"no {kind} limit cycle found at {float(omega):.10g} rad/s: the one found is {other}")
     return (wanted or cycles)[0]
 
 
@@ -111,11 +112,16 @@ def cycles_at_speed(
     """
     if family.engine is None:
         raise TypeError("the family needs an engine for its cycles")
-    cycles = [
-        _on_piece(family, place, limit_cycle(family.parameters, omega, family.engine, digits=digits, guess=place.start))
-        for place in family.places(float(omega))
-        if piece in (None, place.piece)
-    ]
+    cycles = []
+    for place in family.places(float(omega)):
+        if piece in (None, place.piece):
+            try:
+                cycle = limit_cycle(family.parameters, omega, family.engine, digits=digits, guess=place.start)
+            except Shortfall as fault:
+                if not any(abs(place.s - fold) < _NEXT_TO_A_FOLD for fold in family.folds):
+                    raise
+                raise Shortfall(f"{fault}; the speed is next to a fold, where two cycles meet") from None
+            cycles.append(_on_piece(family, place, cycle))
     if not cycles:
         raise NoSuchCycleError(family.refusal(float(omega)))
     return cycles

@@ -104,7 +104,8 @@ def rotation_fold(
 def libration_folds(parameters: Parameters, engine: Engine, *, digits: int = 12) -> tuple[LibrationFold, ...]:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
-    Raises NoSuchCycleError where the family cannot be followed, Shortfall if the digits are not reached.
+    They are those of the part of the family that `AmplitudeFamily` follows. Raises NoSuchCycleError where the family
+    cannot be followed, Shortfall if the digits are not reached.
     """
     checked_digits(digits)
     family = AmplitudeFamily(parameters, engine)

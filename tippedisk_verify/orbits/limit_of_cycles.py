@@ -22,6 +22,7 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_d
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
 from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
 __all__ = ["PeriodContinuation", "PeriodLaw", "limit_of_cycles", "resolving"]
 
@@ -115,6 +116,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
 def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
     """Cycles of the family in double, from where no fold is ahead as far as the slopes keep a few digits."""
     family = AmplitudeFamily(parameters, engine, closest=_FOLLOWED)
+    refuse_focus(parameters, Fraction(family.limit))
     start = family.place(max([_FIRST, *(fold + _BEYOND_A_FOLD for fold in family.folds)]))
     points = [cycle_at_half_period(parameters, start.half_period, (*start.start, start.omega), engine)]
     for point in lengthened(parameters, points[0], engine, longest=30.0):

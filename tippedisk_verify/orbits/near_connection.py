@@ -111,8 +111,8 @@ def cycle_at(
 ) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
-    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits
-    are not reached.
+    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
+    that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
     speed = checked_speed(omega)
     try:

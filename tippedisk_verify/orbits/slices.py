@@ -84,7 +84,7 @@ def slice_of(disk: Parameters, share: float, engine: Engine) -> Slice:
         bounds.append(("heteroclinic", omega_h))
     if family is not None:
         if omega_h is None:
-            bounds.append(("end of the family", family.limit))
+            bounds.append(("end of the family" if family.connected else "amplitude pi", family.limit))
         places = [family.place(s) for s in family.folds]
         folds = tuple((place.s, place.v / place.gamma_bar, place.omega) for place in places)
         bounds += [("fold", place.omega) for place in places]
@@ -157,4 +157,5 @@ def _cycle_there(
         if ((inside[:, 2] != 0) != (radius > 1)).any():
             return None
         answer = answer or radius < 1
-    return answer
+    # What is not connected goes on beyond what is followed, and may have stable cycles there.
+    return answer or (False if family.connected else None)

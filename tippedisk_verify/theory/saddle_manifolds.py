@@ -30,7 +30,7 @@ from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
 
-__all__ = ["Saddle", "Series"]
+__all__ = ["Saddle", "Series", "refuse_focus"]
 
 _RESONANT = 1 / 16  # of the eigenvalue; coefficients grow like the inverse of such a divisor
 
@@ -299,3 +299,8 @@ class Saddle:
             if max(abs(part) for part in step) <= 16 * ctx.eps * size:
                 return u, s, t
         raise Shortfall("the end of the unstable branch is too far from the saddle for its local series")
+
+
+def refuse_focus(parameters: Parameters, omega: Fraction) -> None:
+    """Raises NoConnectionError unless noninverted spinning is a saddle with three real eigenvalues at the speed."""
+    _ = Saddle(parameters, omega, 80, 1).eigenvalues

@@ -7,7 +7,8 @@ the points. The stopping rules are not those of shooting: the two methods share 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -31,6 +32,7 @@ _COMPLEX_STEP = 1e-40
 # covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
 # than this part of the way, the speed lies beyond the end.
 _LONG, _STANDING = 4.0, 1e-4
+_MOST_STEPS, _MOST_PARABOLAS = 120, 20
 _NOWHERE = "no limit cycle found at Omega = {:.12g} rad/s"
 
 _DOUBLE_OPS = shifted(numpy)
@@ -101,20 +103,14 @@ class _Point:
 
     guess: Samples
     omega: float
+    turning: bool = False  #: whether Omega is extreme there
 
     def resampled(self, count: int) -> _Point:
-        return self if self.guess.harmonics == count else _Point(self.guess.resampled(count), self.omega)
+        return self if self.guess.harmonics == count else replace(self, guess=self.guess.resampled(count))
 
     def towards(self, other: _Point, share: float) -> _Point:
         """The point that divides the way to ``other`` (of as many harmonics) by ``share``, beyond it above 1."""
-        mine, theirs = self.guess, other.guess
-        return _Point(
-            Samples(
-                mine.beta + share * (theirs.beta - mine.beta),
-                mine.frequency + share * (theirs.frequency - mine.frequency),
-            ),
-            self.omega + share * (other.omega - self.omega),
-        )
+        return _combined((1 - share, share), (self, other))
 
 
 def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
@@ -147,15 +143,17 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
     raise NoSuchCycleError(unconverged(guess.harmonics))
 
 
-def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None) -> Samples:
-    """The cycle at the speed, on the branch from the Hopf point. Raises NoSuchCycleError if it does not lead there."""
+def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None, crossing: int = 1) -> Samples:
+    """The cycle where the branch from the Hopf point crosses the speed, for the first time or as often as is said.
+
+    Raises NoSuchCycleError if it does not.
+    """
     crit = omega_crit(parameters, 40).value
     distance = float(crit - target)
     side = {"supercritical": 1, "subcritical": -1}.get(criticality(parameters), 0)
     nowhere = _NOWHERE.format(float(target))
-    if distance * side <= 0:
-        word = {1: "below", -1: "above"}.get(side, "far from")
-        raise NoSuchCycleError(f"{nowhere}: cycles are born {word} Omega_crit = {float(crit):.12g} rad/s")
+    if not side:
+        raise NoSuchCycleError(f"{nowhere}: the Hopf point is degenerate, and the balance cannot start there")
     square_slope = abs(float(slopes(parameters.with_friction("linear"), "consistent")[0]))
     predicted = math.sqrt(square_slope * abs(distance))
     count = harmonics or _FIRST_HARMONICS
@@ -170,30 +168,47 @@ def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None) -
         raise NoSuchCycleError(
             f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
         )
-    if predicted <= 0.02:  # the law is a better guess than a branch could make
+    if (
+        predicted <= 0.02 and distance * side > 0 and crossing == 1
+    ):  # the law is a better guess than a branch could make
         return newton(parameters, float(target), by_the_law(predicted).guess)
     first = by_the_law(0.02)
-    here = _on_plane(parameters, first, _difference(first, birth))
-    before, here = _around(parameters, birth, here, float(target), harmonics)
+    points = _walk(parameters, birth, _on_plane(parameters, first, _difference(first, birth)), harmonics)
+    before, here = _around(points, birth, float(target), crossing)
     before = before.resampled(here.guess.harmonics)
     share = (float(target) - before.omega) / (here.omega - before.omega)
+    if before.turning:  # from where the speed changes with the square of the way
+        share = math.sqrt(share)
+    elif here.turning:
+        share = 1 - math.sqrt(1 - share)
     return newton(parameters, float(target), before.towards(here, share).guess)
 
 
-def _around(
-    parameters: Parameters, birth: _Point, here: _Point, target: float, harmonics: int | None
-) -> tuple[_Point, _Point]:
-    """Two neighbouring points of the branch with the speed between them.
+def _around(points: Iterator[_Point], birth: _Point, target: float, crossing: int) -> tuple[_Point, _Point]:
+    """Two neighbouring points of the branch with the speed between them, at that crossing."""
+    nowhere, before = _NOWHERE.format(target), next(points)
+    for here in points:
+        if (here.omega - target) * (before.omega - target) <= 0:
+            crossing -= 1
+            if not crossing:
+                return before, here
+        if abs(here.guess.beta).max() > _LARGEST_AMPLITUDE:
+            raise NoSuchCycleError(f"{nowhere} before its amplitude is that of a flat disk")
+        left = abs(here.omega - target)
+        if here.guess.frequency < birth.guess.frequency / _LONG and abs(here.omega - before.omega) < _STANDING * left:
+            raise NoSuchCycleError(f"{nowhere}: the branch ends near {here.omega:.8g} rad/s, in ever longer periods")
+        before = here
+    raise NoSuchCycleError(f"{nowhere} within {_MOST_STEPS} steps along the branch")
+
+
+def _walk(parameters: Parameters, birth: _Point, first: _Point, harmonics: int | None) -> Iterator[_Point]:
+    """The branch from its first point on, by steps along it, with the points at which it turns round.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good.
     """
-    nowhere, before = _NOWHERE.format(target), birth
+    before, here = birth, first
     length = 2.0  # the next step, in units of the last one
-    for _ in range(120):
-        if (here.omega - target) * (before.omega - target) <= 0 and before is not birth:
-            return before, here
-        if abs(here.guess.beta).max() > _LARGEST_AMPLITUDE:
-            raise NoSuchCycleError(f"{nowhere} before its amplitude is that of a flat disk")
+    for _ in range(_MOST_STEPS):
         before = before.resampled(here.guess.harmonics)
         ahead = before.towards(here, 1 + length)
         try:
@@ -206,17 +221,60 @@ def _around(
             if harmonics is None and here.guess.harmonics < MOST_HARMONICS // 4:
                 here = here.resampled(here.guess.harmonics * 3 // 2)
             continue
+        turn: list[_Point] = []
+        after = False
+        if (ahead.omega - here.omega) * (here.omega - before.omega) < 0:
+            turning, after = _turn(parameters, before, here, ahead)
+            turn = [turning]
+        yield from [here, *turn] if after else [*turn, here]
         before, here = here, _grown(ahead, harmonics)
-        left = abs(here.omega - target)
-        if here.guess.frequency < birth.guess.frequency / _LONG and abs(here.omega - before.omega) < _STANDING * left:
-            raise NoSuchCycleError(f"{nowhere}: the branch ends near {here.omega:.8g} rad/s, in ever longer periods")
         length = min(1.3, 2 * length)
-    raise NoSuchCycleError(f"{nowhere} within 120 steps along the branch")
+
+
+def _turn(parameters: Parameters, *points: _Point) -> tuple[_Point, bool]:
+    """Where Omega is extreme between the first and the last of three points, and whether that is after the second.
+
+    By parabolas through three points, the last two found and the closest on the other side.
+    """
+    side = 1 if points[1].omega > points[0].omega else -1
+    normal = _difference(points[2], points[0])
+    known = list(zip((0.0, 1.0, 1.0 + _distance(points[1], points[2]) / _distance(points[0], points[1])), points,
+                     strict=True))  # fmt: skip
+    while True:
+        k = max(range(1, len(known) - 1), key=lambda k: side * known[k][1].omega)
+        (a, before), (b, best), (c, after) = known[k - 1 : k + 2]
+        rise, fall = (best.omega - before.omega) / (b - a), (best.omega - after.omega) / (c - b)
+        place = (a + b) / 2 + (c - a) / 2 * rise / (rise + fall)
+        gain = (rise + fall) / (c - a) * (place - b) ** 2
+        if len(known) > _MOST_PARABOLAS or abs(gain) <= 4e-16 * best.omega:
+            return replace(best, turning=True), b > 1.0
+        weights = [
+            (place - b) * (place - c) / ((a - b) * (a - c)),
+            (place - a) * (place - c) / ((b - a) * (b - c)),
+            (place - a) * (place - b) / ((c - a) * (c - b)),
+        ]
+        near = _combined(weights, (before, best, after))
+        known.append((place, _on_plane(parameters, near, normal)))
+        known.sort(key=lambda entry: entry[0])
+
+
+def _combined(weights: Sequence[float], points: Sequence[_Point]) -> _Point:
+    """The weighted sum of points of as many harmonics."""
+    pairs = list(zip(weights, points, strict=True))
+    guess = Samples(
+        sum(weight * point.guess.beta for weight, point in pairs),
+        sum(weight * point.guess.frequency for weight, point in pairs),
+    )
+    return _Point(guess, sum(weight * point.omega for weight, point in pairs))
+
+
+def _distance(here: _Point, there: _Point) -> float:
+    """The root mean square of beta_bar's difference."""
+    return float(numpy.sqrt(numpy.mean((here.guess.beta - there.guess.beta) ** 2)))
 
 
 def _difference(here: _Point, before: _Point) -> _Point:
-    guess = Samples(here.guess.beta - before.guess.beta, here.guess.frequency - before.guess.frequency)
-    return _Point(guess, here.omega - before.omega)
+    return _combined((1, -1), (here, before))
 
 
 def _grown(point: _Point, fixed: int | None) -> _Point:

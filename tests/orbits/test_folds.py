@@ -1,0 +1,171 @@
+"""Folds of librating cycles: the augmented system against the spectral branch, collocation and more digits."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpmath import mp, mpf
+
+from tests.orbits import collocated_cycles
+from tests.orbits.test_every_disk import steep_disks
+from tippedisk_verify.cli import main
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
+from tippedisk_verify.orbits.branches import family
+from tippedisk_verify.orbits.continuation import cycles_at_speed
+from tippedisk_verify.orbits.folds import libration_folds
+from tippedisk_verify.theory.spectral_balance import balanced_cycle
+
+FOLDING = PRINTED.changed(A="0.229e-3")
+POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
+
+
+# ------------------------------------------------------------------------------------------------ two roads
+def extremum_of_the_balance(near: Fraction, reach: str, pairs: int, digits: int) -> tuple[Any, Any]:
+    """(Omega, gamma_bar_0) where Omega as a function of gamma_bar_0 is extreme, through balanced cycles only.
+
+    At each speed below the fold there are two. Omega is the polynomial in gamma_bar_0 through all of them, whose error
+    falls with the number of points: they lie closer to the fold than it does to gamma_bar_0 = 0 and pi.
+    """
+    points = []
+    for n in range(1, pairs + 1):
+        omega = near - Fraction(reach) * n**2 / pairs**2  # even steps in gamma_bar_0
+        for crossing in (1, 2):
+            cycle = balanced_cycle(FOLDING, omega, digits=digits, crossing=crossing)
+            points.append((cycle.gamma_bar_0.value, omega))
+    with mp.workdps(2 * digits):
+        middle = sum(a for a, _ in points) / len(points)
+        away = [mpf((a - middle).numerator) / (a - middle).denominator for a, _ in points]
+        above = [mpf((omega - near).numerator) / (omega - near).denominator for _, omega in points]
+        powers = mp.matrix([[a**k for k in range(len(points))] for a in away])
+        coefficients = list(mp.lu_solve(powers, mp.matrix(above)))
+        slope = [k * c for k, c in enumerate(coefficients)][1:]
+        at = mp.findroot(lambda a: mp.polyval(slope[::-1], a), 0)
+        return fraction(mp.polyval(coefficients[::-1], at)) + near, fraction(at) + middle
+
+
+def check_two_roads(taylor: Any, reach: str, pairs: int, digits: int, shown: int) -> None:
+    (fold,) = libration_folds(FOLDING, taylor, digits=digits)
+    near = Fraction(round(fold.omega.value * 10**9) - 1, 10**9)
+    omega, gamma_bar_0 = extremum_of_the_balance(near, reach, pairs, digits)
+    assert fold.omega.uncertainty < Fraction(1, 10**digits)
+    assert abs(fold.omega.value / omega - 1) < Fraction(1, 10**shown)
+    assert abs(fold.gamma_bar_0.value / gamma_bar_0 - 1) < Fraction(1, 10 ** (shown - 6))  # the derivative's zero
+
+
+def test_the_fold_is_the_spectral_branchs_extremum(taylor) -> None:
+    check_two_roads(taylor, "1e-6", 3, 20, 17)  # points at up to 3e-3 from the fold: (3e-3 / 1.4)**6 = 1e-16 of 0.07
+
+
+@pytest.mark.slow
+def test_the_fold_is_the_spectral_branchs_extremum_to_thirty_digits(taylor) -> None:
+    check_two_roads(taylor, "2e-4", 8, 40, 32)
+
+
+@pytest.mark.parametrize("disk", [*steep_disks(40)][:5], ids=lambda disk: disk.name)
+def test_folds_hold_their_thirty_digits_and_collocation_agrees(disk, taylor) -> None:
+    (fold,) = libration_folds(disk, taylor)
+    (true,) = libration_folds(disk, taylor, digits=30)
+    for name in ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"):
+        assert getattr(fold, name).holds(getattr(true, name).value), name
+    values = {name: float(getattr(disk, name)) for name in collocated_cycles.Disk._fields if hasattr(disk, name)}
+    (other,) = collocated_cycles.folds(collocated_cycles.Disk(**values))
+    assert abs(float(true.omega) - other.omega.value) < other.omega.error + 1e-13
+    assert abs(float(true.gamma_bar_0) - other.gamma_bar_0.value) < other.gamma_bar_0.error + 1e-11
+
+
+# ------------------------------------------------------------------------------------------------ what a fold is
+def test_cycles_meet_at_the_fold(taylor) -> None:
+    """Next to it both are there, at distances that go with the root of the speed's; beyond it none is."""
+    (fold,) = libration_folds(FOLDING, taylor)
+    known = AmplitudeFamily(FOLDING, taylor)
+    apart = []
+    for below in ("4e-8", "1e-8", "1e-12"):
+        unstable, stable = cycles_at_speed(known, fold.omega.value - Fraction(below))
+        assert (unstable.stable, stable.stable) == (False, True)
+        apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
+    assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
+    assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3  # the speed is that of the fold to twelve digits
+    with pytest.raises(NoSuchCycleError, match="a fold"):
+        cycles_at_speed(known, fold.omega.value + Fraction(1, 10**8))
+
+
+def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
+    """Cycles are born stable, and next to the connection they are unstable: in between the speed is smallest."""
+    (fold,) = libration_folds(POSITIVE_SADDLE_VALUE, taylor)
+    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    assert fold.omega.value < known.limit < known.omega_crit
+    halfway = (fold.omega.value + fraction(known.limit)) / 2
+    assert [cycle.stable for cycle in cycles_at_speed(known, halfway)] == [True, False]
+
+
+def test_the_smooth_law_folds_too(taylor) -> None:
+    """Near the Bautin point cycles are small and the laws' differ little: the folds' speeds above Omega_crit too."""
+    near = PRINTED.changed(A="0.232e-3")
+    (linear,), (smooth,) = (libration_folds(disk, taylor) for disk in (near, near.with_friction("smooth")))
+    assert abs(float(smooth.omega) - float(linear.omega)) < 1e-3
+    assert smooth.omega.value != linear.omega.value
+
+
+# ------------------------------------------------------------------------------------------------ asked for
+@pytest.fixture
+def folding(tmp_path: Path) -> str:
+    path = tmp_path / "folding.toml"
+    path.write_text("".join(f'{name} = "{value}"\n' for name, value in FOLDING.decimals().items()))
+    return str(path)
+
+
+def test_a_disk_says_its_folds_and_both_cycles(folding, taylor) -> None:
+    disk = Disk.read(folding)
+    (fold,) = disk.folds(engine=taylor)
+    assert abs(float(fold.omega) - 30.95690583) < 1e-6
+    unstable = disk.limit_cycle("30.9", stable=False, engine=taylor)
+    stable = disk.limit_cycle("30.9", engine=taylor)
+    assert (unstable.stable, stable.stable) == (False, True)
+    assert unstable.gamma_bar_0 < stable.gamma_bar_0
+    assert Disk("printed").folds(engine=taylor) == ()
+    with pytest.raises(NoSuchCycleError, match="the one found is stable"):
+        disk.limit_cycle("30.8", stable=False, engine=taylor)
+    with pytest.raises(InputError, match="choose with stable at a speed omega"):
+        disk.limit_cycle(above_het="1e-3", stable=True, engine=taylor)
+
+
+def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
+    """One by one and in lanes alike."""
+    few = list(family(FOLDING, taylor, omegas=["30.9", "30.8"]))
+    many = list(family(FOLDING, taylor, omegas=["30.9"] * 60 + ["30.8"] * 60))
+    assert [cycle.stable for cycle in few] == [False, True, True]
+    assert len(many) == 180
+    for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
+        assert abs(one.period.value - other.period.value) <= one.period.uncertainty + other.period.uncertainty
+
+
+def test_command(folding, capsys) -> None:
+    assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
+    (fold,) = json.loads(capsys.readouterr().out)["folds"]
+    assert {"omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"} <= set(fold)
+    assert main(["orbit", "--at-fold", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"folds": []}
+    assert main(["orbit", "--at-fold"]) == 0
+    assert capsys.readouterr().out.strip().endswith("has no fold")
+    for words, stable in ((["--unstable"], False), ([], True)):
+        assert main(["orbit", "--omega", "30.9", *words, "--json", "--parameters", folding]) == 0
+        assert json.loads(capsys.readouterr().out)["stable"] is stable
+    for words, told in (
+        (["--omega", "31"], "lies between Omega_h = 30.75413 and a fold = 30.95691 rad/s, and a fold is less by"),
+        (["--omega", "30.7"], "and Omega_h is more by 0.054"),
+        (["--omega", "30.8", "--unstable"], "no unstable limit cycle found at 30.8 rad/s: the one found is stable"),
+        (["--at-fold", "--unstable"], "--unstable goes with"),
+        (["--at-fold", "--omega", "30.9"], "give the speed of the cycle with one of"),
+    ):
+        assert main(["orbit", *words, "--parameters", folding]) == 2
+        captured = capsys.readouterr().err
+        assert told in captured, captured
+        assert captured.count("\n") == 1
