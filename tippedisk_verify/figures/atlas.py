@@ -17,7 +17,14 @@ __all__ = ["axis_label", "draw_atlas"]
 
 _COLUMNS = 64  # of each region, from curve to curve
 _TINT = 0.78  # share of white in what is filled
-_FILLED = {"inverted spinning": BLUE, "limit cycle": GREEN, "both": ORANGE, "neither": GREY, "undecided": "#ffffff"}
+_FILLED = {
+    "inverted spinning": BLUE,
+    "limit cycle": GREEN,
+    "both": ORANGE,
+    "neither": GREY,
+    "inverted spinning, limit cycle unknown": BLUE,
+    "limit cycle unknown": GREY,
+}
 _LINES = {
     "hopf": (BLACK, "-", "Hopf: inverted spinning changes stability"),
     "fold": (RED, "-", "fold of limit cycles"),
@@ -63,9 +70,7 @@ def draw_atlas(found: Atlas) -> Any:
     for region in found.regions:
         labels |= _fill(axis, region, lines, (low, high), factor)
     marks: list[Any] = [
-        Patch(
-            facecolor=_tinted(name), edgecolor=GREY, hatch="///" if name == "undecided" else None, label=_worded(name)
-        )
+        Patch(facecolor=_tinted(name), edgecolor=GREY, hatch="///" if "unknown" in name else None, label=_worded(name))
         for name in _FILLED
         if name in labels
     ]
@@ -132,6 +137,8 @@ def _worded(stable: str) -> str:
         "limit cycle": "stable: limit cycle",
         "both": "stable: inverted spinning and limit cycle",
         "neither": "stable: neither of the two",
+        "inverted spinning, limit cycle unknown": "stable: inverted spinning; limit cycle not known",
+        "limit cycle unknown": "inverted spinning unstable, limit cycle not known",
     }.get(stable, stable)
 
 
@@ -168,9 +175,7 @@ def _fill(axis: Any, region: Region, lines: list[tuple[str, Any]], window: tuple
     cells = region.slices[0].cells
     for cell, low, high in zip(cells, edges, edges[1:], strict=False):
         colour = _tinted(cell.stable)  # of the edges too: without them two regions of one kind have a seam
-        look = (
-            {"hatch": "///", "fc": colour, "ec": GREY} if cell.stable == "undecided" else {"color": colour, "lw": 0.5}
-        )
+        look = {"hatch": "///", "fc": colour, "ec": GREY} if "unknown" in cell.stable else {"color": colour, "lw": 0.5}
         axis.fill_between(at * factor, low, high, zorder=1, **look)
     return {cell.stable for cell in cells}
 

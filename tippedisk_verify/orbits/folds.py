@@ -180,7 +180,8 @@ def fold_near(
         (a, b), (c, d) = mapped.matrix
         gradient = []
         for axis in range(3):
-            away = _DIFFERENCE * min(1.0, abs(at[axis]))  # a cycle near the Hopf point is small
+            # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
+            away = _DIFFERENCE * min(1.0, abs(at[axis]), section.room(at) ** (2 if axis == 2 else 1))
             beside = [tuple(x + sign * away * (k == axis) for k, x in enumerate(at)) for sign in (1, -1)]
             above, below = (_conditions(_mapped(section, parameters, state, engine, DOUBLE))[2] for state in beside)
             gradient.append((above - below) / (2 * away))

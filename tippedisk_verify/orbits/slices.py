@@ -45,7 +45,7 @@ class Cell:
     def stable(self) -> str:
         """What is stable there, in words."""
         if self.limit_cycle is None:
-            return "undecided"
+            return "inverted spinning, limit cycle unknown" if self.inverted_spinning else "limit cycle unknown"
         both = self.inverted_spinning, self.limit_cycle
         return {(1, 1): "both", (1, 0): "inverted spinning", (0, 1): "limit cycle", (0, 0): "neither"}[both]
 
