@@ -118,7 +118,7 @@ def test_a_connection_of_neutral_saddles_is_found(taylor: Taylor) -> None:
 def test_what_is_not_known_is_said(taylor: Taylor) -> None:
     """Slippery disks: foci instead of saddles, and cycles that lose their stability without a fold."""
     focus = slice_of(PRINTED.changed(mu="0.05"), 0.0, taylor)
-    assert focus.bounds[0][0] == "end of the family"
+    assert focus.bounds[0][0] == "amplitude pi"
     assert "saddle-focus" in focus.no_connection
     other = slice_of(PRINTED.changed(mu="0.03"), 0.0, taylor)
     assert "without a fold" in other.other_changes

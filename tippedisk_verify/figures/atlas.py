@@ -16,6 +16,7 @@ from tippedisk_verify.orbits.fold_curves import Plane
 __all__ = ["axis_label", "draw_atlas"]
 
 _COLUMNS = 64  # of each region, from curve to curve
+_CLOSE = 0.02  # of the window's height: folds nearer to another curve cannot be seen apart from it
 _TINT = 0.78  # share of white in what is filled
 _FILLED = {
     "inverted spinning": BLUE,
@@ -57,9 +58,9 @@ def draw_atlas(found: Atlas) -> Any:
     plane = found.plane
     label, factor = axis_label(plane.name, float(plane.highest))
     lines = _lines(found)
-    folded = any(kind == "fold" for kind, _ in lines)
+    distances = _distances(lines)
     figure, axes = pyplot().subplots(
-        1 + folded, 1, figsize=(7.2, 5.6 + 2.0 * folded), height_ratios=(3, 1)[: 1 + folded], sharex=True,
+        1 + bool(distances), 1, figsize=(7.2, 5.6 + 2.0 * bool(distances)), height_ratios=(3, 1)[: 1 + bool(distances)], sharex=True,
         squeeze=False, layout="constrained",
     )  # fmt: skip
     axis, lowest = axes[0, 0], axes[-1, 0]
@@ -88,8 +89,11 @@ def draw_atlas(found: Atlas) -> Any:
         )  # fmt: skip
         if here:
             marks.append(Line2D([], [], ls="none", marker=sign, color=PURPLE, mec=BLACK, mew=0.7, ms=6.5, label=text))
-    if folded:
-        _widths(lowest, lines, factor)
+    if distances:
+        for name, x, away in distances:
+            lowest.semilogy(x * factor, away, color=_LINES[name][0], lw=1.4)
+        lowest.set_ylabel("distance of the folds\nfrom both [rad/s]")
+        lowest.grid(lw=0.3, alpha=0.5)
     lowest.set_xlabel(label)
     axis.set(ylabel="Ω [rad/s]", ylim=(low, high))
     axis.set_xlim(float(plane.lowest) * factor, float(plane.highest) * factor)
@@ -99,23 +103,20 @@ def draw_atlas(found: Atlas) -> Any:
     return figure
 
 
-def _widths(axis: Any, lines: list[tuple[str, Any]], factor: float) -> None:
-    """How far the folds are from the other two curves, which the other picture is too small to show."""
-    others = {
-        kind: numpy.concatenate([line for name, line in lines if name == kind], axis=1)
-        for kind in ("hopf", "heteroclinic")
-        if any(name == kind for name, _ in lines)
-    }
-    for kind, fold in lines:
-        if kind == "fold":
-            for name, (x, speed) in others.items():
-                order = numpy.argsort(x)
-                away = numpy.abs(
-                    fold[1] - numpy.interp(fold[0], x[order], speed[order], left=numpy.nan, right=numpy.nan)
-                )
-                axis.semilogy(fold[0] * factor, away, color=_LINES[name][0], lw=1.4)
-    axis.set_ylabel("distance of the folds\nto either [rad/s]")
-    axis.grid(lw=0.3, alpha=0.5)
+def _distances(lines: list[tuple[str, Any]]) -> list[tuple[str, Any, Any]]:
+    """How far folds are from the other curves, as (which, parameter, distance); none unless they come close."""
+    window = numpy.concatenate([line[1] for _, line in lines])
+    found = []
+    for name in ("hopf", "heteroclinic"):
+        others = [line for kind, line in lines if kind == name]
+        if others:
+            x, speed = numpy.concatenate(others, axis=1)
+            order = numpy.argsort(x)
+            for fold in (line for kind, line in lines if kind == "fold"):
+                there = numpy.interp(fold[0], x[order], speed[order], left=numpy.nan, right=numpy.nan)
+                found.append((name, fold[0], numpy.abs(fold[1] - there)))
+    smallest = min((numpy.nanmin(away) for *_, away in found if numpy.isfinite(away).any()), default=math.inf)
+    return found if smallest < _CLOSE * numpy.ptp(window) else []
 
 
 def _disk(plane: Plane) -> str:
@@ -175,7 +176,11 @@ def _fill(axis: Any, region: Region, lines: list[tuple[str, Any]], window: tuple
     cells = region.slices[0].cells
     for cell, low, high in zip(cells, edges, edges[1:], strict=False):
         colour = _tinted(cell.stable)  # of the edges too: without them two regions of one kind have a seam
-        look = {"hatch": "///", "fc": colour, "ec": GREY} if "unknown" in cell.stable else {"color": colour, "lw": 0.5}
+        look = (
+            {"hatch": "///", "fc": colour, "ec": GREY, "lw": 0}
+            if "unknown" in cell.stable
+            else {"color": colour, "lw": 0.5}
+        )
         axis.fill_between(at * factor, low, high, zorder=1, **look)
     return {cell.stable for cell in cells}
 
