@@ -59,10 +59,10 @@ def draw_atlas(found: Atlas) -> Any:
     label, factor = axis_label(plane.name, float(plane.highest))
     lines = _lines(found)
     distances = _distances(lines)
+    rows, height = (2, 7.6) if distances else (1, 5.6)
     figure, axes = pyplot().subplots(
-        1 + bool(distances), 1, figsize=(7.2, 5.6 + 2.0 * bool(distances)), height_ratios=(3, 1)[: 1 + bool(distances)], sharex=True,
-        squeeze=False, layout="constrained",
-    )  # fmt: skip
+        rows, 1, figsize=(7.2, height), height_ratios=(3, 1)[:rows], sharex=True, squeeze=False, layout="constrained"
+    )
     axis, lowest = axes[0, 0], axes[-1, 0]
     speeds = numpy.concatenate([line[1] for _, line in lines])
     room = 0.08 * max(float(speeds.max() - speeds.min()), 0.01)

@@ -34,7 +34,6 @@ from tippedisk_verify.orbits.examined_disks import (
 )
 from tippedisk_verify.orbits.fold_curves import Plane, Trace, fold_at, fold_traces
 from tippedisk_verify.orbits.slices import Slice
-from tippedisk_verify.parallel import as_done
 from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -180,16 +179,11 @@ def atlas(
 # ------------------------------------------------------------------------------------------------ work for processes
 def _all_done(function: Callable[[Any], Any], jobs: Iterable[Any], executor: Executor | None, advance: Advance) -> Any:
     """The answers to all jobs, in their order."""
-    numbered = list(enumerate(jobs))
-    answers = {}
-    for (number, _), answer in as_done(partial(_numbered, function), numbered, executor):
-        answers[number] = answer
+    answers = []
+    for answer in map(function, jobs) if executor is None else executor.map(function, jobs):
+        answers.append(answer)
         advance("", 1)
-    return [answers[number] for number, _ in numbered]
-
-
-def _numbered(function: Callable[[Any], Any], job: tuple[int, Any]) -> Any:
-    return function(job[1])
+    return answers
 
 
 def _traces(plane: Plane, job: tuple[list[tuple[float, Any]], Sequence[float]]) -> list[Trace]:

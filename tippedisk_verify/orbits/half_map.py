@@ -126,7 +126,7 @@ class HalfFlights:
 
     @staticmethod
     def room(state: Sequence[float]) -> float:
-        """The scale on which a cycle's coordinates may change next to a saddle, at most 1; its square is the speed's."""
+        """The scale of a cycle's coordinates next to a saddle, at most 1; its square is the speed's."""
         return abs(1 - (state[0] / math.pi) ** 2)
 
     @staticmethod
