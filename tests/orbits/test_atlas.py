@@ -92,7 +92,7 @@ def test_folds_end_where_the_saddle_value_vanishes(by_eccentricity: Atlas) -> No
     speed, _ = omega_h(disk)
     assert abs(float(neutral.omega) - speed.value) <= speed.error + float(neutral.omega.uncertainty)
     here = saddle(disk, speed.value)
-    # It falls by some 2e3 per unit of e: the twelfth digit of e is 1e-12, and eigenvalues of size 1e2 err by 1e-13.
+    # It falls by 2e3 per unit of e: half of its twelfth digit is 1e-12; eigenvalues of size 1e2 err by 1e-13.
     assert abs(here.unstable + here.slow) < 1e-11
     assert float(neutral.value.uncertainty) < 1e-12 * float(neutral.value)
     ends = [point.value for point in curve(by_eccentricity, "fold").points]

@@ -37,7 +37,18 @@ from tippedisk_verify.orbits.slices import Slice
 from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Atlas", "Curve", "CurvePoint", "Gap", "Region", "SpecialPoint", "atlas", "plane_of"]
+__all__ = [
+    "Atlas",
+    "Curve",
+    "CurvePoint",
+    "Gap",
+    "Region",
+    "SpecialPoint",
+    "all_done",
+    "atlas",
+    "checked_atlas",
+    "plane_of",
+]
 
 MOST_POINTS = 10_000
 _SAMPLES = 8  # of a curve for each of its points, to spread these
@@ -146,14 +157,9 @@ def atlas(
     Raises InputError for a number of points or digits that is not offered, a range that is none or leaves the disks
     that `Parameters` takes, and the smooth law.
     """
-    plane.parameters.refuse_smooth("an atlas is")
-    checked_digits(digits)
-    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
-        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
-    if not plane.lowest < plane.highest:
-        raise InputError("the range must rise: its lowest value must be less than its highest")
+    checked_atlas(plane, points, digits)
     plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
-    work = partial(_all_done, executor=executor, advance=advance)
+    work = partial(all_done, executor=executor, advance=advance)
     bautin = _bautin_points(plane, digits)
     slices = examined(plane, work)
     answers = _connection_points(plane, slices, digits, work)
@@ -176,8 +182,18 @@ def atlas(
     )
 
 
+def checked_atlas(plane: Plane, points: int, digits: int) -> None:
+    """Raises InputError for what no atlas can be made of."""
+    plane.parameters.refuse_smooth("an atlas is")
+    checked_digits(digits)
+    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
+        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
+    if not 0 < plane.lowest < plane.highest:
+        raise InputError("a range must rise, from above zero: its lowest value is less than its highest")
+
+
 # ------------------------------------------------------------------------------------------------ work for processes
-def _all_done(function: Callable[[Any], Any], jobs: Iterable[Any], executor: Executor | None, advance: Advance) -> Any:
+def all_done(function: Callable[[Any], Any], jobs: Iterable[Any], executor: Executor | None, advance: Advance) -> Any:
     """The answers to all jobs, in their order."""
     answers = []
     for answer in map(function, jobs) if executor is None else executor.map(function, jobs):

@@ -80,14 +80,14 @@ def refined_point(
     low, high = ends
 
     def rough(share: float) -> float:
-        disk = plane.at(plane.decimal(share))
+        disk = plane.at(plane.value(share))
         return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(near(share)), engine)))
 
     share = _root(rough, low, high)
-    value = plane.decimal(share)
+    value = plane.value(share)
     exact_digits = digits + _SPARE
     value = round(value, exact_digits - decimal_magnitude(value))
-    width = value / 10**digits / 2
+    width = value / 10**digits / 4
     while True:
         sides = []
         for side in (value - width, value + width):
@@ -98,7 +98,7 @@ def refined_point(
         if (before, after) in (({-1}, {1}), ({1}, {-1})):
             break
         width *= 4
-        if width > value / 10**6:
+        if width > value / 10**digits:
             raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
     middle = (left.value + right.value) / 2
     # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
