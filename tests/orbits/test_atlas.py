@@ -74,7 +74,7 @@ def test_the_connection_is_that_of_collocation(by_inertia: Atlas) -> None:
 
 
 def test_points_are_evenly_spread(by_inertia: Atlas) -> None:
-    """To a quarter: lengths are those of the curve, distances those of chords, and sixteen samples a point tell them."""
+    """To a quarter: even is the length along the curve, and what is measured are chords."""
     everything = [point for one in by_inertia.curves for point in one.points]
     height = max(point.omega.value for point in everything) - min(point.omega.value for point in everything)
     for one in by_inertia.curves:
@@ -129,6 +129,10 @@ def test_what_is_not_known_is_said(taylor: Taylor) -> None:
     ("arguments", "said"),
     [
         (["--plane", "A"], "plane 'A' is not known"),
+        (["--plane", "A,A"], "plane 'A,A' is not known"),
+        (["--plane", "Omega,A"], "plane 'Omega,A' is not known"),
+        (["--plane", "A,e", "--range", "0.23e-3", "0.26e-3"], "1 ranges for 2 parameters"),
+        (["--plane", "A,e", "--range", "1e-4", "2e-4", "--range", "1e-3", "2e-3"], "no disk of these ranges"),
         (["--plane", "Q,Omega"], "plane 'Q,Omega' is not known"),
         (["--range", "0.26e-3", "0.23e-3"], "must rise"),
         (["--range", "0.2e-3", "0.23e-3"], "B must not exceed A"),
@@ -180,11 +184,9 @@ def test_every_point_holds_thirty_digits(taylor: Taylor, plane: Plane) -> None:
             if one.kind == "heteroclinic":
                 truths = {"omega": splitting_zero(disk, point.omega.value, taylor, 30).omega_h}
             elif one.kind == "fold":
-                places = slice_of(disk, 0.0, taylor).folds
-                s, ratio, omega = min(places, key=lambda place: abs(place[2] - float(point.omega)))
-                a = float(numpy.pi * numpy.tanh(s))
-                fold = fold_to_digits(LibrationFold, disk, (a, ratio * a, omega), taylor, 30)
-                truths = {name: getattr(fold, name) for name in ("omega", "gamma_bar_0", "period")}
+                near = float(point.gamma_bar_0), float(point.v_0), float(point.omega)
+                fold = fold_to_digits(LibrationFold, disk, near, taylor, 30)
+                truths = {name: getattr(fold, name) for name in ("omega", "gamma_bar_0", "v_0", "period")}
             else:
                 square = (disk.r + disk.e) ** 2 * disk.m * disk.g / (disk.r * disk.Bbar)
                 low, high = (point.omega.value + side * point.omega.uncertainty for side in (-1, 1))

@@ -11,9 +11,8 @@ import numpy
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.atlas import Atlas, Region
-from tippedisk_verify.orbits.fold_curves import Plane
 
-__all__ = ["axis_label", "draw_atlas"]
+__all__ = ["axis_label", "disk_title", "draw_atlas"]
 
 _COLUMNS = 64  # of each region, from curve to curve
 _CLOSE = 0.02  # of the window's height: folds nearer to another curve cannot be seen apart from it
@@ -99,7 +98,7 @@ def draw_atlas(found: Atlas) -> Any:
     axis.set_xlim(float(plane.lowest) * factor, float(plane.highest) * factor)
     axis.ticklabel_format(useOffset=False)
     figure.legend(handles=marks, loc="outside lower center", ncols=2, frameon=False)
-    axis.set_title(_disk(plane))
+    axis.set_title(disk_title(plane.parameters, (plane.name,)))
     return figure
 
 
@@ -119,16 +118,14 @@ def _distances(lines: list[tuple[str, Any]]) -> list[tuple[str, Any, Any]]:
     return found if smallest < _CLOSE * numpy.ptp(window) else []
 
 
-def _disk(plane: Plane) -> str:
-    """The parameters that all disks of the plane share, with their units."""
+def disk_title(parameters: Parameters, varied: tuple[str, ...]) -> str:
+    """The parameters that all disks of a plane share, with their units."""
     parts = []
     for item in fields(Parameters):
-        if item.metadata and item.name not in (plane.name, "C"):
-            label, factor = axis_label(item.name, float(getattr(plane.parameters, item.name)))
+        if item.metadata and item.name not in (*varied, "C"):
+            label, factor = axis_label(item.name, float(getattr(parameters, item.name)))
             symbol, _, unit = label.partition(" [")
-            parts.append(
-                f"{symbol} = {float(getattr(plane.parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip()
-            )
+            parts.append(f"{symbol} = {float(getattr(parameters, item.name)) * factor:g} {unit.rstrip(']')}".strip())
     return "Disks with " + ", ".join(parts[:4]) + ",\n" + ", ".join(parts[4:])
 
 

@@ -47,7 +47,7 @@ __all__ = [
     "all_done",
     "atlas",
     "checked_atlas",
-    "plane_of",
+    "planes_of",
 ]
 
 MOST_POINTS = 10_000
@@ -64,6 +64,7 @@ class CurvePoint:
     value: Fraction
     omega: Measured  #: [rad/s]
     gamma_bar_0: Measured | None = None  #: of the cycle, at a fold [rad]
+    v_0: Measured | None = None  #: of the cycle, at a fold [rad/s]
     period: Measured | None = None  #: of the cycle, at a fold [s]
 
 
@@ -114,27 +115,38 @@ class Atlas:
     gaps: tuple[Gap, ...]
 
 
-def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) -> Plane:
-    """The plane named by its axes, such as "A,Omega", over a range of decimals, or a tenth of the value to both sides.
+def planes_of(parameters: Parameters, axes: str, ranges: Sequence[tuple[str, str]]) -> tuple[Plane, ...]:
+    """The parameters among two axes such as "A,Omega", each over a range of decimals, in that order.
 
-    The default range is cut where `Parameters` refuses. Raises InputError for axes or ends that are none.
+    Without ranges each goes a tenth of its value to both sides, as far as `Parameters` takes it. Raises InputError for
+    axes or ranges that are none.
     """
-    name, _, other = axes.partition(",")
-    if name not in SYMBOLS or other != "Omega":
-        raise InputError(f"the plane '{shown(axes)}' is not known: give one of {', '.join(SYMBOLS)}, then ,Omega")
-    own: Fraction = getattr(parameters, name)
-    if ends is not None:
+    names = axes.removesuffix(",Omega").split(",")
+    if not set(names) <= set(SYMBOLS) or len(set(names)) != len(names) or len(names) != 2 - axes.endswith(",Omega"):
+        known = ", ".join(SYMBOLS)
+        raise InputError(f"the plane '{shown(axes)}' is not known: give two of {known}, or one of them and Omega")
+    if not ranges:
+        return tuple(Plane(parameters, name, *_around(parameters, name)) for name in names)
+    if len(ranges) != len(names):
+        raise InputError(f"{len(ranges)} ranges for {len(names)} parameters: give one for each, or none")
+    planes = []
+    for name, ends in zip(names, ranges, strict=True):
         low, high = (exact(end) for end in ends)
         if low.pi_multiple or high.pi_multiple:
-            raise InputError("the ends of the range must be decimals")
-        return Plane(parameters, name, low.rational, high.rational)
+            raise InputError("the ends of a range must be decimals")
+        planes.append(Plane(parameters, name, low.rational, high.rational))
+    return tuple(planes)
+
+
+def _around(parameters: Parameters, name: str) -> list[Fraction]:
+    """The ends of the default range."""
+    own: Fraction = getattr(parameters, name)
     unit = Fraction(10) ** (decimal_magnitude(own) - 3)
-
-    def reached(side: int) -> Fraction:
+    ends = []
+    for side in (-1, 1):
         steps = [round(own * (1 + side * Fraction(k, 1000)) / unit) * unit for k in range(1, 101)]
-        return [own, *(value for value in steps if _taken(parameters, name, value))][-1]
-
-    return Plane(parameters, name, reached(-1), reached(1))
+        ends.append([own, *(value for value in steps if _taken(parameters, name, value))][-1])
+    return ends
 
 
 def _taken(parameters: Parameters, name: str, value: Fraction) -> bool:
@@ -234,7 +246,7 @@ def _folds(plane: Plane, digits: int, job: list[tuple[float, Any]]) -> list[Curv
         try:
             fold = fold_at(plane, s, point, default_engine(), digits)
             value = getattr(fold.parameters, plane.name)
-            answers.append(CurvePoint(value, fold.omega, fold.gamma_bar_0, fold.period))
+            answers.append(CurvePoint(value, fold.omega, fold.gamma_bar_0, fold.v_0, fold.period))
         except (InputError, Shortfall) as fault:
             value = plane.decimal(float(point[2]))
             answers.append(Gap(value, value, f"fold: {fault}"))

@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy
 
@@ -21,7 +21,8 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.atlas import Advance, all_done, checked_atlas
-from tippedisk_verify.orbits.connection_curve import omega_h_near, refined_point, rough_condition
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.connection_curve import CONDITIONS, Condition, omega_h_near, refined_point, rough_condition
 from tippedisk_verify.orbits.fold_curves import Plane, Trace
 from tippedisk_verify.orbits.slices import Slice, slice_of
 from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
@@ -29,7 +30,8 @@ from tippedisk_verify.theory.hopf import criticality_margin, omega_crit
 
 __all__ = ["DiskAtlas", "DiskCurve", "DiskPlane", "DiskPoint", "disk_atlas"]
 
-KINDS = ("bautin", "neutral-saddle", "hopf-heteroclinic")
+Kind = Literal["bautin"] | Condition
+KINDS: tuple[Kind, ...] = ("bautin", *CONDITIONS)
 _GRID = 9  # disks along each side
 _STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.01, 0.05, 1e-4  # of the sides, along a curve
 _BEND = 0.1  # of a step; what it is off by at most
@@ -124,7 +126,7 @@ def _examined(plane: DiskPlane, place: tuple[float, float]) -> tuple[float, floa
 
 
 # ------------------------------------------------------------------------------------------------ curves in double
-def _function(plane: DiskPlane, kind: str) -> Function:
+def _function(plane: DiskPlane, kind: Kind) -> Function:
     if kind == "bautin":
 
         def margin(x: float, y: float, near: float) -> tuple[float, float]:
@@ -135,20 +137,24 @@ def _function(plane: DiskPlane, kind: str) -> Function:
 
     def condition(x: float, y: float, near: float) -> tuple[float, float]:
         disk = plane.at(x, y)
-        omega = float(omega_h_near(disk, near, default_engine(), 8))
-        return rough_condition(kind, disk, omega), omega  # type: ignore[arg-type]
+        try:
+            omega = float(omega_h_near(disk, near, default_engine(), 8))
+        except Shortfall:
+            omega = float(bisect_omega_h(disk, default_engine(), confirm=False).omega_h)
+        return rough_condition(kind, disk, omega), omega
 
     return condition
 
 
-def _traced(plane: DiskPlane, disks: Sequence[tuple[float, float, Slice | None]], kind: str) -> list[Trace]:
+def _traced(plane: DiskPlane, disks: Sequence[tuple[float, float, Slice | None]], kind: Kind) -> list[Trace]:
     """The curves of one kind against the length along them: shares of both ranges, and the speed."""
     function = _function(plane, kind)
     values = {}
     for x, y, one in disks:
         speed = one and (one.omega_crit if kind == "bautin" else one.omega_h)
         if speed:
-            values[round(x * (_GRID - 1)), round(y * (_GRID - 1))] = (x, y, speed, function(x, y, speed)[0])
+            value = function(x, y, speed)[0] if kind == "bautin" else rough_condition(kind, plane.at(x, y), speed)
+            values[round(x * (_GRID - 1)), round(y * (_GRID - 1))] = (x, y, speed, value)
     traces: list[Trace] = []
     for (i, j), (x, y, speed, value) in values.items():
         for other in ((i + 1, j), (i, j + 1)):
@@ -164,11 +170,11 @@ def _traced(plane: DiskPlane, disks: Sequence[tuple[float, float, Slice | None]]
 def _from_seed(function: Function, seed: Any) -> list[Trace]:
     """The curve through a seed in both directions, cut at the border; none where it cannot be followed."""
     try:
-        gradient = _gradient(function, seed)
-        start = _settled(function, seed, gradient)
+        start = _settled(function, seed, _gradient(function, seed)[:, 0])
+        slopes = _gradient(function, start)
     except (InputError, Shortfall):
         return []
-    backwards, forwards = (_followed(function, start, gradient, side) for side in (-1, 1))
+    backwards, forwards = (_followed(function, start, slopes, side) for side in (-1, 1))
     line = numpy.array([*backwards[:0:-1], *forwards])
     if len(line) < 4:
         return []
@@ -189,13 +195,14 @@ def _inside(point: Any) -> bool:
 
 
 def _gradient(function: Function, point: Any) -> Any:
+    """(2, 2): derivatives by both shares of what vanishes, and of the speed."""
     x, y, near = map(float, point)
-    columns, here = [], function(x, y, near)[0]
+    rows, here = [], numpy.array(function(x, y, near))
     for away in ((_DIFFERENCE, 0.0), (0.0, _DIFFERENCE)):
         # Within the square: its border may be that of the admissible disks.
         step = [part if share + part <= 1 else -part for part, share in zip(away, (x, y), strict=True)]
-        columns.append((function(x + step[0], y + step[1], near)[0] - here) / sum(step))
-    return numpy.array(columns)
+        rows.append((function(x + step[0], y + step[1], near) - here) / sum(step))
+    return numpy.array(rows)
 
 
 def _settled(function: Function, point: Any, gradient: Any) -> Any:
@@ -210,25 +217,24 @@ def _settled(function: Function, point: Any, gradient: Any) -> Any:
     raise Shortfall("the iteration for a point of the curve does not settle")
 
 
-def _followed(function: Function, start: Any, gradient: Any, side: int) -> list[Any]:
+def _followed(function: Function, start: Any, slopes: Any, side: int) -> list[Any]:
     """Points from the start on to one side; the last one may lie outside."""
     line, step = [start], _STEP
-    tangent = side * numpy.array([-gradient[1], gradient[0]]) / numpy.hypot(*gradient)
+    tangent = side * numpy.array([-slopes[1, 0], slopes[0, 0]]) / numpy.hypot(*slopes[:, 0])
     while _inside(line[-1]) and step > _SHORTEST_STEP:
-        guess = numpy.array([*(line[-1][:2] + step * tangent), line[-1][2]])
+        guess = line[-1] + step * numpy.array([*tangent, tangent @ slopes[:, 1]])
         try:
-            found = _settled(function, guess, gradient)
-            slope = _gradient(function, found)
+            found = _settled(function, guess, slopes[:, 0])
+            after = _gradient(function, found)
+            off = numpy.hypot(*(found - guess)[:2]) / step
         except (InputError, Shortfall):
-            step /= 2
-            continue
-        off = numpy.hypot(*(found - guess)[:2]) / step
+            off = _BEND + 1
         if off > _BEND:
             step /= 2
             continue
         line.append(found)
-        gradient = slope
-        turned = numpy.array([-gradient[1], gradient[0]]) / numpy.hypot(*gradient)
+        slopes = after
+        turned = numpy.array([-slopes[1, 0], slopes[0, 0]]) / numpy.hypot(*slopes[:, 0])
         tangent = turned if turned @ tangent > 0 else -turned
         if len(line) > 3 and numpy.hypot(*(found - start)[:2]) < step:
             break  # closed
@@ -238,14 +244,14 @@ def _followed(function: Function, start: Any, gradient: Any, side: int) -> list[
 
 # ------------------------------------------------------------------------------------------------ points to the digits
 def _corrected(
-    plane: DiskPlane, kind: str, digits: int, point: tuple[float, float, float]
+    plane: DiskPlane, kind: Kind, digits: int, point: tuple[float, float, float]
 ) -> DiskPoint | tuple[Fraction, Fraction, str]:
     """The point of the curve with one parameter as it is here: the one along which the function changes less."""
     x, y, _ = point
     function = _function(plane, kind)
     held = plane.first.decimal(x), plane.second.decimal(y)
     try:
-        gradient = numpy.abs(_gradient(function, numpy.array(point)))
+        gradient = numpy.abs(_gradient(function, numpy.array(point))[:, 0])
         order = (0, 1) if gradient[0] >= gradient[1] else (1, 0)
         failure = "its sign does not change next to here"
         for free in order:
@@ -263,7 +269,7 @@ def _corrected(
 
 
 def _crossed(
-    line: Plane, kind: str, function: Function, point: tuple[float, float, float], free: int, digits: int
+    line: Plane, kind: Kind, function: Function, point: tuple[float, float, float], free: int, digits: int
 ) -> tuple[Measured, Measured] | None:
     """The parameter and the speed where the function vanishes along one parameter, next to a point."""
     here, speed = point[free], point[2]
@@ -281,6 +287,6 @@ def _crossed(
         places = [(end, point[1]) if free == 0 else (point[0], end) for end in ends]
         signs = [function(x, y, speed)[0] > 0 for x, y in places]
         if signs[0] != signs[1]:
-            found = refined_point(kind, line, ends, lambda share: speed, default_engine(), digits)  # type: ignore[arg-type]
+            found = refined_point(kind, line, ends, lambda share: speed, default_engine(), digits)
             return found.value, found.omega
     return None
