@@ -15,6 +15,7 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.orbits.atlas import Atlas, Curve, atlas
+from tippedisk_verify.orbits.disk_plane import DiskPlane, disk_atlas
 from tippedisk_verify.orbits.fold_curves import Plane
 from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -163,6 +164,29 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
     header, *rows = (tmp_path / "atlas.csv").read_text(encoding="utf-8").splitlines()
     assert header.startswith("kind,curve,A,A uncertainty,omega [rad/s]")
     assert len(rows) == 16
+
+
+def test_a_plane_of_two_parameters() -> None:
+    """Both curves by their definitions: the closed form, and the eigenvalues at the speed that collocation finds."""
+    first = Plane(PRINTED, "A", Fraction("0.228e-3"), Fraction("0.258e-3"))
+    second = Plane(PRINTED, "e", Fraction("0.55e-3"), Fraction("0.85e-3"))
+    found = disk_atlas(DiskPlane(first, second), points=5, grid=3)
+    bautin, neutral = found.curves
+    assert (bautin.kind, neutral.kind) == ("bautin", "neutral-saddle")
+    for curve_found in found.curves:
+        assert (len(curve_found.points), curve_found.gaps) == (5, ())
+    for point in bautin.points:
+        r, e = PRINTED.r, point.second.value
+        closed = (PRINTED.B - PRINTED.m * e**2) * r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
+        assert point.second.uncertainty == 0
+        assert point.first.holds(closed)
+    for point in neutral.points[::2]:
+        disk = Disk(A=float(point.first), e=float(point.second))
+        speed, _ = omega_h(disk)
+        assert abs(float(point.omega) - speed.value) <= speed.error + float(point.omega.uncertainty)
+        here = saddle(disk, speed.value)
+        assert abs(here.unstable + here.slow) < 1e-11  # as above
+        assert max(part.uncertainty / part.value for part in (point.first, point.second)) <= Fraction(1, 10**12)
 
 
 @pytest.mark.slow(minutes=4)

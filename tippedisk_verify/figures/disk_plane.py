@@ -7,12 +7,13 @@ from typing import Any
 from tippedisk_verify.figures.atlas import axis_label, disk_title
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, pyplot
 from tippedisk_verify.orbits.disk_plane import DiskAtlas
+from tippedisk_verify.orbits.slices import Slice
 
 __all__ = ["draw_disk_plane"]
 
 _LINES = {
-    "bautin": (ORANGE, "Bautin: cycles are no longer born stable"),
-    "neutral-saddle": (BLUE, "saddle value 0 on $\\Omega_h$: folds are born"),
+    "bautin": (ORANGE, "Bautin: cycles are born stable on one side, unstable on the other"),
+    "neutral-saddle": (BLUE, "saddle value 0 on $\\Omega_h$: curves of folds end"),
     "hopf-heteroclinic": (BLACK, "$\\Omega_h = \\Omega_\\mathrm{crit}$"),
 }
 _SIGNS = (("o", GREEN), ("s", ORANGE), ("D", BLUE), ("^", PURPLE), ("v", RED), ("P", BLACK))
@@ -30,7 +31,7 @@ def draw_disk_plane(found: DiskAtlas) -> Any:
         y = [float(point.second) * yfactor for point in curve.points]
         axis.plot(x, y, color=colour, lw=1.8, label=None if text in drawn else text)
         drawn.add(text)
-    kinds = [one and " | ".join(cell.stable for cell in one.cells) for *_, one in found.disks]
+    kinds = [one and _worded(one) for *_, one in found.disks]
     signs = iter(_SIGNS * (1 + len(set(kinds)) // len(_SIGNS)))
     for kind in dict.fromkeys(kinds):
         sign, colour = next(signs) if kind else ("x", GREY)
@@ -44,7 +45,7 @@ def draw_disk_plane(found: DiskAtlas) -> Any:
             mew=0.4 if kind else 1.0,
             ms=5,
             ls="none",
-            label=f"stable by rising Ω: {kind}" if kind else "no admissible disk",
+            label=kind if kind else "no admissible disk",
             clip_on=False,
         )
     axis.set(xlabel=xlabel, ylabel=ylabel)
@@ -54,3 +55,12 @@ def draw_disk_plane(found: DiskAtlas) -> Any:
     axis.set_title(disk_title(first.parameters, (first.name, second.name)), pad=10)
     figure.legend(loc="outside lower center", ncols=1, frameon=False)
     return figure
+
+
+def _worded(one: Slice) -> str:
+    """What is stable at rising speeds, with the curves between."""
+    names = {"hopf": "$\\Omega_\\mathrm{crit}$", "heteroclinic": "$\\Omega_h$"}
+    parts = [one.cells[0].stable]
+    for (kind, _), cell in zip(one.bounds, one.cells[1:], strict=True):
+        parts += [f"– {names.get(kind, kind)} –", cell.stable]
+    return "stable: " + " ".join(parts)

@@ -32,7 +32,6 @@ __all__ = ["DiskAtlas", "DiskCurve", "DiskPlane", "DiskPoint", "disk_atlas"]
 
 Kind = Literal["bautin"] | Condition
 KINDS: tuple[Kind, ...] = ("bautin", *CONDITIONS)
-_GRID = 9  # disks along each side
 _STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.01, 0.05, 1e-4  # of the sides, along a curve
 _BEND = 0.1  # of a step; what it is off by at most
 _DIFFERENCE = 1e-4  # of the sides, for the gradient
@@ -89,17 +88,19 @@ def disk_atlas(
     *,
     points: int = 200,
     digits: int = 12,
+    grid: int = 9,
     executor: Executor | None = None,
     advance: Advance = lambda label, steps: None,
 ) -> DiskAtlas:
     """The plane, with so many ``points`` on each curve, the parameter found to ``digits`` significant digits.
 
+    The disks that are examined have ``grid`` values of either parameter; curves are found where they cross between two.
     Raises InputError as `atlas` does, and where no disk of the grid is admissible.
     """
     for one in (plane.first, plane.second):
         checked_atlas(one, points, digits)
     work = partial(all_done, executor=executor, advance=advance)
-    shares = numpy.linspace(0, 1, _GRID).tolist()
+    shares = numpy.linspace(0, 1, grid).tolist()
     disks = work(partial(_examined, plane), [(x, y) for y in shares for x in shares])
     if not any(one for *_, one in disks):
         raise InputError("no disk of these ranges is admissible: B must not exceed A, e be less than r, Bbar positive")
@@ -149,12 +150,13 @@ def _function(plane: DiskPlane, kind: Kind) -> Function:
 def _traced(plane: DiskPlane, disks: Sequence[tuple[float, float, Slice | None]], kind: Kind) -> list[Trace]:
     """The curves of one kind against the length along them: shares of both ranges, and the speed."""
     function = _function(plane, kind)
+    shares = sorted({x for x, *_ in disks})
     values = {}
     for x, y, one in disks:
         speed = one and (one.omega_crit if kind == "bautin" else one.omega_h)
         if speed:
             value = function(x, y, speed)[0] if kind == "bautin" else rough_condition(kind, plane.at(x, y), speed)
-            values[round(x * (_GRID - 1)), round(y * (_GRID - 1))] = (x, y, speed, value)
+            values[shares.index(x), shares.index(y)] = (x, y, speed, value)
     traces: list[Trace] = []
     for (i, j), (x, y, speed, value) in values.items():
         for other in ((i + 1, j), (i, j + 1)):
