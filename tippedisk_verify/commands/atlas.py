@@ -14,6 +14,7 @@ from tippedisk_verify.commands.quantities import quantities_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.orbits.atlas import Atlas
     from tippedisk_verify.orbits.disk_plane import DiskAtlas
 
@@ -57,7 +58,7 @@ def atlas(
             result, lines = _disks_as_json(disks), _disk_lines(disks)
         else:
             found = found_in(planes[0], **options)
-            result, lines = _as_json(found), _lines(found)
+            result, lines = _as_json(found), _lines(found, common.digits)
     if folder is not None:
         from tippedisk_verify.figures.atlas import draw_atlas
         from tippedisk_verify.figures.disk_plane import draw_disk_plane
@@ -184,14 +185,15 @@ def _disk_lines(found: DiskAtlas) -> Iterator[str]:
         yield f"{kinds.count(kind)} of {len(kinds)} disks, stable by rising Omega: {kind or 'not admissible'}"
 
 
-def _lines(found: Atlas) -> Iterator[str]:
+def _lines(found: Atlas, digits: int) -> Iterator[str]:
     name = found.plane.name
     for curve in found.curves:
         ends = [f"({float(point.value):.9g}, {float(point.omega):.12g})" for point in curve.points]
         where = f" from ({name}, Omega) = {ends[0]} to {ends[-1]}" if ends else ""
         yield f"{curve.kind} curve: {len(ends)} points{where}"
     for point in found.points:
-        yield f"{point.kind}: {name} = {point.value}, Omega = {point.omega} rad/s"
+        value, omega = (_short(number, digits) for number in (point.value, point.omega))
+        yield f"{point.kind}: {name} = {value}, Omega = {omega} rad/s"
     for region in found.regions:
         parts = [region.slices[0].cells[0].stable]
         for bound, cell in zip(region.bounds, region.slices[0].cells[1:], strict=True):
@@ -202,6 +204,14 @@ def _lines(found: Atlas) -> Iterator[str]:
         )
     for gap in found.gaps:
         yield f"gap, {name} from {float(gap.lowest):.9g} to {float(gap.highest):.9g}: {gap.reason}"
+
+
+def _short(number: Measured, digits: int) -> Measured:
+    """The same to three digits more than were asked for: closed forms have many."""
+    from tippedisk_verify.model.measured import Measured, decimal_magnitude
+
+    value = round(number.value, digits + 3 - decimal_magnitude(number.value))
+    return Measured(value, number.uncertainty + abs(number.value - value))
 
 
 COMMANDS = (atlas,)

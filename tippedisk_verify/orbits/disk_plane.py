@@ -51,8 +51,8 @@ class DiskPlane:
     second: Plane
 
     def at(self, x: float, y: float) -> Parameters:
-        """The disk at two shares of the ranges. Raises InputError as `Parameters`."""
-        changes = {self.first.name: self.first.decimal(x), self.second.name: self.second.decimal(y)}
+        """The disk at two shares of the ranges, or beyond their ends. Raises InputError as `Parameters`."""
+        changes = {self.first.name: self.first.value(x), self.second.name: self.second.value(y)}
         return self.first.parameters.changed(C=None, **changes)
 
 
