@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.orbits.atlas import Atlas
     from tippedisk_verify.orbits.disk_plane import DiskAtlas
+    from tippedisk_verify.orbits.slices import Slice
 
 __all__ = ["COMMANDS"]
 
@@ -180,7 +181,7 @@ def _disk_lines(found: DiskAtlas) -> Iterator[str]:
         yield f"{curve.kind} curve: {len(ends)} points{where}"
         for x, y, reason in curve.gaps:
             yield f"gap at ({float(x):.9g}, {float(y):.9g}): {reason}"
-    kinds = [one and " | ".join(cell.stable for cell in one.cells) for *_, one in found.disks]
+    kinds = [one and _worded(one) for *_, one in found.disks]
     for kind in dict.fromkeys(kinds):
         yield f"{kinds.count(kind)} of {len(kinds)} disks, stable by rising Omega: {kind or 'not admissible'}"
 
@@ -195,15 +196,18 @@ def _lines(found: Atlas, digits: int) -> Iterator[str]:
         value, omega = (_short(number, digits) for number in (point.value, point.omega))
         yield f"{point.kind}: {name} = {value}, Omega = {omega} rad/s"
     for region in found.regions:
-        parts = [region.slices[0].cells[0].stable]
-        for bound, cell in zip(region.bounds, region.slices[0].cells[1:], strict=True):
-            parts += [f"| {bound} |", cell.stable]
-        yield (
-            f"stable by rising Omega, {name} from {float(region.lowest):.9g} to {float(region.highest):.9g}: "
-            + " ".join(parts)
-        )
+        ends = f"{name} from {float(region.lowest):.9g} to {float(region.highest):.9g}"
+        yield f"stable by rising Omega, {ends}: {_worded(region.slices[0])}"
     for gap in found.gaps:
         yield f"gap, {name} from {float(gap.lowest):.9g} to {float(gap.highest):.9g}: {gap.reason}"
+
+
+def _worded(one: Slice) -> str:
+    """What is stable at rising speeds, and the curves between."""
+    parts = [one.cells[0].stable]
+    for (bound, _), cell in zip(one.bounds, one.cells[1:], strict=True):
+        parts += [f"| {bound} |", cell.stable]
+    return " ".join(parts)
 
 
 def _short(number: Measured, digits: int) -> Measured:
