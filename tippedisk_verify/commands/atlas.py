@@ -196,8 +196,8 @@ def _lines(found: Atlas, digits: int) -> Iterator[str]:
         value, omega = (_short(number, digits) for number in (point.value, point.omega))
         yield f"{point.kind}: {name} = {value}, Omega = {omega} rad/s"
     for region in found.regions:
-        ends = f"{name} from {float(region.lowest):.9g} to {float(region.highest):.9g}"
-        yield f"stable by rising Omega, {ends}: {_worded(region.slices[0])}"
+        stretch = f"{name} from {float(region.lowest):.9g} to {float(region.highest):.9g}"
+        yield f"stable by rising Omega, {stretch}: {_worded(region.slices[0])}"
     for gap in found.gaps:
         yield f"gap, {name} from {float(gap.lowest):.9g} to {float(gap.highest):.9g}: {gap.reason}"
 
