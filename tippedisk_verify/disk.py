@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
     from tippedisk_verify.orbits.folds import LibrationFold, RotationFold
     from tippedisk_verify.orbits.heteroclinic import Heteroclinic
+    from tippedisk_verify.theory.codimension_two import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -183,6 +184,12 @@ class Disk(Parameters):
         from tippedisk_verify.theory.hopf import hopf_point
 
         return hopf_point(self, digits)
+
+    def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
+        """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
+        from tippedisk_verify.theory.codimension_two import bautin_points
+
+        return bautin_points(self, parameter, digits)
 
     # ---------------------------------------------------------------------------------------- motion
     def integrate(

@@ -121,6 +121,7 @@ def wanted_speeds(family: AmplitudeFamily, random: Any, count: int) -> list[floa
         speed
         for speed in (*even, *near)
         if low + share < speed < high - share
+        and abs(speed - ends[-1]) > share
         and all((speed - end) * (speed - last) > 0 for end, last in zip((ends[0], ends[-1]), reached, strict=True))
     ]
 

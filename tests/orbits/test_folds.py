@@ -16,11 +16,13 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
+from tippedisk_verify.orbits import branches
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import cycles_at_speed
 from tippedisk_verify.orbits.folds import libration_folds
+from tippedisk_verify.theory.hopf import criticality
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 FOLDING = PRINTED.changed(A="0.229e-3")
@@ -114,6 +116,42 @@ def test_the_smooth_law_folds_too(taylor) -> None:
     assert smooth.omega.value != linear.omega.value
 
 
+# ------------------------------------------------------------------------------------------------ the page of documents
+def rows(heading: str) -> list[list[str]]:
+    """The table of docs/disks.md whose first column has this heading."""
+    text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
+    lines = text[text.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_table_of_widths(taylor) -> None:
+    for A, ratio, width, amplitude, down in rows("A [kg m^2]"):
+        disk = PRINTED.changed(A=A)
+        known = AmplitudeFamily(disk, taylor)
+        assert ratio == f"{float(disk.A / disk.Bbar):.4f}"
+        assert down == f"{known.omega_crit - known.limit:.4f}"
+        if known.folds:
+            fold = known.place(known.folds[0])
+            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.gamma_bar:.3f}")
+        else:
+            assert (width[:4], amplitude) == ("none", "")
+
+
+def test_the_table_of_holes() -> None:
+    radii = ("0.005", "0.010", "0.015", "0.020", "0.030")
+    for thickness, *offsets in rows("thickness"):
+        for radius, offset in zip(radii, offsets, strict=True):
+            limit = Fraction(offset.removesuffix(" mm"))
+            for away, kind in (("-0.01", "subcritical"), ("0.01", "supercritical")):
+                inertia = disk_with_hole(
+                    *(Fraction(text) for text in ("0.435", "0.045")),
+                    Fraction(thickness.removesuffix(" mm")) / 1000,
+                    Fraction(radius),
+                    (limit + Fraction(away)) / 1000,
+                )
+                assert criticality(PRINTED.changed(**inertia)) == kind
+
+
 # ------------------------------------------------------------------------------------------------ asked for
 @pytest.fixture
 def folding(tmp_path: Path) -> str:
@@ -145,6 +183,21 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
     assert len(many) == 180
     for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
         assert abs(one.period.value - other.period.value) <= one.period.uncertainty + other.period.uncertainty
+
+
+def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
+    """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
+    monkeypatch.setattr(branches, "MANY", 3)
+    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    close = float(known.limit) + 1e-4
+    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
+    assert len(cycles) == 3
+    assert cycles[-1].stable
+    focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
+    cycles = list(family(focus, taylor, omegas=["29"] * 3))
+    assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
+    with pytest.raises(NoSuchCycleError, match=r"followed from Omega_crit = .* where gamma's amplitude is pi"):
+        list(family(focus, taylor, omegas=["28"]))
 
 
 def test_command(folding, capsys) -> None:

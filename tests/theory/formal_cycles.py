@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import mpmath
 
 from tippedisk_verify.model import equations
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit_squared
 
@@ -90,8 +91,7 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
     """The family of cycles, or the normal form on the centre manifold at Omega_crit, in mpmath's precision."""
     constants = parameters.within(mpmath.mp)
     square, frequency_square = (f(parameters) for f in (omega_crit_squared, critical_frequency_squared))
-    omega = mpmath.sqrt(constants.r * 0 + square.numerator) / mpmath.sqrt(square.denominator)
-    frequency = mpmath.sqrt(mpmath.mpf(frequency_square.numerator) / frequency_square.denominator)
+    omega, frequency = (mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square))
 
     def rates(speed: Series, state: list[Series]) -> list[Series]:
         ops = equations.shifted(_Ops)
@@ -100,6 +100,7 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
         force = terms.gyroscopic + terms.gravity + terms.direction * friction
         return [state[2], -(speed * ops.cos(state[0])), force * terms.mass.reciprocal()]
 
+    # A state of w alone leaves the cubic terms at w^3, so w |w|^2 shows how the linear ones change with Omega.
     w = Series({(1, 0): mpmath.mpc(1)})
     steered = Series({(0, 0): omega, (1, 1): mpmath.mpf(1)})
     jacobian, by_omega = mpmath.matrix(3, 3), mpmath.matrix(3, 3)

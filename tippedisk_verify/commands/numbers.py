@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import click
@@ -16,12 +17,13 @@ from tippedisk_verify.commands.common import (
     speed_options,
 )
 from tippedisk_verify.commands.quantities import quantities_of
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, NoSuchCycleError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
+    from tippedisk_verify.orbits.folds import Fold
 
 __all__ = ["COMMANDS"]
 
@@ -233,8 +235,29 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
-    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]}, lines)
+    folds = _folds(common, rotating, total >= branches.MANY and common.parameters.friction == "linear")
+    told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
+    entries: list[object] = [fold.json() for fold in folds]
+    turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
+    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]} | turns, chain(lines, told))
     return 0
+
+
+def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
+    """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled anyway."""
+    from tippedisk_verify.flow import default_engine, default_lanes
+    from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.orbits.branch_interpolant import all_at_once
+    from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
+
+    parameters, engine, digits = common.parameters, default_engine(), common.digits
+    if rotating:
+        return [rotation_fold(parameters, engine, digits=digits)]
+    try:
+        solve = all_at_once(parameters, default_lanes()) if in_lanes else None
+        return libration_folds(parameters, engine, digits=digits, family=AmplitudeFamily(parameters, engine, solve))
+    except NoSuchCycleError:
+        return []
 
 
 @quantities_of("omega_h", "saddle_eigenvalues", "saddle_value", "splitting_derivative", "budget")

@@ -253,7 +253,8 @@ class AmplitudeFamily:
         """What has these ``values`` (m, n) at the nodes, (m, k) at the abscissas (k,)."""
         ratios, panels = self.ratios(s)
         by_panel = values.reshape(len(values), -1, NODES)
-        return (by_panel[:, panels] * ratios).sum(axis=-1)
+        middle = by_panel[:, :, NODES // 2]  # without it the sum rounds what varies on the panel only
+        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
 
     def ratios(self, s: Array) -> tuple[Any, Any]:
         """Barycentric weights (k, nodes of a panel), each row with the sum 1, and the panel of each."""

@@ -17,19 +17,19 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, amplitude
+from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, Solver, amplitude
 from tippedisk_verify.orbits.averaged import averaged
 from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
 from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
 
-__all__ = ["BranchInterpolant", "Values"]
+__all__ = ["BranchInterpolant", "Values", "all_at_once"]
 
 _UNIT = 2.0**-53
 _LEFT_OUT = 1 / 1000  # of the branch, at either end, if no bounds are given
@@ -79,7 +79,8 @@ class BranchInterpolant:
         self._constants = field_constants(parameters)
         if not 0 < omega_h < math.inf:
             raise InputError(f"Omega_h is a positive speed, not {shown(omega_h)}")
-        self._family = AmplitudeFamily(parameters, solve=self._of_amplitudes, closest=self._closest(lowest, highest))
+        closest = self._closest(lowest, highest)
+        self._family = AmplitudeFamily(parameters, solve=all_at_once(parameters, lanes), closest=closest)
         self.omega_crit = self._family.omega_crit
         self._check_limit()
         turns = [self._family.place(s).omega for s in self._family.folds]
@@ -114,16 +115,6 @@ class BranchInterpolant:
         from tippedisk_verify.theory.hopf import omega_crit
 
         return float(omega_crit(self.parameters))
-
-    def _of_amplitudes(self, gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
-        """The family's solver: all amplitudes at once."""
-        found = corrected(
-            self._constants, omega, Guess(gamma_bar, v, half), self._lanes, whole=False, tolerance=1e-8, free_omega=True
-        )
-        slope = 1 / found.dgamma_bar_0_domega
-        return Solved(
-            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
-        )
 
     def _check_limit(self) -> None:
         limit = self._family.limit
@@ -161,23 +152,20 @@ class BranchInterpolant:
 
     # -------------------------------------------------------------------------------------------- what it gives
     def __call__(self, omegas: Sequence[float]) -> Values:
-        """Interpolated numbers, each with a half-width that holds the truth. Raises InputError outside the bounds."""
+        """Interpolated numbers, each with a half-width that holds the truth.
+
+        Raises InputError outside the bounds, Shortfall too close to the Hopf point or the connection.
+        """
         speeds, s = self._places(omegas)
         ratios, panels = self._family.ratios(s)
         slope = numpy.abs(self._family.at(s)[3]) * numpy.cosh(s) ** 2 / numpy.pi
-        values: dict[str, Any] = {}
-        widths: dict[str, Any] = {}
-        a = amplitude(s)
-        for name, (scaled, width) in self._scaled.items():
-            at = (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
+        values, widths = self._between(s), {}
+        for name, (_, width) in self._scaled.items():
             # The parameters' rounding moves all nodes alike, and the polynomial with them; each node's own round-off is
             # independent of the others'. One width is for both, whichever prevails.
             moved = numpy.interp(s, self._s, width)
             own = (width.reshape(-1, NODES)[panels] ** 2 * ratios**2).sum(axis=1)
             error = (numpy.sqrt(moved**2 + own) + self._truncation[name][panels]) / slope
-            values[name] = a if name == "gamma_bar_0" else 1 - at * a**2 if name == "map_multiplier" else at
-            if _POWERS.get(name):
-                values[name] = at * a
             widths[name] = error + 4 * _UNIT * numpy.abs(values[name])
         lost = widths["gamma_bar_0"] > _FLAT * self._to_fold(s)
         half, both = values.pop("map_multiplier"), values.pop("log_multipliers")
@@ -206,6 +194,14 @@ class BranchInterpolant:
         scaled = {name: getattr(cycles, name) / a**power for name, power in _POWERS.items()}
         return {"gamma_bar_0": a, "map_multiplier": (1 - cycles.map_multiplier) / a**2} | scaled
 
+    def _between(self, s: Array) -> dict[str, Any]:
+        """The interpolated numbers at abscissas."""
+        a = amplitude(s)
+        scaled = numpy.stack([scaled for scaled, _ in self._scaled.values()])
+        values: dict[str, Any] = dict(zip(self._scaled, self._family.between_nodes(s, scaled), strict=True))
+        values |= {name: values[name] * a**power for name, power in _POWERS.items() if power}
+        return values | {"gamma_bar_0": a, "map_multiplier": 1 - values["map_multiplier"] * a**2}
+
     @cached_property
     def _truncation(self) -> dict[str, Any]:
         """What the polynomials leave out, times dOmega/da, on each panel.
@@ -215,19 +211,18 @@ class BranchInterpolant:
         nodes = self._s.reshape(-1, NODES)
         middles = ((nodes[:, 1:] + nodes[:, :-1]) / 2).ravel()
         solved = self._solved_at(self._family.at(middles)[2], middles)
-        ratios, panels = self._family.ratios(middles)
-        a, known = amplitude(middles), self._analytic(solved)
         widest = {}
-        for name, (scaled, _) in self._scaled.items():
-            at = a if name == "gamma_bar_0" else (scaled.reshape(-1, NODES)[panels] * ratios).sum(axis=1)
-            power = 2 if name == "map_multiplier" else _POWERS.get(name, 0)
-            away = numpy.abs(at - known[name]) * a**power * _slope(solved)
+        for name, value in self._between(middles).items():
+            away = numpy.abs(value - getattr(solved, name)) * _slope(solved)
             # Next to a fold the cycle is not found at its speed; the panel's others are told.
             widest[name] = DISTANCES * numpy.nan_to_num(away).reshape(len(nodes), -1).max(axis=1)
         return widest
 
     def _places(self, omegas: Sequence[float]) -> tuple[Array, Array]:
-        """The speed and the abscissa of each cycle. Raises InputError for speeds outside the bounds."""
+        """The speed and the abscissa of each cycle.
+
+        Raises InputError for speeds outside the bounds, Shortfall for those too close to an end of the family.
+        """
         speeds = numpy.atleast_1d(numpy.asarray(omegas, dtype=float))
         outside = speeds[~((speeds >= self.lowest) & (speeds <= self.highest))]
         if len(outside):
@@ -238,13 +233,13 @@ class BranchInterpolant:
         for name, end, reached in (("Omega_crit", self.omega_crit, first), ("Omega_h", self.omega_h, last)):
             beyond = speeds[(speeds - reached) * (speeds - end) <= 0]
             if len(beyond):
-                raise InputError(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
+                raise Shortfall(f"{beyond[0]:.12g} rad/s is too close to {name} for the branch in double")
         s = self._family.abscissas(speeds)
         index, piece = numpy.nonzero(numpy.isfinite(s.T))
         return speeds[index], s[piece, index]
 
     def cycles(self, omegas: Sequence[float]) -> Cycles:
-        """The cycles at these speeds, corrected by Newton's iteration. Raises InputError outside the bounds."""
+        """The cycles at these speeds, corrected by Newton's iteration. Raises as a call does."""
         return self._solved_at(*self._places(omegas))
 
     def _solved_at(self, speeds: Array, s: Array) -> Cycles:
@@ -278,3 +273,18 @@ class BranchInterpolant:
 def _slope(cycles: Any) -> Any:
     """|dOmega/da|."""
     return 1 / numpy.abs(cycles.dgamma_bar_0_domega)
+
+
+def all_at_once(parameters: Parameters, lanes: BatchTaylor) -> Solver:
+    """Newton's iteration on the half maps of all amplitudes, with v, T and Omega as the unknowns."""
+    constants = field_constants(parameters)
+
+    def solve(gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
+        guess = Guess(gamma_bar, v, half)
+        found = corrected(constants, omega, guess, lanes, whole=False, tolerance=1e-8, free_omega=True)
+        slope = 1 / found.dgamma_bar_0_domega
+        return Solved(
+            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
+        )
+
+    return solve

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
@@ -145,5 +145,5 @@ def _together(
     try:
         omega_h = omega_h or bisect_omega_h(parameters, engine).omega_h.value
         return BranchInterpolant(parameters, lanes, float(omega_h), lowest=low, highest=high).limit_cycles(speeds)
-    except (NoConnectionError, NoSuchCycleError):
+    except (NoConnectionError, NoSuchCycleError, Shortfall):
         return list(_one_by_one(parameters, [Fraction(speed) for speed in speeds], engine))

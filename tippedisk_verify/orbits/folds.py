@@ -101,14 +101,16 @@ def rotation_fold(
     return fold
 
 
-def libration_folds(parameters: Parameters, engine: Engine, *, digits: int = 12) -> tuple[LibrationFold, ...]:
+def libration_folds(
+    parameters: Parameters, engine: Engine, *, digits: int = 12, family: AmplitudeFamily | None = None
+) -> tuple[LibrationFold, ...]:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
     They are those of the part of the family that `AmplitudeFamily` follows. Raises NoSuchCycleError where the family
     cannot be followed, Shortfall if the digits are not reached.
     """
     checked_digits(digits)
-    family = AmplitudeFamily(parameters, engine)
+    family = family or AmplitudeFamily(parameters, engine)
     places = [family.place(s) for s in family.folds]
     return tuple(
         fold_to_digits(LibrationFold, parameters, (*place.start, place.omega), engine, digits) for place in places

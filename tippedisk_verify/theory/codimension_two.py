@@ -1,9 +1,10 @@
-"""The Bautin point: disks whose first Lyapunov coefficient vanishes, in closed form in any one parameter.
+"""The Bautin point in closed form in any one parameter, and the speeds at which eigenvalues change kind.
 
-At the Hopf point of inverted spinning l_1 = 0 where 2 A (r + e) (r - 2 e) = Bbar r (2 r - e), Bbar = B - m e^2: linear
-in A, B and m, quadratic in r, cubic in e; g, mu and epsilon do not enter. On one side of it the cycles are born
-stable, on the other unstable, and on one side of it the family has a fold: from Omega = Omega_crit + c_1 a^2 + c_2 a^4
-(`amplitude_law`), with p - p_B the parameter's distance from the Bautin point and a prime for d/dp there,
+At the Hopf point of inverted spinning the first Lyapunov coefficient vanishes, l_1 = 0, where 2 A (r + e) (r - 2 e) =
+Bbar r (2 r - e), Bbar = B - m e^2: linear in A, B and m, quadratic in r, cubic in e; g, mu and epsilon do not enter. On
+one side of it the cycles are born stable, on the other unstable, and on one side of it the family has a fold. From
+Omega = Omega_crit + c_1 a^2 + c_2 a^4 (`amplitude_law`), with p - p_B the parameter's distance from there and a prime
+for d/dp,
 
     a_fold^2 ~ -(c_1' / (2 c_2)) (p - p_B)        Omega_fold - Omega_crit ~ -(c_1'^2 / (4 c_2)) (p - p_B)^2,
 
@@ -69,12 +70,12 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
             f"parameter '{shown(name)}' {known}: the Bautin point is found in {', '.join(BAUTIN_PARAMETERS)}"
         )
     condition = _condition(parameters, name)
-    slope = _derivative(condition)
     points = []
     for low, high in _roots(condition, _LARGEST, digits + _GUARD):
-        ends = [_admitted(parameters, name, value) for value in (low, high)]
-        if None not in ends:
-            points.append(_point(name, low, high, ends, [_at(slope, value) for value in (low, high)], digits))
+        disks = [_admitted(parameters, name, value) for value in (low, high)]
+        if None not in disks:
+            slopes = [_at(_derivative(condition), value) for value in (low, high)]
+            points.append(_point(name, Measured(low, high - low), list(zip(disks, slopes, strict=True)), digits))
     return tuple(points)
 
 
@@ -102,22 +103,19 @@ def _admitted(parameters: Parameters, name: str, value: Fraction) -> Parameters 
         return None
 
 
-def _point(
-    name: str, low: Fraction, high: Fraction, ends: list[Any], slopes: list[Fraction], digits: int
-) -> BautinPoint:
+def _point(name: str, value: Measured, ends: list[tuple[Any, Fraction]], digits: int) -> BautinPoint:
     working = bits_for_digits(digits + _GUARD)
-    # As the root lies between the ends, an end is at most as far from the truth as from the other end.
-    rough, sharp = (
-        _numbers(disk, slope, width) for disk, slope, width in zip(ends, slopes, (working, working + 66), strict=True)
-    )
-    measured = {
-        part: Measured.compared(number, sharp[part], Fraction(1, 2 ** (working - 1))) for part, number in rough.items()
-    }
-    measured["value"] = Measured(low, high - low)
-    for part, number in measured.items():
-        if number.uncertainty * 10**digits > abs(number.value):
-            raise Shortfall(f"{part} of a Bautin point in {name} has fewer than {digits} digits: ask for more")
-    return BautinPoint(parameter=name, parameters=ends[0], **measured)
+    rough, sharp = (_numbers(*ends[0], width) for width in (working, working + 66))
+    beside = _numbers(*ends[1], working + 66)  # an end is at most as far from the root as from the other end
+    measured = {"value": value}
+    for part, number in rough.items():
+        rounded = Measured.compared(number, sharp[part], Fraction(1, 2 ** (working - 1)))
+        away = Measured.compared(sharp[part], beside[part], Fraction(0))
+        measured[part] = Measured(rounded.value, rounded.uncertainty + away.uncertainty)
+    for part, known in measured.items():
+        if known.uncertainty * 10**digits > abs(known.value):
+            raise Shortfall(f"{part} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation")
+    return BautinPoint(parameter=name, parameters=ends[0][0], **measured)
 
 
 def _numbers(disk: Parameters, slope: Fraction, working: int) -> dict[str, Any]:

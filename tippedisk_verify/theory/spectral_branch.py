@@ -18,8 +18,8 @@ from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.equations import Ops, field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.theory.harmonic_balance import slopes
-from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
+from tippedisk_verify.theory.amplitude_law import amplitude_law
+from tippedisk_verify.theory.hopf import omega_crit, period_crit
 from tippedisk_verify.theory.odd_fourier import Samples, double_operators, motion
 
 __all__ = ["MOST_HARMONICS", "branch_to", "derivatives", "fixed_omega", "newton", "residuals", "unconverged"]
@@ -68,7 +68,10 @@ def newton(parameters: Parameters, omega: float, guess: Samples) -> Samples:
     for _ in range(30):
         matrix, by_frequency, _ = derivatives(constants, omega, guess)
         residual = residuals(constants, omega, guess, double_operators(guess.harmonics), _DOUBLE_OPS, numpy.sin)
-        step = _solved(fixed_omega(matrix, by_frequency), residual)
+        try:
+            step = numpy.linalg.solve(fixed_omega(matrix, by_frequency), residual)
+        except numpy.linalg.LinAlgError:
+            raise NoSuchCycleError("the balance's equations are singular here: move Omega a little") from None
         guess = Samples(numpy.concatenate(([0.0], guess.beta[1:] - step[1:])), guess.frequency - step[0])
         size = abs(step[1:]).max() / amplitude + abs(step[0]) / abs(guess.frequency)
         if not math.isfinite(size) or abs(guess.beta).max() < amplitude / 4 or guess.frequency <= 0:
@@ -88,13 +91,6 @@ def fixed_omega(matrix: Any, by_frequency: Any) -> Any:
     system = matrix.copy()
     system[:, 0] = by_frequency
     return system
-
-
-def _solved(matrix: Any, right: Any) -> Any:
-    try:
-        return numpy.linalg.solve(matrix, right)
-    except numpy.linalg.LinAlgError:
-        raise NoSuchCycleError("the balance's equations are singular here: move Omega a little") from None
 
 
 @dataclass(frozen=True)
@@ -131,7 +127,10 @@ def _on_plane(parameters: Parameters, start: _Point, normal: _Point) -> _Point:
         system[:n, :n] = fixed_omega(matrix, by_frequency)
         system[:n, n] = by_omega
         system[n] = direction
-        step = _solved(system, numpy.concatenate((residual, [direction @ away])))
+        try:
+            step = numpy.linalg.solve(system, numpy.concatenate((residual, [direction @ away])))
+        except numpy.linalg.LinAlgError:
+            break  # even at a fold this system is regular: there are too few harmonics for a branch
         away = away - step
         guess = Samples(numpy.concatenate(([0.0], guess.beta[1:] - step[1:n])), guess.frequency - step[0])
         omega -= step[n]
@@ -150,38 +149,36 @@ def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None, c
     """
     crit = omega_crit(parameters, 40).value
     distance = float(crit - target)
-    side = {"supercritical": 1, "subcritical": -1}.get(criticality(parameters), 0)
     nowhere = _NOWHERE.format(float(target))
-    if not side:
-        raise NoSuchCycleError(f"{nowhere}: the Hopf point is degenerate, and the balance cannot start there")
-    square_slope = abs(float(slopes(parameters.with_friction("linear"), "consistent")[0]))
-    predicted = math.sqrt(square_slope * abs(distance))
+    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
+    share = float(parameters.e / (parameters.r + parameters.e))  # of the square of gamma's amplitude is that of beta's
+    squares = numpy.roots([quartic, quadratic, distance / float(crit)])
+    predicted = math.sqrt(share * min((x.real for x in squares if x.real > 0 == x.imag), default=math.inf))
     count = harmonics or _FIRST_HARMONICS
     angles = numpy.pi * numpy.arange(2 * count) / (2 * count)
     birth = _Point(Samples(0 * angles, 2 * math.pi / float(period_crit(parameters))), float(crit))
 
     def by_the_law(amplitude: float) -> _Point:
         guess = Samples(-amplitude * numpy.sin(angles), birth.guess.frequency)
-        return _Point(guess, float(crit) - side * amplitude**2 / square_slope)
+        square = amplitude**2 / share
+        return _Point(guess, float(crit) * (1 + (quadratic + quartic * square) * square))
 
     if abs(distance) < 1e-9 * float(crit):
         raise NoSuchCycleError(
             f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
         )
-    if (
-        predicted <= 0.02 and distance * side > 0 and crossing == 1
-    ):  # the law is a better guess than a branch could make
+    if predicted <= 0.02 and crossing == 1:  # the law is a better guess than a branch could make
         return newton(parameters, float(target), by_the_law(predicted).guess)
     first = by_the_law(0.02)
     points = _walk(parameters, birth, _on_plane(parameters, first, _difference(first, birth)), harmonics)
     before, here = _around(points, birth, float(target), crossing)
     before = before.resampled(here.guess.harmonics)
-    share = (float(target) - before.omega) / (here.omega - before.omega)
+    part = (float(target) - before.omega) / (here.omega - before.omega)
     if before.turning:  # from where the speed changes with the square of the way
-        share = math.sqrt(share)
+        part = math.sqrt(part)
     elif here.turning:
-        share = 1 - math.sqrt(1 - share)
-    return newton(parameters, float(target), before.towards(here, share).guess)
+        part = 1 - math.sqrt(1 - part)
+    return newton(parameters, float(target), before.towards(here, part).guess)
 
 
 def _around(points: Iterator[_Point], birth: _Point, target: float, crossing: int) -> tuple[_Point, _Point]:

@@ -1,0 +1,289 @@
+"""The Bautin point by two roads, what its neighbours do, and where eigenvalues change kind."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import pytest
+from hypothesis import given, settings
+
+from tests.problems import decimals, physical_parameters
+from tests.theory.formal_cycles import formal_cycles
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.theory.amplitude_law import amplitude_law
+from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, BautinPoint, bautin_points, kind_changes
+from tippedisk_verify.theory.equilibria import (
+    EquilibriumName,
+    discriminant,
+    equilibrium,
+    linearization,
+    saddle_value_sign,
+)
+from tippedisk_verify.theory.hopf import criticality, hopf_point, normal_form, omega_crit
+
+#: r = 4 e: l_1 = 0 where A = 7 Bbar / 5, a decimal.
+DEGENERATE = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-3", C=None)
+
+
+# ------------------------------------------------------------------------------------------------ the point itself
+def bisected(sign: Callable[[Fraction], bool], low: Fraction, high: Fraction) -> Fraction:
+    """Where the sign changes, to 70 digits."""
+    first = sign(low)
+    assert sign(high) is not first
+    while high - low > low / 10**70:
+        middle = (low + high) / 2
+        low, high = (middle, high) if sign(middle) is first else (low, middle)
+    return low
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("A", "0.23e-3", "0.24e-3"), ("B", "0.23e-3", "0.249e-3"), ("r", "0.01", "0.04"),
+                              ("e", "0.01", "0.022")],
+)  # fmt: skip
+def test_fifty_digits_by_bisection_of_the_normal_form(name: str, low: str, high: str) -> None:
+    def negative(value: Fraction) -> bool:
+        # 400 bits are 120 digits: l_1 has its sign until 70 of them cancel, and more.
+        return bool(normal_form(PRINTED.changed(C=None, **{name: value}), 400)["first_lyapunov_coefficient"] < 0)
+
+    (point,) = bautin_points(PRINTED, name, 50)
+    truth = bisected(negative, Fraction(low), Fraction(high))
+    assert point.value.uncertainty <= point.value.value / 10**50
+    assert abs(point.value.value - truth) <= point.value.uncertainty + truth / 10**69
+
+
+def test_fifty_digits_by_the_formal_series_of_the_full_equations() -> None:
+    (point,) = bautin_points(PRINTED, "A", 50)
+    with mpmath.workdps(70):
+        unit = Fraction(1, 10**80)
+
+        def growth(A: Any) -> Any:
+            near = round(fraction(A) / unit) * unit
+            return mpmath.re(formal_cycles(PRINTED.changed(A=near, C=None), normal_form=True).kappa[0])
+
+        truth = mpmath.findroot(growth, (mpmath.mpf("0.23e-3"), mpmath.mpf("0.235e-3")), tol=1e-110)
+        assert abs(point.value.mpf() - truth) < mpmath.mpf(10) ** -54  # 50 digits of 2.3e-4
+
+
+@settings(max_examples=25)
+@given(parameters=physical_parameters(), e=decimals("0.001", "0.4"))
+def test_all_admissible_roots_and_no_others(parameters: Parameters, e: Fraction) -> None:
+    parameters = parameters.changed(e=e * parameters.r, B=parameters.B + parameters.m * parameters.r**2, A=parameters.A
+                                    + parameters.m * parameters.r**2)  # fmt: skip
+    for name in BAUTIN_PARAMETERS:
+        start = getattr(parameters, name)
+        found = [point.value for point in bautin_points(parameters, name)]
+        # Across each root, and nowhere else on a grid, the Hopf point changes its criticality.
+        grid = [start * Fraction(n, 40) for n in range(1, 200)]
+        admissible = []
+        for value in grid:
+            try:
+                admissible.append((value, criticality(parameters.changed(C=None, **{name: value}))))
+            except InputError:
+                continue
+        for (value, kind), (following, next_kind) in pairwise(admissible):
+            if following - value == start / 40:
+                between = sum(value < root.value < following for root in found)
+                assert (kind != next_kind) == bool(between % 2)
+
+
+def test_a_double_root_is_found() -> None:
+    """In lengths of r and masses of m: 2 a (1 + x) (1 - 2 x) = (b - x^2) (2 - x) and its derivative by x = e / r."""
+    x = Fraction(1, 20)
+    # Both are linear in a and b; from the second b = 2 a (1 + 4 x) - 4 x + 3 x^2.
+    b_from_a, rest = 2 * (1 + 4 * x), 3 * x**2 - 4 * x
+    a = ((rest - x**2) * (2 - x)) / (2 * (1 + x) * (1 - 2 * x) - b_from_a * (2 - x))
+    b = b_from_a * a + rest
+    disk = PRINTED.changed(r=1, m=1, A=a, B=b, e=x / 2, C=None)
+    assert x in [point.value.value for point in bautin_points(disk, "e")]
+    assert all(criticality(disk.changed(e=x + side)) == "supercritical" for side in (x / 100, -x / 100)) or all(
+        criticality(disk.changed(e=x + side)) == "subcritical" for side in (x / 100, -x / 100)
+    )
+
+
+@pytest.mark.parametrize("name", ["g", "mu", "epsilon", "C", "nonsense"])
+def test_parameters_that_do_not_enter_are_refused(name: str) -> None:
+    with pytest.raises(InputError, match="the Bautin point is found in A, B, m, r, e"):
+        bautin_points(PRINTED, name)
+
+
+def test_the_smooth_law_has_none() -> None:
+    with pytest.raises(InputError, match="linear friction law only"):
+        bautin_points(PRINTED.with_friction("smooth"), "A")
+
+
+# ------------------------------------------------------------------------------------------------ its numbers
+def numbers(point: BautinPoint) -> dict[str, Measured]:
+    return {name: part for name, part in vars(point).items() if isinstance(part, Measured)}
+
+
+@settings(max_examples=15)
+@given(parameters=physical_parameters())
+def test_its_numbers_follow_from_the_full_equations(parameters: Parameters) -> None:
+    for name in ("A", "B", "r", "e"):
+        for point in bautin_points(parameters, name, 25):
+            with mpmath.workdps(60):
+                disk = point.parameters
+                speed, period = omega_crit(disk, 58).mpf(), point.period.mpf()
+                frequency = 2 * mpmath.pi / period
+                # l_2 is for z with <q, q> = 1, the series' w is q_2 z.
+                share = 1 / (1 + (frequency / speed) ** 2 * (1 + frequency**2))
+                second = mpmath.re(formal_cycles(disk, normal_form=True).kappa[1]) * share**2 / frequency
+                quartic = formal_cycles(disk).amplitude_law()[1]
+                step = point.value.value / 10**15
+                ends = [disk.changed(**{name: point.value.value + side * step}) for side in (1, -1)]
+                above, below = (
+                    quotient(mpmath.mp, amplitude_law(end).quadratic) * omega_crit(end, 58).mpf() for end in ends
+                )
+                slope = (above - below) / (2 * quotient(mpmath.mp, step))
+                truths = {
+                    "omega_crit": speed,
+                    "second_lyapunov_coefficient": second,
+                    "quartic_coefficient": quartic,
+                    "quadratic_coefficient_slope": slope,
+                    "fold_amplitude_slope": -slope / (2 * quartic),
+                    "fold_speed_curvature": -(slope**2) / (4 * quartic),
+                }
+                for quantity, truth in truths.items():
+                    # 25 digits, and the central difference errs by 1e-30 times a moderate third derivative.
+                    assert abs(getattr(point, quantity).mpf() - truth) < abs(truth) * mpmath.mpf(10) ** -22, quantity
+
+
+@settings(max_examples=25)
+@given(parameters=physical_parameters())
+def test_half_widths_hold_sharper_numbers(parameters: Parameters) -> None:
+    for name in BAUTIN_PARAMETERS:
+        for rough, sharp in zip(bautin_points(parameters, name), bautin_points(parameters, name, 60), strict=True):
+            for quantity, number in numbers(rough).items():
+                assert number.holds(numbers(sharp)[quantity].value), quantity
+                assert number.uncertainty <= abs(number.value) / 10**12
+
+
+# ------------------------------------------------------------------------------------------------ the Hopf point there
+def test_the_hopf_point_of_a_degenerate_disk() -> None:
+    assert criticality(DEGENERATE) == "degenerate"
+    found = hopf_point(DEGENERATE, 30)
+    assert found.first_lyapunov_coefficient.value == found.first_lyapunov_coefficient.uncertainty == 0
+    assert found.amplitude_squared_slope is found.period_slope is None
+    (point,) = bautin_points(DEGENERATE, "A", 30)
+    assert point.value == Measured(DEGENERATE.A, Fraction(0))
+    with mpmath.workdps(50):
+        frequency = 2 * mpmath.pi / found.period.mpf()
+        share = 1 / (1 + (frequency / found.omega_crit.mpf()) ** 2 * (1 + frequency**2))
+        second = mpmath.re(formal_cycles(DEGENERATE, normal_form=True).kappa[1]) * share**2 / frequency
+        assert found.second_lyapunov_coefficient is not None
+        assert abs(found.second_lyapunov_coefficient.mpf() / second - 1) < mpmath.mpf(10) ** -30
+
+
+@pytest.mark.parametrize("distance", ["1e-30", "1e-100", "-1e-30"])
+def test_next_to_it_cancellation_costs_no_digits(distance: str) -> None:
+    """l_1 is linear in A, and so is c_1: a hundred digits nearer, both are as much smaller."""
+    near, far = (DEGENERATE.changed(A=DEGENERATE.A + Fraction(shift)) for shift in (distance, "1e-6"))
+    ratio = Fraction(distance) * 10**6
+    found, reference = hopf_point(near, 20), hopf_point(far, 40)
+    for name in ("first_lyapunov_coefficient", "quadratic_coefficient"):
+        number = getattr(found, name)
+        assert (number - getattr(reference, name) * ratio).holds(0)
+        assert number.uncertainty * 10**20 <= abs(number.value)
+    assert found.criticality == ("supercritical" if ratio > 0 else "subcritical")
+
+
+# ------------------------------------------------------------------------------------------------ eigenvalues
+@given(parameters=physical_parameters(), share=decimals("0.1", "2"))
+def test_saddle_value_and_kind_against_eigenvalues(parameters: Parameters, share: Fraction) -> None:
+    speed = round(omega_crit(parameters).value * share, 6)
+    unstable, slow, _ = equilibrium(parameters, speed, "noninverted").eigenvalues
+    value = unstable.re + slow.re
+    assert saddle_value_sign(parameters, speed) == (1 if value > 0 else -1)
+    for name in ("inverted", "noninverted"):
+        kinds = [part.im.value for part in equilibrium(parameters, speed, name).eigenvalues]  # type: ignore[arg-type]
+        assert (discriminant(linearization(parameters, speed, name)) < 0) == any(kinds)  # type: ignore[arg-type]
+
+
+def test_the_saddle_value_vanishes_where_it_should() -> None:
+    """lambda^2 = -a1 solves the cubic if a2 a1 = a0: then lambda_u = -lambda_s. Omega is rational for this disk."""
+    disk = DEGENERATE.changed(r="0.04", e="0.01", m=1, B="1.6e-3", A="2e-3", g="10")  # Bbar = 1.5e-3
+    square = disk.m * disk.g * (disk.r - disk.e) ** 2 / (disk.r * disk.Bbar)
+    disk = disk.changed(g=disk.g * 100 / square)
+    beside = (Fraction(10) + Fraction(side, 10**20) for side in (-1, 0, 1))
+    assert [saddle_value_sign(disk, speed) for speed in beside] == [1, 0, -1]
+
+
+@pytest.mark.parametrize("name", ["inverted", "noninverted"])
+@settings(max_examples=25)
+@given(parameters=physical_parameters())
+def test_eigenvalues_change_kind_at_these_speeds(name: EquilibriumName, parameters: Parameters) -> None:
+    speeds = kind_changes(parameters, name, 20)
+    kinds = [discriminant(linearization(parameters, Fraction(1, 10**9), name)) > 0]
+    for speed in speeds:
+        assert speed.uncertainty <= speed.value / 10**20
+        low, high = (speed.value * (1 + side * Fraction(1, 10**15)) for side in (-1, 1))
+        before, after = (discriminant(linearization(parameters, end, name)) > 0 for end in (low, high))
+        assert before is kinds[-1]
+        assert after is not before
+        kinds.append(after)
+    assert (discriminant(linearization(parameters, Fraction(10**6), name)) > 0) is kinds[-1]
+
+
+# ------------------------------------------------------------------------------------------------ the command
+def told(capsys: Any, *arguments: str) -> dict[str, Any]:
+    assert main(["hopf", "--json", *arguments]) == 0
+    result: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return result
+
+
+def test_command_with_bautin_points(capsys: Any) -> None:
+    (point,) = told(capsys, "--bautin", "A", "--digits", "50")["bautin"]
+    assert point["parameter"] == "A"
+    p = PRINTED
+    truth = p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e) * (p.r - 2 * p.e))
+    assert Measured.of(**point["value"]).holds(truth)
+    assert Fraction(point["value"]["uncertainty"]) < truth / 10**50
+    assert told(capsys, "--bautin", "m")["bautin"] == []
+    assert main(["hopf", "--bautin", "m"]) == 0
+    assert "no Bautin point: no admissible m" in capsys.readouterr().out
+    assert main(["hopf", "--bautin", "A"]) == 0
+    assert "Bautin point as A varies:\n  value: 0.00023239668996710526" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [("--bautin", "g"), ("--bautin", "x"), ("--bautin", "A", "--friction", "smooth")])
+def test_command_refuses_in_one_line(capsys: Any, arguments: tuple[str, ...]) -> None:
+    assert main(["hopf", *arguments]) == 2
+    out, error = capsys.readouterr()
+    assert not out
+    assert len(error.splitlines()) == 1
+
+
+def test_command_at_a_bautin_point(capsys: Any, tmp_path: Path) -> None:
+    path = tmp_path / "degenerate.toml"
+    path.write_text("\n".join(f'{name} = "{text}"' for name, text in DEGENERATE.decimals().items()), "utf-8")
+    result = told(capsys, "--parameters", str(path))
+    assert result["criticality"] == "degenerate"
+    assert result["first_lyapunov_coefficient"]["value"] == "0"
+    assert float(result["second_lyapunov_coefficient"]["value"]) < 0
+    assert result["amplitude_squared_slope"] is result["period_slope"] is None
+    assert main(["hopf", "--parameters", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "criticality: degenerate" in text
+    assert "slope" not in text
+
+
+def test_a_sweep_has_no_slopes_there(capsys: Any, tmp_path: Path) -> None:
+    path, out = tmp_path / "degenerate.toml", tmp_path / "rows.csv"
+    path.write_text("\n".join(f'{name} = "{text}"' for name, text in DEGENERATE.decimals().items()), "utf-8")
+    axis = "A=0.224e-3,0.225e-3"
+    assert main(["sweep", "hopf", "--over", axis, "--parameters", str(path), "--out", str(out), "--jobs", "1"]) == 0
+    at, beside = csv.DictReader(out.read_text("utf-8").splitlines())
+    assert at["status"] == beside["status"] == "ok"
+    assert at["amplitude_squared_slope"] == beside["second_lyapunov_coefficient"] == ""
+    assert float(at["second_lyapunov_coefficient"]) < 0 < float(beside["amplitude_squared_slope"])
