@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, alone_in, common_options, print_result, processes, progress
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    checked_jobs,
+    common_options,
+    print_result,
+    processes,
+    progress,
+)
 from tippedisk_verify.commands.quantities import quantities_of
 
 if TYPE_CHECKING:
@@ -47,10 +55,13 @@ def atlas(
     parameters of the disk these are the curves.
     """
     from tippedisk_verify.orbits.atlas import atlas as found_in
-    from tippedisk_verify.orbits.atlas import planes_of
+    from tippedisk_verify.orbits.atlas import checked_atlas, planes_of
     from tippedisk_verify.orbits.disk_plane import DiskPlane, disk_atlas
 
     planes = planes_of(common.parameters, plane, ranges)
+    for one in planes:
+        checked_atlas(one, points, common.digits)
+    checked_jobs(jobs)
     folder = alone_in(out)
     with progress(common, 0) as advance, processes(jobs) as pool:
         options: Any = {"points": points, "digits": common.digits, "executor": pool, "advance": advance}
