@@ -17,6 +17,7 @@ from typing import NoReturn
 import click
 
 from tippedisk_verify import __version__
+from tippedisk_verify.commands.atlas import COMMANDS as ATLAS_COMMANDS
 from tippedisk_verify.commands.basin import COMMANDS as BASIN_COMMANDS
 from tippedisk_verify.commands.bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.commands.certify import COMMANDS as CERTIFY_COMMANDS
@@ -47,6 +48,7 @@ def cli(context: click.Context) -> None:
 for command in (
     *VERIFY_COMMANDS,
     *COMMANDS,
+    *ATLAS_COMMANDS,
     *BASIN_COMMANDS,
     *BENCH_COMMANDS,
     *REFERENCE_COMMANDS,

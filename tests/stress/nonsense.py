@@ -116,6 +116,16 @@ SHAPES: dict[str, Shape] = {
     "orbit": Shape(("orbit",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "orbit above": Shape(("orbit",), {**_COMMON, "--above-het": ("0.1", NOT_SPEEDS)}),
     "orbit below": Shape(("orbit", "--rotating"), {**_COMMON, "--below-het": ("0.01", NOT_SPEEDS)}),
+    "atlas": Shape(
+        ("atlas",),
+        {
+            **_COMMON,
+            **_JOBS,
+            "--plane": ("A,Omega", NOT_NAMES),
+            "--points": ("5", NOT_COUNTS),
+            "--out": ("out", NOT_FOLDERS),
+        },
+    ),
     "harmonic-balance": Shape(
         ("harmonic-balance",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS), "--harmonics": ("12", NOT_COUNTS)}
     ),

@@ -31,6 +31,7 @@ __all__ = [
     "Fold",
     "LibrationFold",
     "RotationFold",
+    "fold_in",
     "fold_in_double",
     "fold_near",
     "fold_to_digits",
@@ -133,17 +134,26 @@ def fold_to_digits(
 
     Raises Shortfall if it is not found, or the digits are not reached.
     """
-    precision = bits(bits_for_digits(digits + _GUARD))
-    near, jacobian = fold_near(kind.section, parameters, near, engine)
-    rough = _numbers(kind.section, parameters, near, jacobian, engine, precision)
-    sharp = _numbers(kind.section, parameters, near, jacobian, engine, companion(precision))
-    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
-    fold = kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
+    fold = fold_in(kind, parameters, near, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.unknowns):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
             raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
     return fold
+
+
+def fold_in(
+    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, precision: Precision
+) -> Any:
+    """The fold of that kind near a point, computed in ``precision`` and compared with the next wider arithmetic.
+
+    Raises Shortfall if it is not found.
+    """
+    near, jacobian = fold_near(kind.section, parameters, near, engine)
+    rough = _numbers(kind.section, parameters, near, jacobian, engine, precision)
+    sharp = _numbers(kind.section, parameters, near, jacobian, engine, companion(precision))
+    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
+    return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
 
 def _conditions(mapped: Any) -> tuple[Any, Any, Any]:
@@ -172,7 +182,8 @@ def fold_near(
         (a, b), (c, d) = mapped.matrix
         gradient = []
         for axis in range(3):
-            away = _DIFFERENCE * min(1.0, abs(at[axis]))  # a cycle near the Hopf point is small
+            # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
+            away = _DIFFERENCE * min(1.0, abs(at[axis]), section.room(at) ** (2 if axis == 2 else 1))
             beside = [tuple(x + sign * away * (k == axis) for k, x in enumerate(at)) for sign in (1, -1)]
             above, below = (_conditions(_mapped(section, parameters, state, engine, DOUBLE))[2] for state in beside)
             gradient.append((above - below) / (2 * away))

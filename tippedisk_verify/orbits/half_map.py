@@ -6,6 +6,7 @@ square is the return map. A fixed point is a symmetric limit cycle.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -122,6 +123,11 @@ class HalfFlights:
     def residual(self, end: Sequence[Any], state: Sequence[Any]) -> tuple[Any, Any]:
         """The map's image, given where the flow arrives, less where it started."""
         return -end[1] - state[0], -end[2] - state[1]
+
+    @staticmethod
+    def room(state: Sequence[float]) -> float:
+        """The scale of a cycle's coordinates next to a saddle, at most 1; its square is the speed's."""
+        return abs(1 - (state[0] / math.pi) ** 2)
 
     @staticmethod
     def measures(flight: Result) -> dict[str, Any]:

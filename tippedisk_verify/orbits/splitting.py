@@ -33,11 +33,19 @@ from tippedisk_verify.model.precision import (
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["MOST_DIGITS", "Splitting", "SplittingFunction", "SplittingZero", "splitting_zero"]
+__all__ = [
+    "MOST_DIGITS",
+    "Splitting",
+    "SplittingFunction",
+    "SplittingZero",
+    "splitting_zero",
+    "splitting_zero_in_double",
+]
 
 _GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
 _FAR = 0.02  # where double still sees the approach to the second saddle clearly
 _LONGEST = 30.0  # s
+_SHORT_SERIES = 5  # where the flight is cheaper than the series: few powers, and starts close to the saddles
 
 
 @dataclass(frozen=True)
@@ -70,13 +78,14 @@ class SplittingFunction:
         precision: Precision,
         closer: float = 1.0,
         coarser: tuple[Fraction, Splitting] | None = None,
+        order: int | None = None,
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
         # Longer series cost a cube of their order, closer starts a longer flight: a balance.
-        self.order = 2 * round(6 + digits / 4) + 1
+        self.order = order or 2 * round(6 + digits / 4) + 1
         self.bits = precision.bits + 32
-        saddle = Saddle(parameters, near, self.bits, self.order)
+        self._saddle = saddle = Saddle(parameters, near, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
         self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
         self.end = _short(
@@ -94,7 +103,8 @@ class SplittingFunction:
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
 
     def __call__(self, omega: Fraction) -> Splitting:
-        saddle = Saddle(self.parameters, omega, self.bits, self.order)
+        here = self._saddle.omega == omega
+        saddle = self._saddle if here else Saddle(self.parameters, omega, self.bits, self.order)
         ctx = saddle.context
         result = self.engine(
             Request(
@@ -230,6 +240,34 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -
         },
         evaluations=evaluations + 2,
     )
+
+
+def splitting_zero_in_double(parameters: Parameters, near: Fraction, engine: Engine) -> Measured:
+    """Omega_h [rad/s] in double from an approximation good to some five digits, for curves of many of them.
+
+    The half-width is measured by one evaluation of the splitting in the next wider arithmetic. Raises Shortfall if the
+    iteration does not settle or the branch does not arrive, NoConnectionError where there are no saddles to connect.
+    """
+    omega = _cut(near, DOUBLE)
+    splitting_at = SplittingFunction(parameters, omega, engine, DOUBLE, order=_SHORT_SERIES)
+    value, step = splitting_at(omega), _half_digits(DOUBLE)
+    slope = (fraction(splitting_at(omega + step).u) - fraction(value.u)) / step
+    failure = Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
+    # The slope is that of the start, good to its distance: a step this small leaves less than rounding.
+    iteration = NewtonIteration(8, failure, small=omega / 10**12, fewest=2)
+    while True:
+        change = fraction(value.u) / slope
+        omega = _cut(omega - change, DOUBLE)
+        if iteration.converged(abs(change)):
+            break
+        value = splitting_at(omega)
+    wider = companion(DOUBLE)
+    check = SplittingFunction(parameters, omega, engine, wider, closer=0.5, order=_SHORT_SERIES)(omega)
+    unstable, slow, _ = Saddle(parameters, omega, wider.bits, 3).eigenvalues
+    # The slope at the wider run's end, as in `_zero`: u grows like exp(lambda_u t), s falls like exp(lambda_s t).
+    slope *= fraction(abs(value.s / check.s) ** (-unstable / slow))
+    off = abs(fraction(check.u) / slope) + 10 * fraction(check.t) ** 2 / abs(slope)
+    return Measured(omega, off * DISTANCES + omega * DOUBLE.epsilon)
 
 
 def _half_digits(precision: Precision) -> Fraction:

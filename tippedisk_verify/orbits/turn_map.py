@@ -68,6 +68,10 @@ class TurnFlights(HalfFlights):
         return end[0] - state[0], end[2] - state[1]
 
     @staticmethod
+    def room(state: Sequence[float]) -> float:
+        return 1.0
+
+    @staticmethod
     def measures(flight: Result) -> dict[str, Any]:
         """The largest lean, and (beta_bar, v) at gamma = -pi/2."""
         (bottom,) = (record.state for record in flight.events if record.name == BOTTOM.name)

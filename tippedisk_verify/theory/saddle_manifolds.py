@@ -32,6 +32,8 @@ from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, 
 
 __all__ = ["Saddle", "Series", "refuse_focus"]
 
+_RESONANT = 1 / 16  # of the eigenvalue; coefficients grow like the inverse of such a divisor
+
 
 class Series:
     """A truncated power series in one variable, on top of ``quarters`` right angles where it stands for an angle."""
@@ -226,7 +228,11 @@ class Saddle:
 
     @cached_property
     def unstable_direction(self) -> list[Series]:
-        """M(s): the unstable direction along the slow stable curve; even in s."""
+        """M(s): the unstable direction along the slow stable curve; even in s.
+
+        Any M tells u = 0, so terms next to a resonance are left out: lambda_u + 2 lambda_s = lambda_s where the saddle
+        value vanishes, for one. There u grows like exp(lambda_u t) up to a factor 1 + O(s^2) only.
+        """
         return self._carried(0)
 
     def _carried(self, which: int) -> list[Series]:
@@ -246,7 +252,9 @@ class Saddle:
                             (terms[k] * carried[column][power - k] for k in range(step, power + 1, step)), ctx.zero
                         )
             along = self.inverse_directions * rest
-            added = [along[k] / (own + power * slow - self.eigenvalues[k]) for k in range(3)]
+            divisors = [own + power * slow - value for value in self.eigenvalues]
+            resonant = [which == 0 and abs(divisor) < _RESONANT * own for divisor in divisors]
+            added = [ctx.zero if resonant[k] else along[k] / divisors[k] for k in range(3)]
             vector = self.directions * ctx.matrix(added)
             for row in range(3):
                 carried[row][power] = vector[row]

@@ -1,0 +1,220 @@
+"""The atlas against continuation by collocation, against closed forms, against thirty digits; what it refuses."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import numpy
+import pytest
+
+from tests.orbits.collocated_connection import omega_h, saddle
+from tests.orbits.collocated_cycles import Disk, fold_curve
+from tippedisk_verify.cli import main
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.orbits.atlas import Atlas, Curve, atlas
+from tippedisk_verify.orbits.disk_plane import DiskPlane, disk_atlas
+from tippedisk_verify.orbits.fold_curves import Plane
+from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.slices import slice_of
+from tippedisk_verify.orbits.splitting import splitting_zero
+
+# Half as rough a friction as the paper's, and nearly balanced: here the saddle value changes its sign on Omega_h.
+BALANCED = PRINTED.changed(epsilon="0.3", e="0.5e-3")
+
+
+@pytest.fixture(scope="module")
+def by_inertia() -> Atlas:
+    """From disks with hysteresis to disks without."""
+    return atlas(Plane(PRINTED, "A", Fraction("0.2275e-3"), Fraction("0.2365e-3")), points=5)
+
+
+@pytest.fixture(scope="module")
+def by_eccentricity() -> Atlas:
+    return atlas(Plane(BALANCED, "e", Fraction("0.4e-3"), Fraction("0.7e-3")), points=5)
+
+
+def curve(found: Atlas, kind: str) -> Curve:
+    (only,) = (one for one in found.curves if one.kind == kind)
+    return only
+
+
+def test_what_is_stable_where(by_inertia: Atlas) -> None:
+    (bautin,) = by_inertia.points
+    r, e, _, B = (getattr(PRINTED, name) for name in ("r", "e", "A", "B"))
+    closed = (B - PRINTED.m * e**2) * r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
+    assert bautin.kind == "bautin"
+    assert bautin.value.holds(closed)
+    left, right = by_inertia.regions
+    assert abs(left.highest - closed) < 1e-12 * closed  # the range is divided into 1e12 parts
+    assert [cell.stable for cell in left.slices[0].cells] == ["neither", "limit cycle", "both", "inverted spinning"]
+    assert left.bounds == ("heteroclinic", "hopf", "fold")
+    assert [cell.stable for cell in right.slices[0].cells] == ["neither", "limit cycle", "inverted spinning"]
+    assert by_inertia.gaps == ()
+
+
+def test_folds_are_those_of_collocation(by_inertia: Atlas) -> None:
+    points = curve(by_inertia, "fold").points[2:]  # cycles of the others are small: collocation finds no fold there
+    for point, theirs in zip(points, fold_curve(Disk(), "A", [float(one.value) for one in points]), strict=True):
+        assert abs(float(point.omega) - theirs.omega.value) <= theirs.omega.error + float(point.omega.uncertainty)
+        assert abs(float(point.gamma_bar_0) - theirs.gamma_bar_0.value) <= theirs.gamma_bar_0.error + float(
+            point.gamma_bar_0.uncertainty
+        )
+        assert point.omega.uncertainty < point.omega.value / 10**12
+
+
+def test_the_connection_is_that_of_collocation(by_inertia: Atlas) -> None:
+    guess = None
+    for point in curve(by_inertia, "heteroclinic").points[::2]:
+        theirs, guess = omega_h(Disk(A=float(point.value)), guess=guess)
+        assert abs(float(point.omega) - theirs.value) <= theirs.error + float(point.omega.uncertainty)
+        assert point.omega.uncertainty < point.omega.value / 10**12
+
+
+def test_points_are_evenly_spread(by_inertia: Atlas) -> None:
+    """To a quarter: even is the length along the curve, and what is measured are chords."""
+    everything = [point for one in by_inertia.curves for point in one.points]
+    height = max(point.omega.value for point in everything) - min(point.omega.value for point in everything)
+    for one in by_inertia.curves:
+        x = [by_inertia.plane.share(point.value) for point in one.points]
+        y = [float(point.omega.value / height) for point in one.points]
+        steps = numpy.hypot(numpy.diff(x), numpy.diff(y))
+        assert len(one.points) == 5
+        assert steps.max() < 1.25 * steps.min()
+
+
+def test_folds_end_where_the_saddle_value_vanishes(by_eccentricity: Atlas) -> None:
+    (neutral,) = by_eccentricity.points
+    assert neutral.kind == "neutral-saddle"
+    disk = Disk(epsilon=0.3, e=float(neutral.value))
+    speed, _ = omega_h(disk)
+    assert abs(float(neutral.omega) - speed.value) <= speed.error + float(neutral.omega.uncertainty)
+    here = saddle(disk, speed.value)
+    # It falls by 2e3 per unit of e: half of its twelfth digit is 1e-12; eigenvalues of size 1e2 err by 1e-13.
+    assert abs(here.unstable + here.slow) < 1e-11
+    assert float(neutral.value.uncertainty) < 1e-12 * float(neutral.value)
+    ends = [point.value for point in curve(by_eccentricity, "fold").points]
+    assert min(ends) == Fraction("0.4e-3")
+    assert 0 < neutral.value.value - max(ends) < Fraction("0.01e-3")  # the fold's cycles are too long beyond
+
+
+def test_the_last_part_of_a_fold_curve_is_told_to_be_missing(by_eccentricity: Atlas) -> None:
+    first, last = by_eccentricity.regions
+    assert first.bounds == ("fold", "heteroclinic", "hopf")
+    assert last.bounds == ("heteroclinic", "hopf")
+    assert any(gap.reason.startswith("regions: ") for gap in by_eccentricity.gaps)
+
+
+def test_a_connection_of_neutral_saddles_is_found(taylor: Taylor) -> None:
+    """The unstable direction's series has a resonance there; a distance of 1e-16 from it leaves no digit."""
+    disk = PRINTED.changed(epsilon="0.3", e="0.575279602327400e-3")
+    speed, _ = omega_h(Disk(epsilon=0.3, e=0.5752796023274e-3))
+    found = heteroclinic(disk, taylor)
+    assert abs(float(found.omega_h) - speed.value) <= speed.error + float(found.omega_h.uncertainty)
+
+
+def test_what_is_not_known_is_said(taylor: Taylor) -> None:
+    """Slippery disks: foci instead of saddles, and cycles that lose their stability without a fold."""
+    focus = slice_of(PRINTED.changed(mu="0.05"), 0.0, taylor)
+    assert focus.bounds[0][0] == "amplitude pi"
+    assert "saddle-focus" in focus.no_connection
+    other = slice_of(PRINTED.changed(mu="0.03"), 0.0, taylor)
+    assert "without a fold" in other.other_changes
+    assert "limit cycle unknown" in [cell.stable for cell in other.cells]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--plane", "A"], "plane 'A' is not known"),
+        (["--plane", "A,A"], "plane 'A,A' is not known"),
+        (["--plane", "Omega,A"], "plane 'Omega,A' is not known"),
+        (["--plane", "A,e", "--range", "0.23e-3", "0.26e-3"], "1 ranges for 2 parameters"),
+        (["--plane", "A,e", "--range", "1e-4", "2e-4", "--range", "1e-3", "2e-3"], "no disk of these ranges"),
+        (["--plane", "Q,Omega"], "plane 'Q,Omega' is not known"),
+        (["--range", "0.26e-3", "0.23e-3"], "must rise"),
+        (["--range", "0.2e-3", "0.23e-3"], "B must not exceed A"),
+        (["--range", "0.23e-3", "wide"], "wide"),
+        (["--points", "4"], "5 to 10000 points"),
+        (["--jobs", "0"], "--jobs"),
+        (["--digits", "0"], "0 digits"),
+        (["--friction", "smooth"], "linear friction law only"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], said: str, capsys) -> None:
+    assert main(["atlas", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert said in captured.err
+
+
+def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
+    ends = ["--range", "0.2315e-3", "0.2325e-3"]
+    assert main(["atlas", *ends, "--points", "5", "--jobs", "1", "--json", "--out", str(tmp_path)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [one["kind"] for one in result["curves"]] == ["hopf", "heteroclinic", "fold"]
+    assert [one["kind"] for one in result["points"]] == ["bautin"]
+    assert result["regions"][0]["stable"] == ["neither", "limit cycle", "both", "inverted spinning"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["atlas.csv", "atlas.json", "atlas.png", "atlas.svg"]
+    assert json.loads((tmp_path / "atlas.json").read_text(encoding="utf-8")) == result
+    header, *rows = (tmp_path / "atlas.csv").read_text(encoding="utf-8").splitlines()
+    assert header == "kind,curve,A,A uncertainty,omega,omega uncertainty"
+    assert len(rows) == 16
+
+
+def test_a_plane_of_two_parameters() -> None:
+    """Both curves by their definitions: the closed form, and the eigenvalues at the speed that collocation finds."""
+    first = Plane(PRINTED, "A", Fraction("0.228e-3"), Fraction("0.258e-3"))
+    second = Plane(PRINTED, "e", Fraction("0.55e-3"), Fraction("0.85e-3"))
+    found = disk_atlas(DiskPlane(first, second), points=5, grid=3)
+    bautin, neutral = found.curves
+    assert (bautin.kind, neutral.kind) == ("bautin", "neutral-saddle")
+    for curve_found in found.curves:
+        assert (len(curve_found.points), curve_found.gaps) == (5, ())
+    for point in bautin.points:
+        r, e = PRINTED.r, point.second.value
+        closed = (PRINTED.B - PRINTED.m * e**2) * r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
+        assert point.second.uncertainty == 0
+        assert point.first.holds(closed)
+    for point in neutral.points[::2]:
+        disk = Disk(A=float(point.first), e=float(point.second))
+        speed, _ = omega_h(disk)
+        assert abs(float(point.omega) - speed.value) <= speed.error + float(point.omega.uncertainty)
+        here = saddle(disk, speed.value)
+        assert abs(here.unstable + here.slow) < 1e-11  # as above
+        assert max(part.uncertainty / part.value for part in (point.first, point.second)) <= Fraction(1, 10**12)
+
+
+@pytest.mark.slow(minutes=4)
+@pytest.mark.parametrize(
+    "plane",
+    [
+        Plane(PRINTED, "A", Fraction("0.2271e-3"), Fraction("0.26e-3")),
+        Plane(PRINTED, "B", Fraction("0.23e-3"), Fraction("0.2485e-3")),
+        Plane(BALANCED, "e", Fraction("0.3e-3"), Fraction("0.9e-3")),
+    ],
+    ids=lambda plane: plane.name,
+)
+def test_every_point_holds_thirty_digits(taylor: Taylor, plane: Plane) -> None:
+    found = atlas(plane, points=25)
+    violations = []
+    for one in found.curves:
+        for point in one.points:
+            disk = plane.at(point.value)
+            if one.kind == "heteroclinic":
+                truths = {"omega": splitting_zero(disk, point.omega.value, taylor, 30).omega_h}
+            elif one.kind == "fold":
+                near = float(point.gamma_bar_0), float(point.v_0), float(point.omega)
+                fold = fold_to_digits(LibrationFold, disk, near, taylor, 30)
+                truths = {name: getattr(fold, name) for name in ("omega", "gamma_bar_0", "v_0", "period")}
+            else:
+                square = (disk.r + disk.e) ** 2 * disk.m * disk.g / (disk.r * disk.Bbar)
+                low, high = (point.omega.value + side * point.omega.uncertainty for side in (-1, 1))
+                assert low**2 <= square <= high**2
+                continue
+            violations += [name for name, truth in truths.items() if not getattr(point, name).contains(truth)]
+    assert violations == []
