@@ -189,7 +189,7 @@ def test_a_plane_of_two_parameters() -> None:
         assert max(part.uncertainty / part.value for part in (point.first, point.second)) <= Fraction(1, 10**12)
 
 
-@pytest.mark.slow(minutes=4)
+@pytest.mark.slow(minutes=5)
 @pytest.mark.parametrize(
     "plane",
     [
