@@ -112,7 +112,7 @@ SHAPES: dict[str, Shape] = {
         ("scene",), {**_COMMON, "--omega-h": ("30.05", NOT_SPEEDS), "--out": ("out", NOT_FOLDERS)}, (("d", NOT_NAMES),)
     ),
     "equilibria": Shape(("equilibria",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
-    "hopf": Shape(("hopf",), _COMMON),
+    "hopf": Shape(("hopf",), {**_COMMON, "--bautin": ("A", NOT_NAMES.filter(lambda text: text not in ("A", "B")))}),
     "orbit": Shape(("orbit",), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "orbit above": Shape(("orbit",), {**_COMMON, "--above-het": ("0.1", NOT_SPEEDS)}),
     "orbit below": Shape(("orbit", "--rotating"), {**_COMMON, "--below-het": ("0.01", NOT_SPEEDS)}),
@@ -179,6 +179,7 @@ SHAPES: dict[str, Shape] = {
     "certify hopf": Shape(("certify", "hopf"), _COMMON),
     "certify table": Shape(("certify", "table"), _COMMON),
     "certify orbit": Shape(("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
+    "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS)}),
     "reference list": Shape(
         ("reference", "list"), {}, (("printed", NOT_NAMES.filter(lambda text: text and not text.startswith("-"))),)

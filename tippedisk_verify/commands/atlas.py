@@ -52,7 +52,7 @@ def atlas(
 
     Special points are bautin (where cycles are no longer born stable), neutral-saddle (on Omega_h, where the saddle
     value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit). In a plane of two
-    parameters of the disk these are the curves.
+    parameters of the disk these are the curves. A limit cycle is here one about inverted spinning, not a rotating one.
     """
     from tippedisk_verify.orbits.atlas import atlas as found_in
     from tippedisk_verify.orbits.atlas import checked_atlas, planes_of

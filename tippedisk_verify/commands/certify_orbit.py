@@ -21,7 +21,9 @@ __all__ = ["orbit"]
 @click.option("--rotating", is_flag=True, help="The cycle on which gamma grows by 2 pi a period.")
 @click.option("--unstable", is_flag=True, help="The unstable one, where a stable one has the same speed.")
 @click.option("--at-fold", is_flag=True, help="Prove a fold of the family: two of its cycles meet there and end.")
-@click.option("--fold", "number", type=int, metavar="N", help="The fold number N, if the family has several.")
+@click.option(
+    "--fold", "number", type=click.IntRange(1, 20), metavar="N", help="The fold number N, if the family has several."
+)
 @common_options
 def orbit(
     common: Common,
