@@ -22,6 +22,8 @@ from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import cycles_at_speed
 from tippedisk_verify.orbits.folds import libration_folds
+from tippedisk_verify.orbits.near_connection import cycle_at
+from tippedisk_verify.theory.codimension_two import bautin_points
 from tippedisk_verify.theory.hopf import criticality
 from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
@@ -106,6 +108,32 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
     assert [cycle.stable for cycle in cycles_at_speed(known, halfway)] == [True, False]
+
+
+def test_next_to_omega_h_and_below_the_fold_it_is_said_which(taylor) -> None:
+    """The overview stays as far from Omega_h as doubles need, and a speed next to both ends is told the right one."""
+    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor))
+    assert {cycle.stable for cycle in cycles} == {True, False}
+    with pytest.raises(NoSuchCycleError, match=r"below the family, which lies between a fold at 25\.70764 rad/s"):
+        cycle_at(POSITIVE_SADDLE_VALUE, "25.7076", taylor)
+
+
+@pytest.mark.parametrize("below", ["1e-11", "1e-16"])
+def test_next_to_the_bautin_point_folds_follow_the_closed_form(below, taylor) -> None:
+    """There doubles see their rounding only."""
+    (point,) = bautin_points(PRINTED, "A", 20)
+    disk = PRINTED.changed(A=point.value.value - Fraction(below))
+    (fold,) = libration_folds(disk, taylor)
+    square = -float(point.fold_amplitude_slope) * float(below)
+    # The next term is in proportion to the distance: a tenth at 1e-7 kg m^2.
+    assert abs(float(fold.gamma_bar_0) ** 2 / square - 1) < 1e-4
+    assert len(list(family(disk, taylor))) >= 41
+
+
+def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
+    """With little friction there are others close by: one of them among the nodes made one fold into five."""
+    first, second = libration_folds(PRINTED.changed(mu="0.015"), taylor)
+    assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 
 def test_the_smooth_law_folds_too(taylor) -> None:
@@ -196,7 +224,7 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
     cycles = list(family(focus, taylor, omegas=["29"] * 3))
     assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
-    with pytest.raises(NoSuchCycleError, match=r"followed from Omega_crit = .* where gamma's amplitude is pi"):
+    with pytest.raises(NoSuchCycleError, match=r"is followed to .* rad/s only, where gamma's amplitude is pi"):
         list(family(focus, taylor, omegas=["28"]))
 
 
@@ -205,15 +233,18 @@ def test_command(folding, capsys) -> None:
     (fold,) = json.loads(capsys.readouterr().out)["folds"]
     assert {"omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"} <= set(fold)
     assert main(["orbit", "--at-fold", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"folds": []}
+    assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
     assert main(["orbit", "--at-fold"]) == 0
-    assert capsys.readouterr().out.strip().endswith("has no fold")
+    assert capsys.readouterr().out.strip().endswith("has no fold from Omega_crit to Omega_h")
     for words, stable in ((["--unstable"], False), ([], True)):
         assert main(["orbit", "--omega", "30.9", *words, "--json", "--parameters", folding]) == 0
         assert json.loads(capsys.readouterr().out)["stable"] is stable
     for words, told in (
-        (["--omega", "31"], "lies between Omega_h = 30.75413 and a fold = 30.95691 rad/s, and a fold is less by"),
-        (["--omega", "30.7"], "and Omega_h is more by 0.054"),
+        (
+            ["--omega", "31"],
+            "that is 0.043 rad/s above the family, which lies between Omega_h = 30.75413 rad/s and a fold at 30",
+        ),
+        (["--omega", "30.7"], "that is 0.054 rad/s below the family"),
         (["--omega", "30.8", "--unstable"], "no unstable limit cycle found at 30.8 rad/s: the one found is stable"),
         (["--at-fold", "--unstable"], "--unstable goes with"),
         (["--at-fold", "--omega", "30.9"], "give the speed of the cycle with one of"),

@@ -75,7 +75,7 @@ def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_below_omega_h_it_says_so(taylor, friction) -> None:
-    with pytest.raises(NoSuchCycleError, match=r"between Omega_h = 30\.0\d+ and Omega_crit"):
+    with pytest.raises(NoSuchCycleError, match=r"between Omega_h = 30\.0\d+ rad/s and Omega_crit"):
         followed_cycle(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from tippedisk_verify.commands.common import Common, common_options, print_result, speed, speed_options
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 
 __all__ = ["orbit"]
 
@@ -76,13 +76,13 @@ def _fold(common: Common, rotating: bool, number: int | None) -> int:
     parameters.refuse_smooth("folds of limit cycles are proved")
     kind: type[FoldProof] = RotationFoldProof if rotating else LibrationFoldProof
     folds: tuple[Fold, ...] = ()
-    fault = "this disk's family of limit cycles about inverted spinning has no fold"
+    fault = "no fold of this disk's limit cycles about inverted spinning was found"
     try:
         if rotating:
             folds = (rotation_fold(parameters, default_engine(), digits=digits + 10),)
         else:
             folds = libration_folds(parameters, default_engine(), digits=digits + 10)
-    except (NoSuchCycleError, NoConnectionError) as error:
+    except (NoSuchCycleError, NoConnectionError, Shortfall) as error:
         fault = str(error)
     if not folds:
         print_result(common, kind(False, fault, parameters, 0).json())

@@ -234,4 +234,4 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
             kill_workers()
             pool.shutdown(wait=True, cancel_futures=True)
             raise
-    pool.shutdown(wait=False, cancel_futures=True)
+    pool.shutdown(wait=True, cancel_futures=True)  # or its own hook at exit may find its pipe closed

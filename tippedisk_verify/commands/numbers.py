@@ -17,7 +17,7 @@ from tippedisk_verify.commands.common import (
     speed_options,
 )
 from tippedisk_verify.commands.quantities import quantities_of
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -141,26 +141,47 @@ class _Asked(NamedTuple):
 @common_options
 def orbit(common: Common, rotating: bool, **asked: Any) -> int:
     """One limit cycle by shooting: period, state, multipliers, sensitivities."""
-    answer = (_rotating if rotating else _librating)(common, _Asked(**asked))
-    none = answer.get("folds") == []
-    print_result(
-        common, answer, ["this disk's family of limit cycles about inverted spinning has no fold"] if none else None
-    )
+    choice = _Asked(**asked)
+    if choice.at_fold:
+        return _at_fold(common, rotating, choice)
+    print_result(common, (_rotating if rotating else _librating)(common, choice))
+    return 0
+
+
+def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
+    """The fold of the rotating cycles, or all of the librating ones' family as far as it is followed."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
+
+    asked.refuse_unless_one("omega", "below_crit", "below_het" if rotating else "above_het", "at_fold")
+    parameters, engine, digits = common.parameters, default_engine(), common.digits
+    if rotating:
+        print_result(common, rotation_fold(parameters, engine, digits=digits).json())
+        return 0
+    try:
+        family = AmplitudeFamily(parameters, engine)
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    folds = [fold.json() for fold in libration_folds(parameters, engine, digits=digits, family=family)]
+    end = "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
+    said = [f"this disk's family of limit cycles about inverted spinning has no fold from Omega_crit to {end}"]
+    for number, fold in enumerate(folds, 1):
+        said += [] if number > 1 else [f"folds from Omega_crit to {end}:"]
+        said += result_lines({str(number): fold})
+    print_result(common, {"folds": folds, "followed_to": end}, said[1:] if folds else said)
     return 0
 
 
 def _librating(common: Common, asked: _Asked) -> dict[str, object]:
-    """A cycle about inverted spinning, or the folds of their family, as JSON."""
+    """A cycle about inverted spinning, as JSON."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.folds import libration_folds
     from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if asked.below_het is not None:
         raise InputError("--below-het belongs to --rotating")
     asked.refuse_unless_one("omega", "below_crit", "above_het", "at_fold")
-    if asked.at_fold:
-        return {"folds": [fold.json() for fold in libration_folds(parameters, engine, digits=digits)]}
     if asked.above_het is not None:
         return _without_history(cycle_above(parameters, asked.above_het, engine, digits=digits))
     value, stable = speed(common, asked.omega, asked.below_crit), False if asked.unstable else None
@@ -175,17 +196,14 @@ def _without_history(cycle: Cycle) -> dict[str, object]:
 
 
 def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
-    """A rotating cycle, or the fold of their family, as JSON."""
+    """A rotating cycle, as JSON."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.folds import rotation_fold
     from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if asked.above_het is not None:
         raise InputError("--above-het leads to cycles that do not rotate: use --omega, --below-crit or --below-het")
     asked.refuse_unless_one("omega", "below_crit", "below_het", "at_fold")
-    if asked.at_fold:
-        return rotation_fold(parameters, engine, digits=digits).json()
     if asked.below_het is not None:
         return _without_history(rotating_below(parameters, asked.below_het, engine, digits=digits))
     value = speed(common, asked.omega, asked.below_crit)
@@ -200,7 +218,7 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
 @click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: str | None) -> int:
-    """The family of limit cycles from Omega_crit to Omega_h, through any folds, or of the rotating ones."""
+    """The family of limit cycles from Omega_crit towards Omega_h, through any folds, or of the rotating ones."""
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
@@ -256,7 +274,7 @@ def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
     try:
         solve = all_at_once(parameters, default_lanes()) if in_lanes else None
         return libration_folds(parameters, engine, digits=digits, family=AmplitudeFamily(parameters, engine, solve))
-    except NoSuchCycleError:
+    except (NoSuchCycleError, Shortfall):
         return []
 
 

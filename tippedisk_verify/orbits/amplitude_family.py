@@ -39,6 +39,7 @@ _CLOSEST = 1e-5  # rad/s; how near its limit Omega is followed: beyond, doubles 
 _SLOWEST, _FASTEST = 1.5, 6.0  # rates at which the slope of Omega falls towards a connection: from 2 to 4, nearly
 _MOST_PANELS = 10  # the amplitude is then within 1e-5 of pi
 _JUMPED = 0.3  # relative; what is found farther than this from where it was looked for is another orbit
+_APART = 0.15  # of the change between neighbours
 _NEXT_TO_A_NODE = 1e-3  # of s; where nodes would have to be closer together the family is lost
 _MOST_STEPS = 10  # of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step that rounding follows
@@ -79,6 +80,11 @@ class Place:
 def amplitude(s: Any) -> Any:
     """gamma_bar_0 [rad] at the abscissa."""
     return numpy.pi * numpy.tanh(s)
+
+
+def _named(name: str, speed: float) -> str:
+    """An end of the family and its speed, in words."""
+    return f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s"
 
 
 def _by_s(s: Array) -> Any:
@@ -161,7 +167,7 @@ class AmplitudeFamily:
             jumped = (numpy.abs(values - guess) > _JUMPED * numpy.abs(guess)).any(axis=0)
             slopes = numpy.stack(((found.v_slope - found.v / a) / a, found.half_slope, found.omega_slope)) * rate
         rows = numpy.concatenate((s[None], values, slopes)).T
-        rows[jumped] = numpy.nan
+        rows[jumped | _apart(rows, known)] = numpy.nan
         return rows
 
     def _guess(self, s: Array, known: Array) -> Any:
@@ -218,26 +224,20 @@ class AmplitudeFamily:
         The last one is the amplitude pi, if the family is not `connected`.
         """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
-        last = "Omega_h" if self.connected else "gamma's amplitude of pi"
-        return ("Omega_crit", self.omega_crit), *turns, (last, self.limit)
+        return ("Omega_crit", self.omega_crit), *turns, ("Omega_h" if self.connected else "that amplitude", self.limit)
 
     def refusal(self, omega: float) -> str:
         """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
         lowest, highest = (choose(self.ends, key=lambda end: end[1]) for choose in (min, max))
         text = f"no limit cycle found at {omega:.10g} rad/s"
-        for (name, end), side in ((lowest, -1), (highest, 1)):
-            if (omega - end) * side > 0:
-                if end == self.limit and not self.connected:
-                    return (
-                        f"{text}: the family is followed from Omega_crit = {self.omega_crit:.7g} to {end:.7g} rad/s, "
-                        "where gamma's amplitude is pi"
-                    )
-                word = "less" if side > 0 else "more"
-                return (
-                    f"{text}: the family lies between {lowest[0]} = {lowest[1]:.7g} and {highest[0]} = "
-                    f"{highest[1]:.7g} rad/s, and {name} is {word} by {abs(omega - end):.2g}"
-                )
-        return text
+        if lowest[1] <= omega <= highest[1]:
+            return text
+        away, side = (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
+        text += f": that is {away:.2g} rad/s {side} the family, which "
+        if self.connected:
+            return text + f"lies between {_named(*lowest)} and {_named(*highest)}"
+        last = f"is followed to {self.limit:.7g} rad/s only, where gamma's amplitude is pi"
+        return text + f"{last}, and lies so far between {_named(*lowest)} and {_named(*highest)}"
 
     @property
     def s_end(self) -> float:
@@ -327,6 +327,21 @@ class AmplitudeFamily:
         ratio, half, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         gamma_bar = float(amplitude(s))
         return Place(s, gamma_bar, ratio * gamma_bar, half, omega, piece)
+
+
+def _apart(rows: Array, known: Array) -> Any:
+    """(n,) whether a row does not continue the one before: no value has changed by what the slopes say.
+
+    Over so short a way the trapezoidal rule is off by a few percent of the change on a family; on another orbit by all.
+    """
+    chain = numpy.concatenate((known[-1:] if len(known) else rows[:1], rows))
+    step = numpy.diff(chain[:, 0])[:, None]
+    change, slopes = numpy.diff(chain[:, 1:4], axis=0), chain[:, 4:]
+    off = numpy.abs(change - step * (slopes[1:] + slopes[:-1]) / 2)
+    size = numpy.abs(change) + step * numpy.maximum(numpy.abs(slopes[1:]), numpy.abs(slopes[:-1]))
+    with numpy.errstate(invalid="ignore"):
+        apart = (off > _APART * size + 1e-9 * numpy.abs(chain[1:, 1:4])).sum(axis=1) >= 2
+    return numpy.logical_or.accumulate(apart)
 
 
 def one_at_a_time(parameters: Parameters, engine: Engine) -> Solver:

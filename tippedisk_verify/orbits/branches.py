@@ -24,13 +24,14 @@ from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.continuation import cycles_at_speed
 from tippedisk_verify.orbits.continuation import paper_sets as sets_of
-from tippedisk_verify.orbits.near_connection import cycle_at
+from tippedisk_verify.orbits.near_connection import DOUBLE_SHOOTS, cycle_at
 from tippedisk_verify.orbits.periodic import LimitCycle
 
 __all__ = ["DEFAULT_COUNT", "MANY", "Branch", "family"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 _FEWEST = 5  # of them on a piece between folds
+_UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do not tell cycles apart
 _MOST = 1_000_000
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
@@ -83,7 +84,11 @@ def family(
         yield from _papers(parameters, engine)
         return
     if omegas is None:
-        yield from _overview(AmplitudeFamily(parameters, engine))
+        try:
+            known = AmplitudeFamily(parameters, engine)
+        except NoSuchCycleError as fault:  # no speed was asked for
+            raise Shortfall(str(fault)) from None
+        yield from _overview(known)
         return
     speeds = [checked_speed(omega) for omega in omegas]
     if not 0 < len(speeds) <= _MOST:
@@ -95,14 +100,22 @@ def family(
 
 
 def _overview(family: AmplitudeFamily) -> Iterator[LimitCycle]:
-    """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these."""
-    breaks = family.breaks
-    for piece, ((_, begin), (_, end)) in enumerate(pairwise(family.ends)):
+    """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
+
+    Not closer to them than doubles can follow; pieces that are too short for that are left out.
+    """
+    breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
+    for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
         count = max(_FEWEST, round(DEFAULT_COUNT * share))
+        away = (end - begin) / 1000
+        first = begin + math.copysign(max(abs(away), _UNRESOLVED * begin), away)
+        last = end - math.copysign(max(abs(away), closest if name == "Omega_h" else _UNRESOLVED * end), away)
+        if (last - first) * away <= 0:
+            continue
         for n in range(count):
             place = (2 * n - count + 1) / (count - 1)
-            omega = begin + (0.5 + 0.499 * place * (1.5 - 0.5 * place * place)) * (end - begin)
+            omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
             yield cycles_at_speed(family, Fraction(omega), piece=piece)[0]
 
 

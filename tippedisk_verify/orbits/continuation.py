@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, NoSuchCycleError, OutsideFamilyError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -123,7 +123,7 @@ def cycles_at_speed(
                 raise Shortfall(f"{fault}; the speed is next to a fold, where two cycles meet") from None
             cycles.append(_on_piece(family, place, cycle))
     if not cycles:
-        raise NoSuchCycleError(family.refusal(float(omega)))
+        raise OutsideFamilyError(family.refusal(float(omega)))
     return cycles
 
 

@@ -8,6 +8,7 @@ than doubles give.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -15,7 +16,7 @@ from typing import Any, ClassVar
 
 import numpy
 
-from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -26,6 +27,9 @@ from tippedisk_verify.orbits.half_map import HalfFlights
 from tippedisk_verify.orbits.newton import NewtonIteration
 from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.orbits.turn_map import TurnFlights
+from tippedisk_verify.theory.amplitude_law import amplitude_law
+from tippedisk_verify.theory.equilibria import saddle_value_sign
+from tippedisk_verify.theory.hopf import critical_frequency_squared, criticality, omega_crit
 
 __all__ = [
     "Fold",
@@ -40,6 +44,9 @@ __all__ = [
 ]
 
 _DIFFERENCE = 1e-5  # of unknowns of order one: rounding and the third derivatives then err alike, by some 1e-9
+_ASTRAY = 0.01
+_WIDE = bits(192)
+_SMALL_FOLD = 0.1  # rad; for smaller ones the law of fourth order is a better start than doubles are
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
 
 
@@ -60,11 +67,9 @@ class Fold:
     precision: str  #: the arithmetic of its numbers
 
     def json(self) -> dict[str, object]:
-        return {
-            name: value.json()
-            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
-            if isinstance(value, Measured)
-        }
+        names = ("omega", "period", *self.section.unknowns, *self.__dataclass_fields__)
+        values = {name: getattr(self, name) for name in names}
+        return {name: value.json() for name, value in values.items() if isinstance(value, Measured)}
 
 
 @dataclass(frozen=True)
@@ -106,15 +111,44 @@ def libration_folds(
 ) -> tuple[LibrationFold, ...]:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
-    They are those of the part of the family that `AmplitudeFamily` follows. Raises NoSuchCycleError where the family
-    cannot be followed, Shortfall if the digits are not reached.
+    They are those of the part of the family that `AmplitudeFamily` follows. Raises Shortfall where it cannot be
+    followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
     """
     checked_digits(digits)
-    family = family or AmplitudeFamily(parameters, engine)
-    places = [family.place(s) for s in family.folds]
-    return tuple(
-        fold_to_digits(LibrationFold, parameters, (*place.start, place.omega), engine, digits) for place in places
-    )
+    try:
+        family = family or AmplitudeFamily(parameters, engine)
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
+    if parameters.friction == "linear":
+        small = _small_fold(parameters)
+        if small is not None:  # next to it doubles see their rounding
+            starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
+        if family.connected and len(starts) % 2 != _asked_for(parameters, family.limit):
+            raise Shortfall("this family has a fold too close to its end for doubles: no digits of it are known")
+    folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
+    for fold, (a, _, omega) in zip(folds, starts, strict=True):
+        # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
+        if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
+            raise Shortfall(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
+    return tuple(folds)
+
+
+def _asked_for(parameters: Parameters, omega_h: float) -> int:
+    """1 if Omega falls at one end of the family and rises at the other, by exact signs: the folds' number is odd."""
+    born_below = criticality(parameters) == "supercritical"
+    return int(born_below is not (saddle_value_sign(parameters, Fraction(omega_h)) < 0))
+
+
+def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
+    """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
+    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
+    square = -quadratic / (2 * quartic) if quartic else 0.0
+    if not 0 < square < _SMALL_FOLD**2:
+        return None
+    crit, a = float(omega_crit(parameters)), math.sqrt(square)
+    v = -a * float(critical_frequency_squared(parameters)) / crit
+    return a, v, crit * (1 + quadratic * square / 2)
 
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:
@@ -149,9 +183,16 @@ def fold_in(
 
     Raises Shortfall if it is not found.
     """
-    near, jacobian = fold_near(kind.section, parameters, near, engine)
-    rough = _numbers(kind.section, parameters, near, jacobian, engine, precision)
-    sharp = _numbers(kind.section, parameters, near, jacobian, engine, companion(precision))
+    for known in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
+        try:
+            start, jacobian = fold_near(kind.section, parameters, near, engine, known)
+            rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
+            sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
+        except (Shortfall, NoSuchCycleError, numpy.linalg.LinAlgError):
+            if known is _WIDE:
+                raise
+        else:
+            break
     numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
     return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
@@ -169,29 +210,37 @@ def _mapped(
 
 
 def fold_near(
-    section: type[HalfFlights], parameters: Parameters, at: tuple[float, float, float], engine: Engine
+    section: type[HalfFlights],
+    parameters: Parameters,
+    at: Sequence[Any],
+    engine: Engine,
+    precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
-    """Both coordinates and Omega of the fold near a point, in double, and the derivative of its conditions there.
+    """Both coordinates and Omega of the fold near a point, and the derivative of its conditions there, as doubles.
 
-    Raises Shortfall if the iteration does not settle.
+    They are computed in ``precision``. Raises Shortfall if the iteration does not settle.
     """
     lost = Shortfall("the iteration for the fold of the limit cycles does not settle")
-    iteration = NewtonIteration(20, lost, small=1e-13, near=1e-9)
+    iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
+    at = [precision.number(float(part)) for part in at]
+    share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
-        mapped = _mapped(section, parameters, at, engine, DOUBLE)
+        mapped = _mapped(section, parameters, at, engine, precision)
         (a, b), (c, d) = mapped.matrix
         gradient = []
         for axis in range(3):
             # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
-            away = _DIFFERENCE * min(1.0, abs(at[axis]), section.room(at) ** (2 if axis == 2 else 1))
-            beside = [tuple(x + sign * away * (k == axis) for k, x in enumerate(at)) for sign in (1, -1)]
-            above, below = (_conditions(_mapped(section, parameters, state, engine, DOUBLE))[2] for state in beside)
+            room = min(1.0, abs(float(at[axis])), section.room([float(x) for x in at]) ** (2 if axis == 2 else 1))
+            away = precision.number(share * room)
+            beside = [[x + sign * away * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+            above, below = (_conditions(_mapped(section, parameters, state, engine, precision))[2] for state in beside)
             gradient.append((above - below) / (2 * away))
-        jacobian = numpy.array([[a - 1, b, mapped.by_omega[0]], [c, d - 1, mapped.by_omega[1]], gradient])
-        step = numpy.linalg.solve(jacobian, _conditions(mapped))
-        at = (at[0] - step[0], at[1] - step[1], at[2] - step[2])
+        rows = [[a - 1, b, mapped.by_omega[0]], [c, d - 1, mapped.by_omega[1]], gradient]
+        jacobian = numpy.array([[float(entry) for entry in row] for row in rows])
+        step = numpy.linalg.solve(jacobian, [float(part) for part in _conditions(mapped)])
+        at = [x - precision.number(float(part)) for x, part in zip(at, step, strict=True)]
         if iteration.converged(float(numpy.abs(step).max())):
-            return at, jacobian
+            return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
 
 def _numbers(

@@ -13,7 +13,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, OutsideFamilyError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
@@ -117,11 +117,13 @@ def cycle_at(
     speed = checked_speed(omega)
     try:
         return followed_cycle(parameters, speed, engine, digits=digits, stable=stable)
-    except NoSuchCycleError:
+    except NoSuchCycleError as fault:
         omega_h = None
         with suppress(NoConnectionError, Shortfall):
             omega_h = resolved_omega_h(parameters, speed, engine)
-        if omega_h is None or abs(speed - omega_h) > _NEXT_TO_OMEGA_H:
+        # The family itself is followed until doubles hold no more of it.
+        near = 2 * DOUBLE_SHOOTS if isinstance(fault, OutsideFamilyError) else _NEXT_TO_OMEGA_H
+        if omega_h is None or abs(speed - omega_h) > near:
             raise
         attracts = saddle_value_sign(parameters, omega_h) < 0
         if (speed < omega_h) is attracts:  # the reason in double may be off by more than the distance

@@ -20,7 +20,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import fraction, quotient, shown
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, decimal_magnitude
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.amplitude_law import amplitude_law
@@ -183,9 +183,17 @@ def _roots(polynomial: list[Fraction], top: Fraction, digits: int) -> list[tuple
 
 
 def _bisected(polynomial: list[Fraction], low: Fraction, high: Fraction, digits: int) -> tuple[Fraction, Fraction]:
-    rising = _at(polynomial, high) > 0
+    rising, slope = _at(polynomial, high) > 0, _derivative(polynomial)
     while (high - low) * 10**digits > low:
         middle = (low + high) / 2
+        if (high - low) * 2**20 < low and _at(slope, middle):  # Newton's step squares the share; signs decide
+            reach = max((high - low) ** 2 * 2**8 / low, low / 10**digits / 16)
+            unit = 10 ** max(0, 3 - decimal_magnitude(reach))
+            near = Fraction(round((middle - _at(polynomial, middle) / _at(slope, middle)) * unit), unit)
+            below, above = near - reach, near + reach
+            if low < below and above < high and _at(polynomial, below) * _at(polynomial, above) < 0:
+                low, high = (Fraction(round(end * unit), unit) for end in (below - reach, above + reach))
+                continue
         if (_at(polynomial, middle) > 0) == rising:
             high = middle
         else:

@@ -32,7 +32,7 @@ from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, 
 
 __all__ = ["Saddle", "Series", "refuse_focus"]
 
-_RESONANT = 1 / 16  # of the eigenvalue; coefficients grow like the inverse of such a divisor
+_RESONANT = 1e-4  # of the eigenvalue; coefficients grow like the inverse of such a divisor
 
 
 class Series:
