@@ -31,7 +31,7 @@ FEW = (*(index for index in range(205) if index % 100 < 90), *range(90, 99), *(1
 RUNS = (2, 5, 102, 104, 209, 300, 301, 302, 303, 309)
 HALF_PERIODS = (28, 30, 33, 129, 131, 132, 133, 228, 229, 233, 234, 333)
 CYCLES = (49, 50, 51, 52, 53, 55, 56, 58, 59, 60, 61, 62)
-BRANCHES = (85, 86)
+BRANCHES = (85, 86, 288)
 FINER = (73, 74, 94, 273, 276)  #: what double does not hold to the digits asked for, and Omega_h
 #: Those whose compiled code takes seconds, and differs from the default's by chance only.
 PLAIN = ("optimisation 1", "optimisation 2", "AVX-512", "packed")

@@ -50,7 +50,7 @@ TERMS = (
     Term("the distance", "model.measured", "DISTANCES", None, 0, (74, *_FINER)),
     Term("the spread", _BRANCH, "TWIN_FACTOR", None, 0.0, _FAMILY),
     Term("most of the spread", _BRANCH, "TWIN_FACTOR", None, 0.1, _FAMILY),
-    Term("the last Newton step", _BRANCH, "_SLOPE", None, 0, _FAMILY[::-1]),
+    Term("the last Newton step", _BRANCH, "_SLOPE", None, 0, (288,)),
     Term("truncation between the nodes", "orbits.branch_interpolant", "DISTANCES", None, 0, _FAMILY),
     Term("the shift of the zero", "orbits.splitting", "DISTANCES", None, 0, _CONNECTION),
 )
