@@ -113,6 +113,14 @@ def test_recorded_derivatives_are_the_hand_written_ones(parameters, omega, state
         assert found[row][3].overlaps((ahead[row] - behind[row]) / (2 * step))
 
 
+def test_a_variable_without_a_rate_is_refused() -> None:
+    """Its coefficients would be those that another system left behind."""
+    graph = Graph()
+    x, y = graph.variable(), graph.variable()
+    with pytest.raises(ValueError, match="variable"):
+        System(graph, [x], [x * y])
+
+
 def test_a_ball_of_starts_holds_the_coefficients_of_its_points() -> None:
     with working_precision(100):
         graph = Graph()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import product
 
 import pytest
 
@@ -42,16 +43,18 @@ def test_refused_input() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("orbit", ["a1", "d2"])
-@pytest.mark.parametrize("time", ["0.5", "2"])
-def test_the_reference_trajectories_lie_in_the_proved_intervals(orbit, time) -> None:
+@pytest.mark.parametrize(
+    ("law", "orbit", "time"),
+    [*product(["linear"], ["a1", "d2"], ["0.5", "2"]), *product(["smooth"], ["c1", "d2"], ["0.5", "2"])],
+)
+def test_the_reference_trajectories_lie_in_the_proved_intervals(law, orbit, time) -> None:
     """Half-widths of 1e-47 at most, from MPFR runs at 51 and 60 digits."""
-    names = [f"printed/linear/trajectory/{orbit}/{part}@{time}" for part in ("beta", "gamma", "v")]
+    names = [f"printed/{law}/trajectory/{orbit}/{part}@{time}" for part in ("beta", "gamma", "v")]
     stored = [reference(name) for name in names]
     inputs = stored[0].inputs
     quarter = PI * Fraction(1, 2)
     start = (exact(inputs["beta"]) - quarter, exact(inputs["gamma"]) - quarter, inputs["v"])
-    found = proved_state(PRINTED, inputs["Omega"], start, time, digits=45)
+    found = proved_state(PRINTED.with_friction(law), inputs["Omega"], start, time, digits=45)
     assert found.status is Status.REACHED
     with working_precision(300):
         right_angle = measured(ball(quarter))

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.certified.balls import ball, ball_constants, measured, working_precision
-from tippedisk_verify.certified.flow import Flight, Model, Status, carry
+from tippedisk_verify.certified.balls import ball, measured, working_precision
+from tippedisk_verify.certified.flow import Flight, Status, carry
+from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -47,7 +48,7 @@ def proved_state(
 ) -> ProvedState:
     """The state after ``duration`` seconds from the exact (beta_bar, gamma_bar, v), each to ``digits`` decimals.
 
-    For the linear law. The inputs are whatever `model.exact.exact` takes; raises InputError for what makes no sense.
+    The inputs are whatever `model.exact.exact` takes; raises InputError for what makes no sense.
     """
     if len(state) != 3:
         raise InputError("a state has three components: beta_bar, gamma_bar, v")
@@ -56,8 +57,7 @@ def proved_state(
     bits = min(most_bits, bits_for_digits(digits) + _FIRST_GUARD)
     for _ in range(_MOST_ATTEMPTS):
         with working_precision(bits):
-            model = Model(ball_constants(parameters), ball(speed))
-            flight = carry(model, [ball(part) for part in start], ball(span))
+            flight = carry(model_of(parameters, ball(speed)), [ball(part) for part in start], ball(span))
             end = _measured(flight)
         if end is not None:
             widest = max(part.uncertainty for part in end)

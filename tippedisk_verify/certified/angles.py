@@ -46,10 +46,17 @@ class _TurnedOps:
 OPS = _TurnedOps()
 
 
-def rates(constants: Constants, omega: Any, around: int, offsets: Sequence[Any]) -> tuple[Any, Any, Any]:
+def rates(
+    constants: Constants,
+    omega: Any,
+    around: int,
+    offsets: Sequence[Any],
+    friction: Friction = "linear",
+    side: int | None = None,
+) -> tuple[Any, Any, Any]:
     """d/dt of (beta, gamma, v) at the given offsets from the equilibrium with ``around`` right angles in gamma."""
     beta, gamma, v = offsets
-    return field(OPS, constants, omega, "linear")(Turned(1, beta), Turned(around, gamma), v)
+    return field(OPS, constants, omega, friction, side)(Turned(1, beta), Turned(around, gamma), v)
 
 
 def linearization(

@@ -31,9 +31,13 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 
 __all__ = [
+    "BallOps",
+    "alike",
     "arb",
+    "around_zero",
     "ball",
     "ball_constants",
+    "choice",
     "coefficient",
     "hull",
     "inside",
@@ -41,6 +45,9 @@ __all__ = [
     "negative",
     "positive",
     "series_length",
+    "side_by_side",
+    "upper",
+    "within",
     "working_precision",
 ]
 
@@ -94,12 +101,24 @@ def coefficient(series: Any, power: int) -> Any:
     return series[power]
 
 
+class BallOps:
+    """``ops`` of `model.equations` for balls and for series of them."""
+
+    @staticmethod
+    def sin(angle: Any) -> Any:
+        return angle.sin()
+
+    @staticmethod
+    def cos(angle: Any) -> Any:
+        return angle.cos()
+
+
 def ball(value: object) -> Any:
     """A ball that holds the exact number ``value`` stands for (see `model.exact.exact`), at the working precision.
 
     A ball passes unchanged. Raises InputError for what is no finite number.
     """
-    if isinstance(value, arb):
+    if isinstance(value, arb) or side_by_side(value):
         return value
     number = exact(value)
     result = _rational(number.rational)
@@ -129,19 +148,61 @@ def ball_constants(parameters: Parameters | Mapping[str, Any]) -> Constants:
     return Constants(r, e, m, A, B, Bbar, g, mu, epsilon, A / m, B / m - e * e, traction / epsilon, traction)
 
 
-def positive(x: Any) -> bool:
+def positive(x: Any) -> Any:
     """Whether every number of the ball is greater than zero; False for NaN and for infinite balls."""
-    return bool(x.is_finite() and x > 0)
+    return x.positive() if side_by_side(x) else bool(x.is_finite() and x > 0)
 
 
-def negative(x: Any) -> bool:
+def negative(x: Any) -> Any:
     """Whether every number of the ball is less than zero; False for NaN and for infinite balls."""
-    return bool(x.is_finite() and x < 0)
+    return x.negative() if side_by_side(x) else bool(x.is_finite() and x < 0)
 
 
-def inside(x: Any, y: Any) -> bool:
+def inside(x: Any, y: Any) -> Any:
     """Whether the ball ``x`` lies in the interior of the ball ``y``; False if either is not finite."""
+    if side_by_side(x):
+        return x.inside(y)
     return bool(x.is_finite() and y.is_finite() and y.contains_interior(x))
+
+
+def upper(x: Any) -> Any:
+    """A float, of lanes an array of them, near the largest absolute value in the ball: for choices, not for proofs."""
+    return x.abs_upper().midpoints if side_by_side(x) else float(x.abs_upper())
+
+
+def alike(sample: Any, value: object) -> Any:
+    """A number, or a ball, as a ball in the arithmetic of ``sample``."""
+    return sample.constant(value) if side_by_side(sample) else ball(value)
+
+
+def around_zero(radius: Any) -> Any:
+    """A ball about 0 that reaches ``radius``, a number or ball that is not negative, or further."""
+    return radius.around_zero() if side_by_side(radius) else arb(0, radius)
+
+
+def choice(mask: Any, x: Any, y: Any) -> Any:
+    """``x`` where the mask is true, ``y`` where it is not."""
+    if side_by_side(x):
+        return x.where(mask, y)
+    return x if mask else y
+
+
+def within(x: Any, length: Any) -> Any:
+    """A ball that holds what the ball ``x`` and the interval from 0 to ``length``, a float or exact lanes, share.
+
+    It is not finite where they share nothing.
+    """
+    if side_by_side(x):
+        return x.within(length)
+    span = hull(0, length)
+    if not x.is_finite():
+        return span
+    return x.intersection(span) if x.overlaps(span) else arb.nan()
+
+
+def side_by_side(x: object) -> bool:
+    """Whether these are `lanes.Lanes`, of which everything here is answered lane by lane."""
+    return hasattr(x, "midpoints")
 
 
 def measured(x: Any) -> Measured:

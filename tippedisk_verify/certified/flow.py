@@ -1,7 +1,8 @@
 """Proved enclosures of the flow: an interval Taylor method in mean-value form.
 
 All states are in shifted angles, (beta - pi/2, gamma - pi/2, v): the section is beta_bar = 0, the symmetry S is x -> -x
-and the equilibria are (0, 0, 0) and (0, -pi, 0), (0, pi, 0). The friction law is the linear one.
+and the equilibria are (0, 0, 0) and (0, -pi, 0), (0, pi, 0). The friction law is linear (the smooth
+one: `sliding`).
 
 **One step.** Given a box X of states (a vector of balls) and a ball of speeds Omega, let m be X's midpoint.
 Recurrences (`series`) give the Taylor coefficients p_0 … p_N of the orbit from m, and those of the orbits from X
@@ -34,18 +35,36 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property, reduce
+from operator import and_
 from typing import Any
 
-from tippedisk_verify.certified.balls import arb, ball, inside, working_precision
+from tippedisk_verify.certified.balls import (
+    BallOps,
+    alike,
+    arb,
+    around_zero,
+    ball,
+    inside,
+    side_by_side,
+    upper,
+    working_precision,
+)
+from tippedisk_verify.certified.frame import Frame
+from tippedisk_verify.certified.jets import Jet
+from tippedisk_verify.certified.lanes import Lanes
 from tippedisk_verify.certified.series import Graph, Node, System
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["Flight", "Model", "Path", "Status", "Step", "carry"]
+__all__ = ["Flight", "Law", "Model", "Path", "Status", "Step", "carry"]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
 _MEAN_VALUE_BITS, _MEAN_VALUE_ORDER = 53, 16  # derivatives that only multiply radii
+#: Over a wide box, the order of the series and how often it decays along v in a step: balls add up what alternates, so
+#: that derivatives over the box are exp(twice that) times as wide as they are.
+_WIDE_ORDER, _DAMPED = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box says too little to go on
 _SHORTEST_STEP = 2.0**-40  # s
@@ -62,24 +81,27 @@ class Status(Enum):
     REACHED = "the end was reached"
     NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"
     TOO_WIDE = "the enclosure has grown too wide: work in more bits, or start from a narrower box"
+    GRAZING = (
+        "the sliding velocity is not proved to keep its sign or to change it at a rate other than zero: work in more "
+        "bits, from a narrower box, or at another speed"
+    )
     STEP_LIMIT = "the step limit was reached: shorten the run"
 
 
 class Model:
     """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step needs.
 
-    ``constants`` as from `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius. Built once, used for any
-    number of runs; every enclosure holds for all constants and speeds in their balls. ``law`` replaces the equations,
-    for tests with exact answers.
+    ``constants`` as from `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a `Jet` of such; or `Lanes`
+    for both. Built once, used for any number of runs; every enclosure holds for all constants and speeds in their
+    balls. ``law`` replaces the equations, for tests with exact answers.
     """
 
     def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
-        self.constants, self.omega = constants, ball(omega)
-        self._law = law or _tippedisk
-        thin = Graph()
-        variables = [thin.variable() for _ in range(3)]
+        self.constants = constants
+        self.omega: Any = omega if isinstance(omega, Lanes | Jet) else ball(omega)
+        self.law = law or _tippedisk
         # The speed's radius goes with the box, in mean-value form.
-        self.orbit = System(thin, variables, self._rates(thin, thin.number(self.omega.mid()), variables))
+        self.orbit = self.orbit_at(self.omega.mid())
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         speed = graph.number(self.omega, active=True)
@@ -99,27 +121,31 @@ class Model:
         #: the same and the integral of the field's divergence d(v')/d(v)
         self.with_divergence = System(graph, [*unknowns, graph.variable()], [*slopes, partials[2][2]])
 
+    def at_middle(self) -> Model:
+        """The model at the midpoint of the speeds."""
+        return Model(self.constants, self.omega.mid(), self.law)
+
+    def orbit_at(self, omega: Any) -> System:
+        """The states alone, without derivatives, at another speed."""
+        graph = Graph()
+        variables = [graph.variable() for _ in range(3)]
+        return System(graph, variables, self._rates(graph, graph.number(omega), variables))
+
+    def path(self, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)) -> Path:
+        """All orbits from a box of states, to be followed; see `Path`."""
+        return Path(self, start, derivatives=derivatives, along=along)
+
     def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
         constants = Constants(*(graph.number(value) for value in self.constants))
-        return tuple(graph.number(rate) for rate in self._law(graph, constants, omega)(*variables))
+        return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
         """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
-        return self._law(_BallOps, self.constants, self.omega)(*state)
+        return self.law(BallOps, self.constants, self.omega)(*state)
 
 
 def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     return field(shifted(ops), constants, omega, "linear")
-
-
-class _BallOps:
-    @staticmethod
-    def sin(angle: Any) -> Any:
-        return angle.sin()
-
-    @staticmethod
-    def cos(angle: Any) -> Any:
-        return angle.cos()
 
 
 def _absent(node: Node) -> bool:
@@ -131,34 +157,52 @@ class Step:
     """One accepted step: what is proved over [0, length] from where the path stood."""
 
     begin: Any  #: time at its start [s]
-    length: float  #: [s], exact
+    length: Any  #: [s], exact: a float, or lanes
     enclosure: tuple[Any, Any, Any]  #: holds the state throughout, for every orbit from the box
-    deviation: tuple[Any, Any, Any, Any]  #: the box and the speed's ball, minus their midpoints
+    frame: Frame  #: of the states at its start
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
     derivatives: list[list[Any]]  #: of the twelve derivatives (and the divergence's integral), likewise
 
-    def derivatives_at(self, time: Any) -> tuple[tuple[Any, Any, Any, Any], ...]:
+    def rows_at(self, time: Any) -> tuple[tuple[Any, Any, Any, Any], ...]:
         """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in [0, length]."""
-        entries = [_polynomial(series, time) for series in self.derivatives[:12]]
+        entries = [polynomial(series, time) for series in self.derivatives[:12]]
         return tuple((entries[row], entries[3 + row], entries[6 + row], entries[9 + row]) for row in range(3))
+
+    def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
+        """d(state at ``time``)/d(start of the path, Omega) for every orbit."""
+        return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
         """Integral of div f from the step's start."""
-        return _polynomial(self.derivatives[12], time)
+        return polynomial(self.derivatives[12], time)
 
     def at(self, time: Any) -> tuple[Any, Any, Any]:
         """The state after ``time``, a number or ball within [0, length], for every orbit from the box."""
-        rows = self.derivatives_at(time)
-        centre = (_polynomial(series, time) for series in self.polynomials)
-        return tuple(
-            middle + sum(entry * part for entry, part in zip(row, self.deviation, strict=True))
-            for middle, row in zip(centre, rows, strict=True)
-        )
+        return self.frame.image(self.centre(time), self.rows_at(time))
+
+    def at_end(self) -> tuple[Any, Any, Any]:
+        """The state at the step's end, for every orbit from the box."""
+        return self.frame.image(*self._end)
+
+    @cached_property
+    def _end(self) -> tuple[Sequence[Any], tuple[tuple[Any, Any, Any, Any], ...]]:
+        time = alike(self.enclosure[0], self.length)
+        return self.centre(time), self.rows_at(time)
+
+    def carried(self, time: Any = None) -> Frame:
+        """The frame of the states after ``time``, or at the step's end."""
+        stiffness = 1 + upper(self.derivatives[8][1])  # of d(v)/d(v): its rate at the start
+        centre, rows = self._end if time is None else (self.centre(time), self.rows_at(time))
+        return self.frame.carried(centre, rows, stiffness)
+
+    def centre(self, time: Any) -> Sequence[Any]:
+        """Where the midpoint's orbit is after ``time``."""
+        return [polynomial(series, time) for series in self.polynomials]
 
 
-def _polynomial(coefficients: Sequence[Any], time: Any) -> Any:
+def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
     result = coefficients[-1]
-    for coefficient in coefficients[-2::-1]:
+    for coefficient in reversed(coefficients[:-1]):
         result = result * time + coefficient
     return result
 
@@ -170,19 +214,24 @@ class Path:
     they are computed roughly, for the mean-value form only.
     """
 
-    def __init__(self, model: Model, start: Sequence[Any], *, derivatives: bool = False) -> None:
+    def __init__(
+        self, model: Model, start: Sequence[Any], *, derivatives: bool = False, along: Sequence[Any] = (0, 0, 0)
+    ) -> None:
         if len(start) != 3:
             raise InputError("a state has three components: beta_bar, gamma_bar, v")
-        self.model, self.time, self.box = model, ball(0), tuple(ball(part) for part in start)
-        self.sharp = derivatives
-        one, zero = ball(1), ball(0)
-        self.matrix: tuple[tuple[Any, ...], ...] = tuple(
-            tuple(one if row == column else zero for column in range(4)) for row in range(3)
-        )
-        self.divergence = zero
+        self.model, self.time, self.sharp = model, ball(0), derivatives
+        self.frame = Frame([ball(part) for part in start], model.omega, along)
+        self.box = self.frame.box()
+        self.divergence = ball(0)
         self.steps = 0
+        self.reversals = 0  #: how often the sliding velocity has changed its sign; counted under the smooth law only
         self.status: Status | None = None  #: why it stopped, if it did
         self._share = 0.75  # of the length that the midpoint's series allows; follows what is accepted
+
+    @property
+    def matrix(self) -> tuple[tuple[Any, ...], ...]:
+        """(3, 4): d(state)/d(start, Omega)."""
+        return self.frame.matrix()
 
     def step(self, longest: float | None = None) -> Step | None:
         """A proved step of at most ``longest`` seconds, not yet taken; None, with a status, if none is found."""
@@ -205,16 +254,9 @@ class Path:
     def take(self, step: Step, time: Any = None) -> None:
         """Go to the step's end, or to ``time`` (a number or ball) within it."""
         moment = ball(step.length) if time is None else time
-        self.box = step.at(moment)
+        self.frame = step.carried(time)
+        self.box = self.frame.box()
         if self.sharp:
-            rows = step.derivatives_at(moment)
-            self.matrix = tuple(
-                tuple(
-                    sum(row[k] * self.matrix[k][column] for k in range(3)) + (row[3] if column == 3 else 0)
-                    for column in range(4)
-                )
-                for row in rows
-            )
             self.divergence = self.divergence + step.divergence_at(moment)
         self.time = self.time + moment
         self.steps += 1
@@ -222,16 +264,14 @@ class Path:
     def _trials(self, longest: float | None) -> Step | None:
         """Steps of falling length until one passes."""
         model, bits = self.model, _precision()
-        middle = [part.mid() for part in self.box]
-        deviation = (
-            *(part - centre for part, centre in zip(self.box, middle, strict=True)),
-            model.omega - model.omega.mid(),
-        )
         order = _order(bits)
-        thin = model.orbit.coefficients(middle, order)
-        rough_order = order if self.sharp else _MEAN_VALUE_ORDER
-        system, wide = self._wide_series(rough_order, bits)
+        thin = model.orbit.coefficients(self.frame.middle, order)
         allowed, rough_allowed = self._allowed(bits)
+        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if self.sharp else _MEAN_VALUE_ORDER
+        system, wide = self._wide_series(rough_order, bits)
+        if rough_order < order:
+            stiffness = float(abs(wide[11][1]).abs_upper())
+            longest = min(math.inf if longest is None else longest, _short_float(_DAMPED / max(1.0, stiffness)))
         sizes = [max(0, _magnitude(column[0])) for column in wide[3:]]
         reach, share = _length(thin, allowed), self._share
         for _ in range(_MOST_TRIALS):
@@ -239,11 +279,11 @@ class Path:
             if length < _SHORTEST_STEP:
                 return None
             try:
-                verdict = self._verdict(system, wide, length, order)
+                found = self._verdict(system, wide, length, order)
             except _NotFiniteError:
                 share *= 0.5
                 continue
-            enclosure, remainders, rough_remainders, included = verdict
+            enclosure, remainders, rough_remainders, included = found
             excess = max(
                 _excess(remainders, [0, 0, 0], allowed, length, order + 1),
                 _excess(rough_remainders[3:], sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
@@ -257,7 +297,7 @@ class Path:
                     self.time,
                     length,
                     enclosure,
-                    deviation,
+                    self.frame,
                     [[*c, r] for c, r in zip(thin, remainders, strict=True)],
                     [[*c, r] for c, r in zip(wide[3:], rough_remainders[3:], strict=True)],
                 )
@@ -289,22 +329,38 @@ class Path:
         self, system: System, wide: list[list[Any]], length: float, order: int
     ) -> tuple[tuple[Any, Any, Any], list[Any], list[Any], bool]:
         """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved."""
-        rough_order = len(wide[0]) - 1
         with working_precision(_REMAINDER_BITS):
-            span = ball(length / 2) + arb(0, length / 2)
-            ranges = [_polynomial(series, span) for series in wide]
-            box = [part + arb(0, part.rad() / 256 + _pad(part)) for part in ranges]
-            rough = [series[-1] for series in system.coefficients(box, rough_order + 1)]
-            if not all(part.is_finite() for part in rough):
-                raise _NotFiniteError
-            power = span ** (rough_order + 1)
-            included = all(inside(part + r * power, room) for part, r, room in zip(ranges, rough, box, strict=True))
-            fine = rough[:3]
-            if rough_order != order:
-                fine = [series[-1] for series in self.model.orbit.coefficients(box[:3], order + 1)]
-                if not all(part.is_finite() for part in fine):
-                    raise _NotFiniteError
-        return (box[0], box[1], box[2]), fine, rough, included
+            found = verdict(self.model, system, wide, length, order)
+        if not all(part.is_finite() for part in (*found[1], *found[2])):
+            raise _NotFiniteError
+        return found
+
+
+def verdict(
+    model: Model, system: System, wide: list[list[Any]], length: Any, order: int
+) -> tuple[tuple[Any, Any, Any], list[Any], list[Any], Any]:
+    """The padded box E over [0, length], the remainders' coefficients over it, and whether the step is proved.
+
+    ``wide`` holds the coefficients of ``system`` over the box of states; ``order`` is that of the midpoint's series.
+    """
+    rough_order = len(wide[0]) - 1
+    length = alike(wide[0][0], length)
+    ranges = [polynomial(series, _from_zero(length)) for series in wide]
+    box = [part + around_zero(part.rad() / 256 + _pad(part)) for part in ranges]
+    rough = [series[-1] for series in system.coefficients(box, rough_order + 1)]
+    fine = rough[:3]
+    if rough_order != order:
+        fine = [series[-1] for series in model.orbit.coefficients(box[:3], order + 1)]
+    # An infinite coefficient is in no interior.
+    power = _from_zero(length ** (rough_order + 1))
+    included = [inside(part + r * power, room) for part, r, room in zip(ranges, rough, box, strict=True)]
+    return (box[0], box[1], box[2]), fine, rough, reduce(and_, included)
+
+
+def _from_zero(length: Any) -> Any:
+    """A ball that holds 0, ``length`` and what lies between."""
+    half = length / 2
+    return half + around_zero(half)
 
 
 class _NotFiniteError(ArithmeticError):
@@ -317,13 +373,15 @@ def _precision() -> int:
     return int(ctx.prec)
 
 
-def _order(bits: int) -> int:
-    """Order of the midpoint's series: cost grows as its square, step length as 2^(-bits/order): flat about 0.3 bits."""
-    return max(_MEAN_VALUE_ORDER, round(0.3 * bits))
+def _order(bits: int, least: int = _MEAN_VALUE_ORDER) -> int:
+    """Order of a series: its cost grows as the square, the step's length as 2^(-bits/order): flat about 0.3 bits."""
+    return max(least, round(0.3 * bits))
 
 
 def _pad(part: Any) -> Any:
     """An absolute pad for a range that has no width of its own."""
+    if side_by_side(part):
+        return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (max(-_REMAINDER_BITS, _magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0)
 
 
@@ -388,7 +446,7 @@ def carry(
     span = ball(duration)
     if not span > 0:
         raise InputError("the duration must be positive")
-    path = Path(model, start, derivatives=derivatives)
+    path = model.path(start, derivatives=derivatives)
     upright = True
     share = 1.0
     while True:

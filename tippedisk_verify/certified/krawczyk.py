@@ -35,24 +35,36 @@ def inclusion(
     radii: Sequence[Any],
     centre: HalfFlight | None = None,
     flight: Flight = half_flight,
+    along: Sequence[Any] | None = None,
 ) -> Inclusion:
     """Krawczyk's test on the box ``middle`` ± ``radii`` of (gamma_bar, v), at the working precision.
 
     ``centre`` is the half map at ``middle``, if it is known already; ``flight`` may be that of another section's map.
+    With ``along`` the box moves with the speed, which is a ball: it is about middle + along (Omega - its midpoint),
+    ``image`` is what Krawczyk's operator gives when that is subtracted, and ``centre`` is at the midpoint. One fixed
+    point is then proved for each speed of the ball.
     """
     m = [ball(part).mid() for part in middle]
     box = [point + arb(0, radius) for point, radius in zip(m, radii, strict=True)]
     if centre is None:
-        centre = flight(model, *m)
+        centre = flight(model if along is None else model.at_middle(), *m)
     if centre.status is not HalfStatus.RETURNED:
         return Inclusion(False, m, failed=centre)
-    wide = flight(model, *box, derivatives=True)
+    moving = {} if along is None else {"along": along}
+    wide = flight(model, *box, derivatives=True, **moving)
     if wide.status is not HalfStatus.RETURNED:
         return Inclusion(False, m, centre=centre, failed=wide)
     value = [after - before for after, before in zip(centre.image, m, strict=True)]
     (a, b), (c, d) = wide.matrix
     jacobian = ((a - 1, b), (c, d - 1))
     inverse = midpoint_inverse(jacobian)
+    if along is not None:
+        # By the mean value theorem in the speed; the line's own part is what the box has moved.
+        away = model.omega - model.omega.mid()
+        value = [
+            part + (slope - ball(line).mid()) * away
+            for part, slope, line in zip(value, wide.by_omega, along, strict=True)
+        ]
     residual = product(inverse, value)
     rest = [[int(i == j) - sum(inverse[i][k] * jacobian[k][j] for k in range(2)) for j in range(2)] for i in range(2)]
     spread = product(rest, [whole - part for whole, part in zip(box, m, strict=True)])

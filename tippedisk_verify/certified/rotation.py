@@ -10,16 +10,15 @@ The rest is that of `cycle`, with one flight a period instead of two.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.certified.balls import arb, ball, inside, negative, positive
 from tippedisk_verify.certified.cycle import Attempt, OrbitProof
 from tippedisk_verify.certified.flow import Model, Path, Step
-from tippedisk_verify.certified.flow import Status as FlowStatus
 from tippedisk_verify.certified.krawczyk import Flight
-from tippedisk_verify.certified.section import UPRIGHT, HalfFlight, Status, moment_of_zero
+from tippedisk_verify.certified.section import UPRIGHT, HalfFlight, Status, moment_of_zero, no_step
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import exact_text
@@ -36,6 +35,7 @@ class RotationProof(OrbitProof):
 
     unknowns = ("beta_bar_top", "v_top")
     main = ("period", "beta_bar_top", "v_top")
+    laps = 1
 
     beta_bar_top: Any = None  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Any = None  #: v there [rad/s]
@@ -45,27 +45,40 @@ class RotationProof(OrbitProof):
     def _sentence(self, manner: str, first: str, second: str) -> str:
         numbers = self.numbers()
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
-            f"{exact_text(self.omega)} rad/s, the turn map, along the flow from gamma = pi/2 to gamma = 5 pi/2, has a "
-            f"fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {numbers['beta_bar_top']} rad "
-            f"and v_top = {numbers['v_top']} rad/s, and no other with beta within {first} rad and v within {second} "
-            f"rad/s of it; through it runs a limit cycle, {manner}, on which gamma grows all the time, by 2 pi a "
-            f"period, with 0 < beta - pi/2 < 1.5707; its period is T = {numbers['period']} s, its Floquet "
-            f"multiplier other than 1 of larger absolute value is {numbers['multiplier_slow']}, the logarithms of the "
-            "absolute values of both "
-            f"are {numbers['log_multiplier_slow']} and {numbers['log_multiplier_fast']}, dT/dOmega = "
+            f"for the tippedisk with {self.parameters.definition()} under the {self.parameters.law} friction law at "
+            f"Omega = {exact_text(self.omega)} rad/s, the turn map, along the flow from gamma = pi/2 to gamma = 5 "
+            "pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = "
+            f"{numbers['beta_bar_top']} rad and v_top = {numbers['v_top']} rad/s, and no other with beta within "
+            f"{first} rad and v within {second} rad/s of it; through it runs a limit cycle, {manner}, on which gamma "
+            f"grows all the time, by 2 pi a period, with 0 < beta - pi/2 < 1.5707{self.sliding}; its period is T = "
+            f"{numbers['period']} s, its Floquet multiplier other than 1 of larger absolute value is "
+            f"{numbers['multiplier_slow']}, the logarithms of the absolute values of both are "
+            f"{numbers['log_multiplier_slow']} and {numbers['log_multiplier_fast']}, dT/dOmega = "
             f"{numbers['dperiod_domega']} s^2/rad, d(beta_bar_top)/dOmega = {numbers['dbeta_bar_top_domega']} s and "
             f"d(v_top)/dOmega = {numbers['dv_top_domega']}."
         )
 
 
-def turn_flight(model: Model, beta_bar: Any, v: Any, *, derivatives: bool = False, longest: float = 60.0) -> HalfFlight:
-    """Enclose the turn map over a box of (beta_bar, v), at the working precision; ``longest`` [s] ends the search."""
-    path = Path(model, (beta_bar, ball(0), v), derivatives=derivatives)
+def turn_flight(
+    model: Model,
+    beta_bar: Any,
+    v: Any,
+    *,
+    derivatives: bool = False,
+    longest: float = 60.0,
+    watch: Callable[[Step], None] | None = None,
+) -> HalfFlight:
+    """Enclose the turn map over a box of (beta_bar, v), at the working precision; ``longest`` [s] ends the search.
+
+    ``watch`` is called with every step before it is taken.
+    """
+    path = model.path((beta_bar, ball(0), v), derivatives=derivatives)
     while path.time < longest:
         step = _leaning_step(path)
         if isinstance(step, Status):
             return HalfFlight(step, path.time, path.steps)
+        if watch is not None:
+            watch(step)
         if positive(step.at(ball(step.length))[1] - _turn()):
             crossing = moment_of_zero(
                 step, 1, model.rates(step.enclosure)[1], lambda state: model.rates(state)[1], _turn()
@@ -87,7 +100,7 @@ def _leaning_step(path: Path) -> Step | Status:
     for _ in range(_MOST_CUTS):
         step = path.step(length)
         if step is None:
-            return Status.TOO_WIDE if path.status is FlowStatus.TOO_WIDE else Status.NO_ENCLOSURE
+            return no_step(path)
         beta = step.enclosure[0]
         leaning = positive(beta) and inside(beta, arb(0, UPRIGHT))
         ahead = step.at(ball(step.length))[1] - _turn()
@@ -117,13 +130,14 @@ def _landed(path: Path, step: Step, crossing: Any) -> HalfFlight:
             "time_by_omega": times[2],
             "divergence": path.divergence,
         }
-    return HalfFlight(Status.RETURNED, path.time, path.steps, time=path.time, image=(beta, v), **derivatives)
+    return HalfFlight(
+        Status.RETURNED, path.time, path.steps, path.reversals, time=path.time, image=(beta, v), **derivatives
+    )
 
 
 class _Turning(Attempt):
     proof = RotationProof
     flight: Flight = staticmethod(turn_flight)
-    laps = 1
 
     def slow_multiplier(self, box: HalfFlight) -> tuple[Any, Any]:
         """The turn map's have the same sign, that of its trace: det P = exp(divergence) at a fixed point."""
@@ -146,7 +160,6 @@ def prove_rotation(
     Period and state come to ``digits`` significant digits, the others to about as many. Raises InputError for input
     that makes no sense; whatever else prevents a proof is a status.
     """
-    parameters.refuse_smooth("rotating cycles are proved")
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")

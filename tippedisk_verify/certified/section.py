@@ -18,16 +18,16 @@ midpoint found by bisection and secants, and any t in the step would do.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
-from tippedisk_verify.certified.balls import arb, ball, inside, negative, positive
+from tippedisk_verify.certified.balls import alike, arb, ball, choice, inside, negative, positive, within
 from tippedisk_verify.certified.flow import Model, Path, Step
 from tippedisk_verify.certified.flow import Status as FlowStatus
 
-__all__ = ["UPRIGHT", "HalfFlight", "Status", "half_flight", "moment_of_zero"]
+__all__ = ["UPRIGHT", "HalfFlight", "Status", "enclosed_moment", "half_flight", "moment_of_zero", "no_step"]
 
 UPRIGHT = 1.5706999  #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 _MOST_CUTS = 40
@@ -43,6 +43,7 @@ class Status(Enum):
     TOO_WIDE = "the enclosure has grown too wide: work in more bits, or start from a narrower box"
     FLAT = "the disk may lie flat (|beta - pi/2| reaches 1.5707): there is no return from here"
     NO_RETURN = "there is no return to the section in the time allowed"
+    GRAZING = FlowStatus.GRAZING.value
     UNRESOLVED = "the signs of beta_bar and v could not be proved: work in more bits, or start from a narrower box"
 
 
@@ -58,6 +59,7 @@ class HalfFlight:
     status: Status
     reached: Any  #: how far the path was followed [s]
     steps: int
+    reversals: int = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
     time: Any = None  #: flight time [s]
     image: Any = None  #: (gamma_bar, v) [rad, rad/s]
     beta_least: Any = None  #: least beta_bar, at the turn [rad]
@@ -70,19 +72,35 @@ class HalfFlight:
 
 
 def half_flight(
-    model: Model, gamma_bar: Any, v: Any, *, derivatives: bool = False, longest: float = 60.0
+    model: Model,
+    gamma_bar: Any,
+    v: Any,
+    *,
+    derivatives: bool = False,
+    longest: float = 60.0,
+    along: Sequence[Any] = (0, 0),
+    watch: Callable[[Step], None] | None = None,
 ) -> HalfFlight:
-    """Enclose the half map over a box on the section, at the working precision; ``longest`` [s] ends the search."""
-    path = Path(model, (ball(0), gamma_bar, v), derivatives=derivatives)
-    if not negative(path.box[2]):
+    """Enclose the half map over a box on the section, at the working precision; ``longest`` [s] ends the search.
+
+    ``watch`` is called with every step before it is taken.
+
+    Where the model's speed is a ball, the box moves with it, ``along`` [rad s, rad] for each rad/s. The derivatives by
+    Omega are then along that line.
+    """
+    path = model.path((ball(0), gamma_bar, v), derivatives=derivatives, along=(0, *along))
+    if not negative(ball(v) + ball(along[1]) * (model.omega - model.omega.mid())):
         return HalfFlight(Status.NO_START, path.time, 0)
     walk = _Walk(model, path)
     while path.time < longest:
         step = _resolved(walk)
         if isinstance(step, Status):
             return HalfFlight(step, path.time, path.steps)
+        if watch is not None:
+            watch(step)
         if walk.crossing is not None:
-            return _landed(walk, step)
+            path.take(step, walk.crossing)
+            return landed(model, path, walk.beta_least, walk.turn_by_start)
         path.take(step)
     return HalfFlight(Status.NO_RETURN, path.time, path.steps)
 
@@ -99,42 +117,63 @@ class _Walk:
 
     def shows(self, step: Step) -> bool:
         """Whether one of the three cases is proved of the step; notes a turn or a crossing."""
-        v_start = self.path.box[2]
-        beta_end, _, v_end = step.at(ball(step.length))
-        v_all = step.enclosure[2]
-        gains = positive(self.model.rates(step.enclosure)[2])
-        if not self.turned:
-            if negative(v_all) or (gains and negative(v_end)):
-                return True
-            if not (gains and negative(v_start) and positive(v_end) and negative(beta_end)):
-                return False
-            return self._turn(step)
-        if not positive(v_all):
-            if not (gains and positive(v_start) and positive(v_end)):
-                return False
-            v_all = v_start.union(v_end)  # v rises from one to the other
-        if negative(beta_end):
-            return True
-        if not positive(beta_end):
+        case = cases(self.model, self.path.box, step)
+        if self.turned:
+            if case.crosses:
+                self.crossing, proved = moment_of_crossing(step, _approximate_zero(step, 0, 0), case.speed)
+                return bool(proved)
+            return bool(case.rises)
+        if case.falls or not case.turns:
+            return bool(case.falls)
+        turn, proved = moment_of_turn(self.model, step, _approximate_zero(step, 2, 0))
+        if not proved:
             return False
-        self.crossing = moment_of_zero(step, 0, v_all, lambda state: state[2])
-        return self.crossing is not None
-
-    def _turn(self, step: Step) -> bool:
-        rates = self.model.rates
-        moment = moment_of_zero(step, 2, rates(step.enclosure)[2], lambda state: rates(state)[2])
-        if moment is None:
-            return False
-        self.beta_least = step.at(moment)[0]
-        if self.path.sharp:
-            # At the turn beta' = 0: moving the moment does not change beta to first order.
-            row = step.derivatives_at(moment)[0]
-            self.turn_by_start = tuple(
-                sum(row[k] * self.path.matrix[k][column] for k in range(3)) + (row[3] if column == 3 else 0)
-                for column in (1, 2, 3)
-            )
+        self.beta_least, self.turn_by_start = at_turn(step, turn, self.path.sharp)
         self.turned = True
         return True
+
+
+class Cases(NamedTuple):
+    """What is proved of a step, lane by lane where there are lanes."""
+
+    falls: Any
+    turns: Any
+    rises: Any  #: and beta_bar < 0 at its end
+    crosses: Any
+    speed: Any  #: holds v throughout the step, if v rises
+
+
+def cases(model: Model, box: Sequence[Any], step: Step) -> Cases:
+    """The cases of the module's docstring; ``box`` holds the states at the step's start."""
+    v_start, v_all = box[2], step.enclosure[2]
+    beta_end, _, v_end = step.at_end()
+    gains = positive(model.rates(step.enclosure)[2])
+    climbs = gains & positive(v_start) & positive(v_end)
+    rises = positive(v_all) | climbs
+    return Cases(
+        falls=negative(v_all) | (gains & negative(v_end)),
+        turns=gains & negative(v_start) & positive(v_end) & negative(beta_end),
+        rises=rises & negative(beta_end),
+        crosses=rises & positive(beta_end),
+        speed=choice(positive(v_all), v_all, v_start.union(v_end)),  # v climbs from one to the other
+    )
+
+
+def moment_of_turn(model: Model, step: Step, guess: Any) -> tuple[Any, Any]:
+    """When v = 0 in a step that is proved to turn, and whether that is proved."""
+    slope = model.rates(step.enclosure)[2]
+    return enclosed_moment(step, guess, lambda t: step.at(t)[2], slope, lambda t: model.rates(step.at(t))[2])
+
+
+def moment_of_crossing(step: Step, guess: Any, speed: Any) -> tuple[Any, Any]:
+    """When beta_bar = 0 in a step that is proved to cross the section, and whether that is proved."""
+    return enclosed_moment(step, guess, lambda t: step.at(t)[0], speed, lambda t: step.at(t)[2])
+
+
+def at_turn(step: Step, moment: Any, derivatives: bool) -> tuple[Any, Any]:
+    """The least beta_bar, and its derivatives by (gamma_bar, v, Omega) if they are asked for."""
+    # At the turn beta' = 0: moving the moment does not change beta to first order.
+    return step.at(moment)[0], step.derivatives_at(moment)[0][1:] if derivatives else None
 
 
 def _resolved(walk: _Walk) -> Step | Status:
@@ -152,35 +191,45 @@ def _resolved(walk: _Walk) -> Step | Status:
         return Status.FLAT
     if step is not None:
         return Status.UNRESOLVED
-    return Status.TOO_WIDE if walk.path.status is FlowStatus.TOO_WIDE else Status.NO_ENCLOSURE
+    return no_step(walk.path)
+
+
+def no_step(path: Path) -> Status:
+    """Why the path has no next step."""
+    known = {FlowStatus.TOO_WIDE: Status.TOO_WIDE, FlowStatus.GRAZING: Status.GRAZING}
+    return known.get(path.status, Status.NO_ENCLOSURE) if path.status else Status.NO_ENCLOSURE
 
 
 def moment_of_zero(step: Step, index: int, slope: Any, slope_at: Callable[[Any], Any], level: Any = 0) -> Any:
     """The moment in the step when a state's component is at a level, given its slope's positive enclosure over it.
 
-    The component is proved to pass the level, so there is such a moment, and only one. None if its enclosure pokes out
-    of the step's time.
+    The component is proved to pass the level, so there is such a moment, and only one. None if its slope is not proved.
     """
     guess = _approximate_zero(step, index, level)
-    value = step.at(guess)[index] - level
-    moment = guess - value / slope
+    moment, proved = enclosed_moment(
+        step, guess, lambda t: step.at(t)[index] - level, slope, lambda t: slope_at(step.at(t))
+    )
+    return moment if proved else None
+
+
+def enclosed_moment(
+    step: Step, guess: Any, value_at: Callable[[Any], Any], slope: Any, slope_at: Callable[[Any], Any]
+) -> tuple[Any, Any]:
+    """All zeros of functions of time, of which each has one in the step, and whether the enclosure is proved.
+
+    ``value_at`` and ``slope_at`` enclose the functions and their derivatives at a ball of times within the step;
+    ``slope`` holds the positive derivatives between the guess and the zeros.
+    """
+    value = value_at(guess)
+    # The zero is in the step: what the quotients hold beyond it is left out.
+    moment = within(guess - value / slope, step.length)
+    proved = positive(moment + 1)
     for _ in range(_NEWTON_STEPS):
-        if not _within(moment, step):
-            return None
         # The mean value theorem between the zero and the guess: the slope over both.
-        both = moment.union(guess)
-        if not _within(both, step):
-            return None
-        between = slope_at(step.at(both))
-        if not positive(between):
-            return None
-        moment = guess - value / between
-    return moment if _within(moment, step) else None
-
-
-def _within(time: Any, step: Step) -> bool:
-    """Whether every moment of the ball lies strictly within the step."""
-    return positive(time) and negative(time - step.length)
+        between = slope_at(moment.union(guess))
+        moment = within(guess - value / between, step.length)
+        proved = proved & positive(between) & positive(moment + 1)
+    return moment, proved
 
 
 def _approximate_zero(step: Step, index: int, level: Any) -> Any:
@@ -205,13 +254,12 @@ def _approximate_zero(step: Step, index: int, level: Any) -> Any:
     return guess.mid()
 
 
-def _landed(walk: _Walk, step: Step) -> HalfFlight:
-    path = walk.path
-    path.take(step, walk.crossing)
+def landed(model: Model, path: Path, beta_least: Any, turn_by_start: Any) -> HalfFlight:
+    """What is proved of orbits whose path has been taken to the section."""
     _, gamma_bar, v = path.box
     derivatives: dict[str, Any] = {}
     if path.sharp:
-        acceleration = walk.model.rates((ball(0), gamma_bar, v))[2]
+        acceleration = model.rates((alike(v, 0), gamma_bar, v))[2]
         columns = (1, 2, 3)
         # On the section time moves with the start, dt = -d(beta)/v; gamma' = -Omega cos(beta) is zero there.
         flight = [-path.matrix[0][k] / v for k in columns]
@@ -228,9 +276,10 @@ def _landed(walk: _Walk, step: Step) -> HalfFlight:
         Status.RETURNED,
         path.time,
         path.steps,
+        path.reversals,
         time=path.time,
         image=(-gamma_bar, -v),
-        beta_least=walk.beta_least,
-        turn_by_start=walk.turn_by_start,
+        beta_least=beta_least,
+        turn_by_start=turn_by_start,
         **derivatives,
     )

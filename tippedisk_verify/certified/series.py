@@ -6,13 +6,15 @@ Walther, *Evaluating Derivatives*, ch. 13): a product's is a convolution, sine a
 Partial derivatives are recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations
 need no second transcription.
 
-On balls every coefficient is an enclosure: each step of a recurrence is one of Arb's operations, which are
-inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file.
+On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
+`lanes`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An arithmetic
+that has sequences of its own (``series``) sums its convolutions itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from fractions import Fraction
 from operator import mul
 from typing import Any
@@ -137,12 +139,27 @@ class System:
         self.variables, self.rates = tuple(variables), tuple(rates)
         needed = _ancestors(self.rates)
         moving = [node for node in graph.nodes if node in needed and not node.constant]
-        self._moving = moving
+        if any(node.kind == "variable" and node not in self.variables for node in moving):
+            raise ValueError("a rate depends on a variable that has none")
+        convolved = {part for node in moving for part in _convolved(node)}
+        inner = [node for node in moving if node.kind != "variable"]
+        self._remembered = [node for node in inner if node in convolved]
+        #: those of whose coefficients only the latest is ever asked for
+        self._passing = [node for node in inner if node not in convolved]
         self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
 
     def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
         """Coefficients 0 … ``order`` of each variable's Taylor series at time 0, for the start's enclosures."""
-        for node in (*self._moving, *self.variables):
+        with getattr(start[0], "quiet", nullcontext)():
+            return self._coefficients(start, order)
+
+    def _coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
+        empty = getattr(start[0], "series", _list)
+        for node in self._remembered:
+            node.c = empty(node.c)
+        for variable in self.variables:  # handed out: not where an earlier call's lie
+            variable.c = empty()
+        for node in self._passing:
             node.c = []
         for variable, value in zip(self.variables, start, strict=True):
             variable.c.append(value)
@@ -155,7 +172,13 @@ class System:
                     variable.c.append(zero if k else rate.c[0] + zero)
                 else:
                     variable.c.append(rate.c[k] / (k + 1))
+            for node in self._passing:
+                node.c[k] = None
         return [variable.c for variable in self.variables]
+
+
+def _list(_: object = None) -> list[Any]:
+    return []
 
 
 def _folded(kind: str, a: Any, b: Any) -> Any:
@@ -182,6 +205,17 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
     return ancestors
 
 
+def _convolved(node: Node) -> tuple[Node, ...]:
+    """The nodes whose coefficients of all orders a node's recurrence needs."""
+    if node.kind in ("sin", "cos"):
+        return (node,)
+    if node.kind == "divide" and not node.right.constant:
+        return node, node.right
+    if node.kind == "multiply" and not node.left.constant and not node.right.constant:
+        return node.left, node.right
+    return ()
+
+
 def _recurrence(node: Node) -> Callable[[int], None] | None:
     """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1.
 
@@ -193,12 +227,13 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
         return None
     if kind == "sin":
         cosine = node.partner
-        slopes: list[Any] = []
+        slopes: Any = []
         assert cosine is not None
 
         def sine(k: int) -> None:
+            nonlocal slopes
             if k == 0:
-                slopes.clear()
+                slopes = getattr(x.c[0], "series", _list)(slopes)
                 node.c.append(x.c[0].sin())
                 cosine.c.append(x.c[0].cos())
             else:
@@ -237,10 +272,13 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
 
 def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:
     """a_0 b_n + … + a_n b_0 for two sequences of the same length (0 for none)."""
-    return sum(map(mul, a, reversed(b)))
+    fused = getattr(a, "convolution", None)
+    return fused(b) if fused else sum(map(mul, a, reversed(b)))
 
 
 def _square(a: Sequence[Any], k: int) -> Any:
     """Coefficient k of a's square: each product once, and twice what comes twice."""
+    if hasattr(a, "convolution"):
+        return a.convolution(a)
     half = 2 * sum(map(mul, a[: (k + 1) // 2], a[: k - (k + 1) // 2 : -1])) if k else 0
     return half if k % 2 else half + a[k // 2] * a[k // 2]
