@@ -267,7 +267,7 @@ def test_command(capsys) -> None:
     assert main(["certify", "orbit", "--omega", "30.4", "--guess", "1.7", "1.7"]) == 1
     assert "nothing is proved" in capsys.readouterr().out
     for wrong in (
-        ["--omega", "30.4", "--friction", "smooth"],
+        ["--omega", "30.4", "--friction", "sticky"],
         ["--omega", "x"],
         [],
         ["--below-crit", "0.5", "--digits", "0"],

@@ -14,6 +14,9 @@ run over X. The return map's multipliers are the squares of P's. P's determinant
 half period) by Liouville's formula: S after the flow has the derivative -DPhi, with eigenvalue 1 along the field, and
 determinant -det DPhi. So P has a positive and a negative real multiplier.
 
+Under the smooth friction law P is continuously differentiable along orbits that cross gamma_y = 0 as `sliding` proves
+them to, and nothing above asks for more.
+
 Where a ball becomes a point or a float: m, Y and X's radius are chosen, and any choice that passes the test is right;
 iterating towards m uses midpoints, for it only finds m.
 """
@@ -31,7 +34,6 @@ from typing import Any, ClassVar
 from tippedisk_verify.certified.balls import (
     arb,
     ball,
-    ball_constants,
     measured,
     negative,
     positive,
@@ -41,6 +43,7 @@ from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.krawczyk import Flight, Inclusion, inclusion, midpoint_inverse, product
 from tippedisk_verify.certified.section import HalfFlight, half_flight
 from tippedisk_verify.certified.section import Status as HalfStatus
+from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
@@ -52,6 +55,7 @@ __all__ = [
     "CycleProof",
     "OrbitProof",
     "Status",
+    "apart",
     "prove_cycle",
 ]
 
@@ -85,6 +89,7 @@ class OrbitProof(ABC):
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     main: ClassVar[tuple[str, ...]]  #: names of the numbers that come to the digits asked for
+    laps: ClassVar[int]  #: flights a period
 
     status: Status
     where: str  #: how far the proof came
@@ -111,6 +116,19 @@ class OrbitProof(ABC):
             return f"nothing is proved: {self.status.value} ({self.where})."
         manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
         return self._sentence(manner, *(_decimal_below(distance) for distance in self.unique_within))
+
+    @property
+    def reversals(self) -> int:
+        """How often the sliding velocity changes its sign in a period, proved under the smooth law only."""
+        return self.laps * int(self.flights[-1].reversals)
+
+    @property
+    def sliding(self) -> str:
+        """What is proved of the sliding velocity, as a part of the statement."""
+        if self.parameters.friction == "linear":
+            return ""
+        count = f"{self.reversals} times a period"
+        return f", on which the sliding velocity gamma_y changes its sign exactly {count} and is 0 nowhere else"
 
     @abstractmethod
     def _sentence(self, manner: str, first: str, second: str) -> str:
@@ -148,6 +166,8 @@ class OrbitProof(ABC):
         if self.proved:
             entries |= {name: value.json() for name, value in self.numbers().items()}
             entries["stable"] = self.stable
+            if self.parameters.friction == "smooth":
+                entries["sliding_reversals"] = self.reversals
             distances = zip(self.unknowns, self.unique_within, strict=True)
             entries["unique_within"] = {name: _decimal_below(distance) for name, distance in distances}
         return entries | {"parameters": self.parameters.name, "bits": self.bits, "status": self.status.name}
@@ -159,6 +179,7 @@ class CycleProof(OrbitProof):
 
     unknowns = ("gamma_bar_0", "v_0")
     main = ("period", "gamma_bar_0", "v_0", "beta_max")
+    laps = 2
 
     gamma_bar_0: Any = None  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]
     v_0: Any = None  #: v there [rad/s]
@@ -169,17 +190,18 @@ class CycleProof(OrbitProof):
     def _sentence(self, manner: str, first: str, second: str) -> str:
         numbers = self.numbers()
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law at Omega = "
-            f"{exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to the next "
-            "crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a fixed point "
-            f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and v_0 = "
-            f"{numbers['v_0']} rad/s, and no other with gamma within {first} rad and v within {second} rad/s of it; "
-            f"through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice "
-            f"a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less than 1.5707; its "
-            f"period is T = {numbers['period']} s, its larger Floquet multiplier other than 1 is "
-            f"{numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the logarithm of the "
-            f"smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = {numbers['dperiod_domega']} s^2/rad, "
-            f"d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and d(v_0)/dOmega = {numbers['dv_0_domega']}."
+            f"for the tippedisk with {self.parameters.definition()} under the {self.parameters.law} friction law at "
+            f"Omega = {exact_text(self.omega)} rad/s, the half-period map, along the flow from beta = pi/2, v < 0 to "
+            "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a "
+            f"fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and "
+            f"v_0 = {numbers['v_0']} rad/s, and no other with gamma within {first} rad and v within {second} rad/s "
+            f"of it; through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 "
+            f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less "
+            f"than 1.5707{self.sliding}; its period is T = {numbers['period']} s, its larger Floquet multiplier "
+            f"other than 1 is {numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the "
+            f"logarithm of the smaller one is {numbers['log_multiplier_fast']}, dT/dOmega = "
+            f"{numbers['dperiod_domega']} s^2/rad, d(gamma_bar_0)/dOmega = {numbers['dgamma_bar_0_domega']} s and "
+            f"d(v_0)/dOmega = {numbers['dv_0_domega']}."
         )
 
 
@@ -199,7 +221,6 @@ def prove_cycle(
     digits or more, is sharpened here; ``most_bits`` bounds the working precision. Raises InputError for input that
     makes no sense; whatever else prevents a proof is a status.
     """
-    parameters.refuse_smooth("limit cycles are proved")
     speed = exact(omega)
     if speed.pi_multiple or speed.rational <= 0:
         raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
@@ -229,7 +250,7 @@ class Attempt:
 
     def model(self) -> Model:
         """At the working precision, which must be in force."""
-        return Model(ball_constants(self.parameters), ball(self.omega))
+        return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> Any:
         middle = self.sharpened(guess)
@@ -315,12 +336,7 @@ class Attempt:
                 ):
                     widest = wide
                     break
-        # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
-        near, far = (
-            radius - abs(part - point)
-            for radius, part, point in zip(widest, verdict.image, verdict.middle, strict=True)
-        )
-        return near, far
+        return apart(verdict, widest)
 
     def concluded(self, verdict: Inclusion, radii: Sequence[Any]) -> OrbitProof:
         """The cycle's numbers from an inclusion, on balls."""
@@ -328,7 +344,7 @@ class Attempt:
         assert centre is not None
         assert box is not None
         shift = [part - point for part, point in zip(verdict.image, verdict.middle, strict=True)]
-        laps = self.laps
+        laps = self.proof.laps
         log_slow, slow = self.slow_multiplier(box)
         log_fast = laps * box.divergence - log_slow
         # (1 - P') x' = P_Omega
@@ -363,8 +379,6 @@ class Attempt:
             **self.others(centre, box, shift),
         )
 
-    laps = 2  # flights a period
-
     def slow_multiplier(self, box: HalfFlight) -> tuple[Any, Any]:
         """The larger one's logarithm and itself. The half map's have opposite signs: det P = -exp(divergence)."""
         (a, _), (_, d) = box.matrix
@@ -378,6 +392,15 @@ class Attempt:
     def others(self, centre: HalfFlight, box: HalfFlight, shift: Sequence[Any]) -> dict[str, Any]:
         """What this kind of cycle has besides."""
         return {"beta_max": -(centre.beta_least + _along(box.turn_by_start, shift))}
+
+
+def apart(verdict: Inclusion, radii: Sequence[Any]) -> tuple[Any, Any]:
+    """Distances from the fixed point of an inclusion within which a box of these radii, that passed too, reaches."""
+    # The fixed point lies within K of m, so a distance from it reaches that much less far from m.
+    near, far = (
+        radius - abs(part - point) for radius, part, point in zip(radii, verdict.image, verdict.middle, strict=True)
+    )
+    return near, far
 
 
 def _along(derivatives: Sequence[Any], shift: Sequence[Any]) -> Any:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar, Literal
 
@@ -70,6 +70,8 @@ class FoldProof(ABC):
     omega: Measured | None = None  #: the extreme speed on the arc [rad/s]
     extremum: Literal["smallest", "largest"] | None = None  #: which
     period: Measured | None = None  #: T on the arc [s]
+    #: boxes of (v, Omega) that hold one cycle each: for every point of the arc, at its lower and at its upper end
+    searched: tuple[Sequence[Any], ...] = field(default=(), repr=False)
 
     @property
     def statement(self) -> str:
@@ -182,13 +184,13 @@ class _Attempt:
         whole = self.whole(length)
         if isinstance(whole, str):
             return self.ended(f"on the arc, {whole}")
-        slopes = []
+        ends = []
         for end in (self.p - self.half_length, self.p + self.half_length):
-            slope = self.slope_at(end, whole, (length / 2**20, length**2 * 2**10))
-            if isinstance(slope, str):
-                return self.ended(f"at an end of the arc, {slope}")
-            slopes.append(slope)
-        extremum = _extremum(*slopes)
+            point = self.at_end(end, whole, (length / 2**20, length**2 * 2**10))
+            if isinstance(point, str):
+                return self.ended(f"at an end of the arc, {point}")
+            ends.append(point)
+        extremum = _extremum(*(point.slope for point in ends))
         if extremum is None:
             return self.ended("Omega is not proved to rise at one end of the arc and to fall at the other")
         if not negative(whole.divergence):
@@ -206,6 +208,7 @@ class _Attempt:
         return replace(
             self.kind(True, f"in {self.bits} bits", self.parameters, self.bits, omega, extremum),
             period=measured(self.kind.laps * whole.time),
+            searched=(whole.searched, *(point.searched for point in ends)),
             **coordinates,
         )
 
@@ -224,8 +227,8 @@ class _Attempt:
             m, radii = [part.mid() for part in found.box], [2 * part.rad() for part in found.box]
         return "Krawczyk's image does not lie inside the box"
 
-    def slope_at(self, end: Fraction, whole: _Enclosed, radii: Sequence[Any]) -> Any:
-        """dOmega/dp at an end of the arc; why it is not proved, if so."""
+    def at_end(self, end: Fraction, whole: _Enclosed, radii: Sequence[Any]) -> _Enclosed | str:
+        """The cycle at an end of the arc; why it is not proved, if so."""
         family = _Family(self, ball(end))
         away = ball(end - self.p)
         m = [(part + slope * away).mid() for part, slope in zip(whole.box, whole.along, strict=True)]
@@ -237,7 +240,7 @@ class _Attempt:
         # The same cycle as the arc's: its box lies in the arc's, which holds one only.
         if not all(inside(part, held) for part, held in zip(point.box, whole.searched, strict=True)):
             return "the cycle is not proved to be the arc's"
-        return point.slope
+        return point
 
 
 def _extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:

@@ -38,6 +38,9 @@ of one saddle, and Shilnikov's theorem is about such a loop. Each of its hypothe
   derivative of the arrivals by Omega does: it lies in G;
 - the connection comes in along the slow direction (`_arrives_slowly`), so not in the strong stable manifold.
 
+The theorem is about smooth fields. Under the smooth Coulomb law the field is only once differentiable at the saddle,
+and nothing is said of limit cycles. Steps 1 to 5 need no more: `local_manifolds` says where.
+
 The cycle follows both connections, so it is on the side of Omega_h on which the branch leaves N with falling gamma.
 
 Omega_m comes from elsewhere, good to some digits more than I is long. It is a guess like any other.
@@ -60,8 +63,8 @@ from flint import arb
 from tippedisk_verify.certified.angles import NONINVERTED
 from tippedisk_verify.certified.balls import ball, ball_constants, measured, negative, positive, working_precision
 from tippedisk_verify.certified.closed_forms import characteristic_polynomial, real_root
-from tippedisk_verify.certified.flow import Model, Path, Step, carry
 from tippedisk_verify.certified.flow import Status as FlowStatus
+from tippedisk_verify.certified.flow import Step, carry
 from tippedisk_verify.certified.local_manifolds import (
     FAST,
     SLOW,
@@ -72,6 +75,7 @@ from tippedisk_verify.certified.local_manifolds import (
     rates_of_cones,
     smallest_weights,
 )
+from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_up
@@ -147,14 +151,15 @@ class ProvedConnection:
         middle, half_width = self.omega_h.decimals()
         beta, gamma, v = map(exact_text, self.room)
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law there is "
-            f"{'exactly one' if self.unique else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half_width} "
-            "rad/s at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves "
-            f"with growing gamma, from the moment on at which it first has gamma = 3 pi/2 - {gamma}, stays in the box "
-            f"|beta - pi/2| <= {beta}, |gamma - 3 pi/2| <= {gamma}, |v| <= {v} rad/s and converges to (pi/2, 3 pi/2, 0)"
-            f"{', with |beta - pi/2| < pi/2 all along' * self.upright}; by the symmetry (beta, gamma, v) -> (pi - "
-            "beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at every speed of the "
-            f"interval the saddle's eigenvalues are {', '.join(map(str, self.saddle_eigenvalues))} 1/s."
+            f"for the tippedisk with {self.parameters.definition()} under the {self.parameters.law} friction law "
+            f"there is {'exactly one' if self.unique else 'at least one'} Omega with |Omega - {middle} rad/s| <= "
+            f"{half_width} rad/s at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) "
+            f"that leaves with growing gamma, from the moment on at which it first has gamma = 3 pi/2 - {gamma}, "
+            f"stays in the box |beta - pi/2| <= {beta}, |gamma - 3 pi/2| <= {gamma}, |v| <= {v} rad/s and converges "
+            f"to (pi/2, 3 pi/2, 0){', with |beta - pi/2| < pi/2 all along' * self.upright}; by the symmetry (beta, "
+            "gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
+            "every speed of the interval the saddle's eigenvalues are "
+            f"{', '.join(map(str, self.saddle_eigenvalues))} 1/s."
         )
 
     @property
@@ -163,6 +168,8 @@ class ProvedConnection:
         value = self.saddle_value
         if not (self.proved and self.unique and self.slowly and value and value.value + value.uncertainty < 0):
             return None
+        if self.parameters is not None and self.parameters.friction == "smooth":
+            return None  # the theorem asks for a smoother field
         other = "below" if self.turns_back == "above" else "above"
         return (
             "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's theorem: with gamma "
@@ -196,11 +203,10 @@ def not_proved(status: Status, bits: int = 0, detail: str = "") -> ProvedConnect
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
     """Prove Omega_h in an interval of length at most 10^-digits, absolutely and relative to it, about ``near`` [rad/s].
 
-    ``near`` (an exact number) must be good to two digits more, and to six at least. Linear friction. Raises InputError
+    ``near`` (an exact number) must be good to two digits more, and to six at least. Raises InputError
     for digits not offered or a speed that makes no sense, NoConnectionError where the equilibrium is no saddle with
     real eigenvalues.
     """
-    parameters.refuse_smooth("the connection is proved")
     if not 1 <= digits <= MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}")
     given = exact(near)
@@ -297,7 +303,7 @@ class _Pass:
         start = self.leaving.unstable_point(self.theta_0)
         if start is None:
             return Status.UNSTABLE_BRANCH
-        path = Path(Model(self.constants, self.thin), self._departing(start[0]))
+        path = model_of(self.parameters, self.thin).path(self._departing(start[0]))
         # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
         # in a box that is wider than N by the ratio of the eigenvectors' components.
         reach, small = self.arriving.share_of_reach() / 16, ball(resolved)
@@ -326,8 +332,8 @@ class _Pass:
             return Status.UNSTABLE_BRANCH
         box, cone = start
         whole = curve.point(arb(0).union(theta_0), [arb(0, (part * theta_0).upper()) for part in cone])
-        matrix = self.frame.derivative(self.interval, whole)
-        by_speed = self.frame.derivative_by_speed(self.interval, whole)
+        matrix = self.frame.derivative(self.interval, whole, curve.side)
+        by_speed = self.frame.derivative_by_speed(self.interval, whole, curve.side)
         weights = smallest_weights(matrix, by_speed)
         if not all(map(positive, rates_of_cones(matrix, by_speed, weights))):
             return Status.CONES
@@ -337,7 +343,7 @@ class _Pass:
             share = ball(step.length) / (2 * _PIECES)
             pieces.extend(step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES))
 
-        model = Model(self.constants, self.interval)
+        model = model_of(self.parameters, self.interval)
         flight = carry(model, self._departing(box), time, derivatives=True, watch=note)
         if flight.status is not FlowStatus.REACHED or flight.matrix is None:
             return Status.FLOW

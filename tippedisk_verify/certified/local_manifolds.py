@@ -37,6 +37,18 @@ orbit that stays in the box for ever converges to the saddle (take the saddle it
 drive it out, so S > U, and S falls exponentially). And two orbits that come out of the saddle at time -infinity, in the
 box ever since, and have equal z_u now, differ by no more than |d_s| <= k_s Delta, |d_f| <= k_f Delta now.
 
+**The smooth friction law.** Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0,
+a surface through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of one side's
+law, for theta > 0, with even powers too. That gamma_y has this sign on the curve, or all over the cone about it, is
+proved by the mean value theorem: gamma_y is zero at the saddle, and its derivative along z / theta is enclosed
+(`Curve.keeps_side`).
+
+- In the cone of the unstable manifold the side's law is the smooth one, and all that is said above is about an analytic
+  field.
+- The block holds both halves of the slow stable curve. The graph over theta < 0 is -W(-theta), as the field is odd, so
+  D is odd and bounded as above. J and the faces, like the cones, need mean values only: DF is enclosed for the smooth
+  law itself, over boxes that gamma_y = 0 cuts, and dF/d(Omega) by the hull of both sides'.
+
 Where a ball becomes a point here: P, the eigenvalues in the recursion for W, and the coefficients of W are midpoints;
 any others would do, the defect would only be larger. The weights k and the extents of N are rational guesses that the
 inequalities above confirm or refuse.
@@ -59,7 +71,7 @@ from tippedisk_verify.certified.angles import NONINVERTED, OPS, Turned, rates
 from tippedisk_verify.certified.balls import ball, ball_constants, coefficient, positive, series_length
 from tippedisk_verify.certified.closed_forms import characteristic_polynomial
 from tippedisk_verify.errors import NoConnectionError
-from tippedisk_verify.model.equations import jacobian
+from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["FAST", "SLOW", "UNSTABLE", "Block", "Curve", "Frame", "rates_of_cones", "smallest_weights"]
@@ -75,7 +87,7 @@ class Frame:
     """
 
     def __init__(self, parameters: Parameters, speed: Fraction) -> None:
-        self.constants = ball_constants(parameters)
+        self.constants, self.friction = ball_constants(parameters), parameters.friction
         a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed, NONINVERTED))
         polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
         roots = [root for root, count in polynomial.complex_roots() if count == 1 and root.imag.is_zero()]
@@ -103,21 +115,32 @@ class Frame:
         """y = P z."""
         return _times(self.directions, z)
 
-    def rates(self, omega: Any, z: Sequence[Any]) -> list[Any]:
-        """F(z) at the speed omega, for balls or series of balls."""
-        return self.coordinates(rates(self.constants, omega, NONINVERTED, self.offset(z)))
+    def rates(self, omega: Any, z: Sequence[Any], side: int | None = None) -> list[Any]:
+        """F(z) at the speed omega, for balls or series of balls; ``side`` of the smooth law as in `field`."""
+        return self.coordinates(rates(self.constants, omega, NONINVERTED, self.offset(z), self.friction, side))
 
-    def derivative(self, omega: Any, z: Sequence[Any]) -> Any:
+    def derivative(self, omega: Any, z: Sequence[Any], side: int | None = None) -> Any:
         """DF over a box of z and a ball of speeds."""
         beta, gamma, v = self.offset(z)
-        rows = jacobian(OPS, self.constants, omega, "linear")(Turned(1, beta), Turned(NONINVERTED, gamma), v)
+        rows = jacobian(OPS, self.constants, omega, self.friction, side)(Turned(1, beta), Turned(NONINVERTED, gamma), v)
         return self.inverse * arb_mat([[arb(entry) for entry in row] for row in rows]) * self.directions
 
-    def derivative_by_speed(self, omega: Any, z: Sequence[Any]) -> list[Any]:
+    def derivative_by_speed(self, omega: Any, z: Sequence[Any], side: int | None = None) -> list[Any]:
         """dF/d(Omega) over a box of z and a ball of speeds."""
+        if self.friction == "smooth" and side is None:
+            both = (self.derivative_by_speed(omega, z, one) for one in (1, -1))
+            return [a.union(b) for a, b in zip(*both, strict=True)]
         with series_length(2):
             speed = arb_series([omega, 1], prec=2)
-            return [coefficient(rate, 1) for rate in self.rates(speed, z)]
+            return [coefficient(rate, 1) for rate in self.rates(speed, z, side)]
+
+    def sliding_slope(self, omega: Any, z: Sequence[Any], direction: Sequence[Any]) -> Any:
+        """The derivative of gamma_y [m/s] along a direction, over a box of z and a ball of speeds."""
+        with series_length(2):
+            pairs = zip(self.offset(z), self.offset(direction), strict=True)
+            beta, gamma, v = (arb_series([part, slope], prec=2) for part, slope in pairs)
+            moved = terms(OPS, self.constants, omega, Turned(1, beta), Turned(NONINVERTED, gamma), v)
+            return coefficient(moved.sliding_velocity, 1)
 
 
 class Curve:
@@ -129,21 +152,35 @@ class Curve:
     def __init__(self, frame: Frame, omega: Any, along: int, order: int) -> None:
         self.frame, self.omega, self.along, self.order = frame, omega, along, order
         self.others = tuple(k for k in range(3) if k != along)
+        #: the sign of gamma_y on the half with theta > 0, a guess that `keeps_side` confirms; None: the linear law
+        self.side = None if frame.friction == "linear" else self._guessed_side()
+        #: the graph is the polynomials' where theta > 0, and -W(-theta) where theta < 0
+        self.mirrored = self.side is not None and along == SLOW
         #: W: coefficients of theta^0 … theta^N for each of the other coordinates, all exact
         self.graph: tuple[list[Any], list[Any]] = ([arb(0)] * (order + 1), [arb(0)] * (order + 1))
         middle, values = omega.mid(), frame.eigenvalues
-        for power in range(3, order + 1, 2):  # the field is odd about the saddle
+        step = 2 if self.side is None else 1  # the linear law's field is odd about the saddle, and analytic
+        for power in range(1 + step, order + 1, step):
             with series_length(power + 1):
                 defect = self._defect_series(middle, arb(0), power)
             for other, series, rest in zip(self.others, self.graph, defect, strict=True):
                 series[power] = (coefficient(rest, power) / (power * values[along] - values[other])).mid()
 
+    def _guessed_side(self) -> int:
+        direction = [arb(int(k == self.along)) for k in range(3)]
+        return 1 if self.frame.sliding_slope(self.omega, [arb(0)] * 3, direction).mid() > 0 else -1
+
     def at(self, theta: Any) -> tuple[Any, Any]:
         """W at a number, ball or series."""
-        return _horner(self.graph[0], theta), _horner(self.graph[1], theta)
+        if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
+            return _horner(self.graph[0], theta), _horner(self.graph[1], theta)
+        first, second = (_horner(series, abs(theta)) for series in self.graph)
+        return (-first, -second) if theta < 0 else (first.union(-first), second.union(-second))
 
     def slopes(self, theta: Any) -> tuple[Any, Any]:
         """W' at a number, ball or series."""
+        if self.mirrored and not isinstance(theta, arb_series):
+            theta = abs(theta)
         slopes = [[n * value for n, value in enumerate(series)][1:] for series in self.graph]
         return _horner(slopes[0], theta), _horner(slopes[1], theta)
 
@@ -177,13 +214,27 @@ class Curve:
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
+    def keeps_side(self, reach: Any, cone: Sequence[Any] = (0, 0)) -> bool:
+        """Whether gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach: the mean value from 0."""
+        if self.side is None:
+            return True
+        span = arb(0).union(reach)
+        edges = [arb(0, _upper(part * reach)) for part in map(arb, cone)]
+        z, direction = self.point(span, edges), [arb(1)] * 3
+        for other, steep, part in zip(self.others, self.steepness(span), map(arb, cone), strict=True):
+            direction[other] = steep + arb(0, _upper(part))
+        return bool(positive(self.side * self.frame.sliding_slope(self.omega, z, direction)))
+
     def relative_defect(self, reach: Any) -> tuple[Any, Any]:
         """Bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds of the ball; NaN if none."""
         order = self.order
         with series_length(order + 2):
             near = self._defect_series(self.omega, arb(0), order)
             try:
-                over = self._defect_series(self.omega, arb(0).union(reach).union(-reach), order + 1)
+                whole = arb(0).union(reach)
+                if self.side is None:
+                    whole = whole.union(-reach)
+                over = self._defect_series(self.omega, whole, order + 1)
             except ValueError:  # the mass may vanish somewhere: Arb divides no series by a ball that holds zero
                 return arb.nan(), arb.nan()
         bounds = []
@@ -199,7 +250,7 @@ class Curve:
     def _defect_series(self, omega: Any, theta: Any, order: int) -> list[Any]:
         """D(theta + x) as a series in x to x^order."""
         variable = arb_series([theta, 1], prec=order + 1)
-        flow = self.frame.rates(omega, self.point(variable))
+        flow = self.frame.rates(omega, self.point(variable), self.side)
         pairs = zip(self.others, self.slopes(variable), strict=True)
         return [flow[other] - slope * flow[self.along] for other, slope in pairs]
 
@@ -209,6 +260,8 @@ class Curve:
         for doubling in range(_GUESSES):
             k = self._cone(theta, defect, 2**doubling)
             if k is not None:
+                if not self.keeps_side(theta, k):
+                    return None
                 return self.point(theta, [arb(0, _upper(part * theta)) for part in k]), k
         return None
 
@@ -218,7 +271,8 @@ class Curve:
         gap = [self.frame.eigenvalues[self.along] - self.frame.eigenvalues[other] for other in self.others]
         least = max(map(_upper, defect), key=float)
         k = [_upper(scale * 2 * (part + least / 16) / room) for part, room in zip(defect, gap, strict=True)]
-        matrix = self.frame.derivative(self.omega, self.point(span, [arb(0, _upper(part * theta)) for part in k]))
+        inner = self.point(span, [arb(0, _upper(part * theta)) for part in k])
+        matrix = self.frame.derivative(self.omega, inner, self.side)
         i, j = self.others
         rows = self.across(matrix, span)
         growth = matrix[self.along, self.along] + sum(
@@ -253,7 +307,7 @@ class Block:
         matrix = curve.frame.derivative(curve.omega, box)
         (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
         defect = [part * s for part in curve.relative_defect(s)]
-        if not positive(outwards):
+        if not (positive(outwards) and curve.keeps_side(s)):
             return None
         delta = _upper((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
         faces = (

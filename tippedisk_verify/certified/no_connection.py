@@ -22,9 +22,9 @@ from fractions import Fraction
 
 from flint import arb
 
-from tippedisk_verify.certified.balls import ball_constants, hull, inside, negative, positive, working_precision
-from tippedisk_verify.certified.flow import Model, Path
+from tippedisk_verify.certified.balls import hull, inside, negative, positive, working_precision
 from tippedisk_verify.certified.local_manifolds import UNSTABLE, Curve, Frame
+from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -63,10 +63,10 @@ class ProvedAbsence:
             return f"nothing is proved: {self.detail}."
         low, high = (_decimal(end) for end in (self.low, self.high))
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, at every Omega from "
-            f"{low} to {high} rad/s, gamma on the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, "
-            f"0) that leaves with growing gamma {' or '.join(self.outcomes)}: there is no connection to (pi/2, 3 pi/2, "
-            "0) on which gamma grows all the way."
+            f"for the tippedisk with {self.parameters.definition()} under the {self.parameters.law} friction law, at "
+            f"every Omega from {low} to {high} rad/s, gamma on the branch of the unstable manifold of (beta, gamma, "
+            f"v) = (pi/2, -pi/2, 0) that leaves with growing gamma {' or '.join(self.outcomes)}: there is no "
+            "connection to (pi/2, 3 pi/2, 0) on which gamma grows all the way."
         )
 
     def json(self) -> dict[str, object]:
@@ -89,10 +89,9 @@ def prove_absence(
 ) -> ProvedAbsence:
     """Prove that no speed from ``low`` to ``high`` [rad/s] has a connection on which gamma grows all the way.
 
-    Linear friction. ``watch`` is told after each piece which share of the interval is done. Raises InputError for ends
+    ``watch`` is told after each piece which share of the interval is done. Raises InputError for ends
     that make no sense.
     """
-    parameters.refuse_smooth("that there is no connection is proved")
     start, end = (_checked(number) for number in (low, high))
     if not start < end:
         raise InputError("the first speed must be less than the second")
@@ -135,7 +134,7 @@ def _outcome(parameters: Parameters, low: Fraction, high: Fraction) -> str | Non
         if start is None:
             return None
         beta, gamma, v = frame.offset(start[0])
-        path = Path(Model(ball_constants(parameters), speeds), (beta, gamma - arb.pi(), v))
+        path = model_of(parameters, speeds).path((beta, gamma - arb.pi(), v))
         while path.time < _LONGEST:
             step = path.step()
             # Where sin(beta) = 0 the disk lies flat and the model ends.

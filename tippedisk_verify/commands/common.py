@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Common",
     "alone_in",
+    "certificate_option",
     "checked_jobs",
     "common_options",
     "console",
@@ -104,6 +105,10 @@ _QUESTION_OPTIONS = (
 _OUTPUT_OPTIONS = (
     click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
     click.option("--quiet", is_flag=True, help="No progress and no table."),
+)
+#: of `certify`
+certificate_option = click.option(
+    "--certificate", metavar="FILE.json", help="Write what `certify check FILE.json` needs to prove it again."
 )
 _SPEED_OPTIONS = (
     click.option("--omega", metavar="X", help="The spinning speed [rad/s]."),

@@ -215,9 +215,12 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
 @click.option("--paper-sets", is_flag=True, help="The paper's sets A^in and A^de: 801 speeds.")
 @click.option("--omegas", metavar="X,X,...", help="These speeds [rad/s], in this order.")
 @click.option("--rotating", is_flag=True, help="The rotating cycles: stable ones, their fold, and unstable ones.")
+@click.option(
+    "--proved", is_flag=True, help="Replace the numbers of each cycle by proved enclosures, where these exist."
+)
 @click.option("--out", metavar="FILE.csv", help="Write the family there as CSV.")
 @common_options
-def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, out: str | None) -> int:
+def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
     """The family of limit cycles from Omega_crit towards Omega_h, through any folds, or of the rotating ones."""
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
@@ -231,6 +234,10 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         raise InputError("give either --paper-sets or --omegas")
     if rotating and paper_sets:
         raise InputError("the paper's sets have no rotating cycles: leave out --paper-sets or --rotating")
+    if proved:
+        if rotating:
+            raise InputError("rotating cycles are proved one by one: ask certify orbit --rotating")
+        common.parameters.refuse_smooth("limit cycles are proved")
     target = None if out is None else output_file(out)
     engine = default_engine()
     speeds = None if omegas is None else omegas.split(",")
@@ -253,11 +260,23 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
+    orbits: list[dict[str, object]] = [_without_history(cycle) for cycle in cycles]
+    if proved:
+        from tippedisk_verify.commands.certify_branch import proofs_of
+        from tippedisk_verify.orbits.cycles import LimitCycle
+
+        proofs = proofs_of(common, [c for c in cycles if isinstance(c, LimitCycle)], None)
+        # What is not proved keeps its measured half-widths, and says so.
+        orbits = [cycle | entries for cycle, (entries, _) in zip(orbits, proofs, strict=True)]
+        lines = (
+            f"{line}  {'proved' if entries['proved'] else 'half-widths measured, not proved'}"
+            for line, (entries, _) in zip(list(lines), proofs, strict=True)
+        )
     folds = _folds(common, rotating, total >= branches.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
     entries: list[object] = [fold.json() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
-    print_result(common, {"orbits": [_without_history(cycle) for cycle in cycles]} | turns, chain(lines, told))
+    print_result(common, {"orbits": orbits} | turns, chain(lines, told))
     return 0
 
 

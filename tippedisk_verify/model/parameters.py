@@ -192,6 +192,11 @@ class Parameters:
             if item.name in _QUANTITIES and getattr(self, item.name) is not None
         }
 
+    @property
+    def law(self) -> str:
+        """The friction law's name in a sentence."""
+        return "linear" if self.friction == "linear" else "smooth Coulomb"
+
     def definition(self) -> str:
         """The eight numbers that the equations need, exactly, with their units: which disk a statement is about."""
         return ", ".join(
