@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
-from tippedisk_verify.commands.common import Common, common_options, print_result, speed, speed_options
+from tippedisk_verify.commands.common import (
+    Common,
+    certificate_option,
+    common_options,
+    print_result,
+    speed,
+    speed_options,
+)
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+
+if TYPE_CHECKING:
+    from tippedisk_verify.certified.cycle import OrbitProof
+    from tippedisk_verify.certified.fold import FoldProof
 
 __all__ = ["orbit"]
 
@@ -24,6 +37,10 @@ __all__ = ["orbit"]
 @click.option(
     "--fold", "number", type=click.IntRange(1, 20), metavar="N", help="The fold number N, if the family has several."
 )
+@click.option(
+    "--radius", metavar="R", help="Prove the cycles of all speeds within R [rad/s] at once; numbers become ranges."
+)
+@certificate_option
 @common_options
 def orbit(
     common: Common,
@@ -34,41 +51,74 @@ def orbit(
     unstable: bool,
     at_fold: bool,
     number: int | None,
+    radius: str | None,
+    certificate: str | None,
 ) -> int:
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
+    if radius is not None and (rotating or at_fold):
+        raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
+    if certificate is not None:
+        from tippedisk_verify.files import output_file
+
+        if radius is not None:
+            raise InputError("certificates are written of single cycles and of folds: leave out --radius")
+        common.parameters.refuse_smooth("certificates are written")
+        output_file(certificate)
     if at_fold:
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
-        return _fold(common, rotating, number)
+        return _fold(common, rotating, number, certificate)
     if number is not None:
         raise InputError("--fold belongs to --at-fold")
     if rotating:
-        return _rotating(common, omega, below_crit, guess, unstable)
+        return _rotating(common, omega, below_crit, guess, unstable, certificate)
     from tippedisk_verify.certified.cycle import CycleProof, Status, prove_cycle
+    from tippedisk_verify.certified.cycle_interval import failed_interval, prove_interval
 
-    common.parameters.refuse_smooth("limit cycles are proved")
+    parameters = common.parameters
+    if radius is not None:
+        parameters.refuse_smooth("the limit cycles of an interval of speeds are proved")
     value = speed(common, omega, below_crit)
-    if guess is None:
+    start: tuple[object, object] | None = guess
+    if start is None:
         from tippedisk_verify.flow import default_engine
         from tippedisk_verify.orbits.continuation import followed_cycle
 
         try:
             stable = False if unstable else None
-            cycle = followed_cycle(common.parameters, value, default_engine(), digits=12, stable=stable)
+            cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
-            failed = CycleProof(Status.NO_GUESS, str(fault), common.parameters, value, 0)
+            failed = (
+                CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
+                if radius is None
+                else failed_interval(parameters, value, radius)
+            )
             print_result(common, failed.json())
             return 1
-        proof = prove_cycle(common.parameters, value, (cycle.gamma_bar_0.value, cycle.v_0.value), digits=common.digits)
-    else:
-        proof = prove_cycle(common.parameters, value, guess, digits=common.digits)
+        start = (cycle.gamma_bar_0.value, cycle.v_0.value)
+    if radius is not None:
+        interval = prove_interval(parameters, value, radius, start)
+        print_result(common, interval.json())
+        return 0 if interval.proved else 1
+    return _ended(common, prove_cycle(parameters, value, start, digits=common.digits), certificate)
+
+
+def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: str | None) -> int:
+    """Print the result; write the certificate, if one is asked for and there is a proof."""
+    if proof.proved and certificate is not None:
+        from tippedisk_verify.certified.certificate import cycle_certificate, fold_certificate
+        from tippedisk_verify.certified.cycle import OrbitProof
+        from tippedisk_verify.files import output_file, write_text
+
+        text = cycle_certificate(proof) if isinstance(proof, OrbitProof) else fold_certificate(proof)
+        write_text(output_file(certificate), text)
     print_result(common, proof.json())
     return 0 if proof.proved else 1
 
 
-def _fold(common: Common, rotating: bool, number: int | None) -> int:
+def _fold(common: Common, rotating: bool, number: int | None, certificate: str | None) -> int:
     """Prove a fold of the rotating or the librating family."""
-    from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, prove_fold
+    from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits.folds import Fold, libration_folds, rotation_fold
 
@@ -95,8 +145,7 @@ def _fold(common: Common, rotating: bool, number: int | None) -> int:
     fold = folds[(number or 1) - 1]
     near = [getattr(fold, name).value for name in (*kind.unknowns, "omega")]
     proof = prove_fold(kind, parameters, near, digits=digits)
-    print_result(common, proof.json())
-    return 0 if proof.proved else 1
+    return _ended(common, proof, certificate)
 
 
 def _rotating(
@@ -105,6 +154,7 @@ def _rotating(
     below_crit: str | None,
     guess: tuple[str, str] | None,
     unstable: bool,
+    certificate: str | None,
 ) -> int:
     """Prove a rotating cycle."""
     from tippedisk_verify.certified.cycle import Status
@@ -113,7 +163,6 @@ def _rotating(
     from tippedisk_verify.orbits.rotating import rotating_cycle
 
     parameters, digits = common.parameters, common.digits
-    parameters.refuse_smooth("rotating cycles are proved")
     value = speed(common, omega, below_crit)
     if guess is None:
         try:
@@ -124,5 +173,4 @@ def _rotating(
         proof = prove_rotation(parameters, value, (cycle.beta_bar_top.value, cycle.v_top.value), digits=digits)
     else:
         proof = prove_rotation(parameters, value, guess, digits=digits)
-    print_result(common, proof.json())
-    return 0 if proof.proved else 1
+    return _ended(common, proof, certificate)
