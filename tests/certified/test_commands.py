@@ -145,7 +145,6 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
         (["certify", "equilibria", "--omega", "fast"], "not a finite decimal"),
         (["certify", "equilibria", "--omega", "30", "--every-speed"], "--every-speed takes the place"),
         (["certify", "hopf", "--friction", "smooth"], "smooth"),
-        (["certify", "heteroclinic", "--friction", "smooth"], "linear friction law"),
         (["certify", "table", "--friction", "smooth"], "linear friction law"),
         (["certify", "heteroclinic", "--digits", "301"], "300 digits"),
         (["certify", "heteroclinic", "--digits", "0"], "digits"),

@@ -1,4 +1,4 @@
-"""The commands `certify equilibria|hopf|table|orbit|heteroclinic`: numbers with a proof by ball arithmetic.
+"""The commands of `certify`: numbers with a proof by ball arithmetic, and the check of a certificate.
 
 Exit status 0: proved; 1: not proved, and the status says where the proof stopped; 2: bad input.
 """
@@ -9,9 +9,18 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tippedisk_verify.commands.certify_branch import branch
 from tippedisk_verify.commands.certify_orbit import orbit
-from tippedisk_verify.commands.common import Common, common_options, print_result, progress, speed, speed_options
-from tippedisk_verify.errors import InputError, NoConnectionError
+from tippedisk_verify.commands.common import (
+    Common,
+    common_options,
+    plain_options,
+    print_result,
+    progress,
+    speed,
+    speed_options,
+)
+from tippedisk_verify.errors import InputError, NoConnectionError, Shortfall
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
@@ -102,7 +111,6 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
 
-    common.parameters.refuse_smooth("the connection is proved")
     if none_between is not None:
         if near is not None:
             raise InputError(
@@ -116,6 +124,25 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     proof = _connection(common, common.parameters, common.digits, near)
     print_result(common, proof.json())
     return 0 if proof.proved else 1
+
+
+@certify.command()
+@click.argument("file")
+@plain_options
+def check(common: Common, file: str) -> int:
+    """Replay a certificate with a short checker of its own, which shares no code with the proofs."""
+    from tippedisk_verify import checker
+
+    try:
+        result = {"accepted": True, "statement": checker.check(file)}
+    except checker.Unproved as fault:
+        result = {"accepted": False, "fails": str(fault)}
+        if not common.json:
+            raise Shortfall(f"not proved: {fault}") from None
+    except checker.Refused as fault:
+        raise InputError(f"no certificate: {fault}") from None
+    print_result(common, result)
+    return 0 if result["accepted"] else 1
 
 
 def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
@@ -157,4 +184,5 @@ def _absence(common: Common, parameters: Parameters, low: object, high: object) 
 
 _EQUILIBRIA = ("inverted", "noninverted")
 certify.add_command(orbit)
+certify.add_command(branch)
 COMMANDS = (certify,)
