@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -21,7 +22,9 @@ from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, Shortfall
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from fractions import Fraction
+    from typing import Any
 
     from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.orbits.basin_boundary import BasinBoundary
@@ -36,6 +39,7 @@ __all__ = ["COMMANDS"]
 @click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
 @click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
 @click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
+@click.option("--proved", "is_proved", is_flag=True, help="Call decided only what a proof decides.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @click.option("--out", metavar="DIR", help="Write picture and CSV there.")
 @common_options
@@ -47,6 +51,7 @@ def basin(
     seconds: float,
     velocity: float,
     margin: str | None,
+    is_proved: bool,
     jobs: int | None,
     out: str | None,
 ) -> int:
@@ -57,10 +62,19 @@ def basin(
     if margin is not None:
         print_result(common, _margin(common, value, margin))
         return 0
+    if is_proved:
+        common.parameters.refuse_smooth("basins are proved")
     folder = alone_in(out)
-    with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
+    with progress(common, count) as advance, processes(jobs, needed=count >= (1_000 if is_proved else 10_000)) as pool:
         plane = basins(
-            common.parameters, value, count=count, duration=seconds, v=velocity, advance=advance, executor=pool
+            common.parameters,
+            value,
+            count=count,
+            duration=seconds,
+            v=velocity,
+            advance=advance,
+            executor=pool,
+            prepare=partial(_proof, common.parameters, value, seconds) if is_proved else None,
         )
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins, draw_boundary
@@ -74,8 +88,18 @@ def basin(
         write_basins(plane, folder)
     shares = plane.fractions().items()
     lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)
-    print_result(common, plane.json(), lines)
+    print_result(common, {**plane.json(), "proved": is_proved}, lines)
     return 0
+
+
+def _proof(parameters: Parameters, omega: Fraction, duration: float) -> Callable[[Any], Any]:
+    """A function that decides states by proofs."""
+    from tippedisk_verify.certified.attraction import strip
+    from tippedisk_verify.certified.basins import proved_outcomes
+    from tippedisk_verify.orbits.basins import OUTCOMES
+
+    cells = strip(parameters, omega)
+    return partial(proved_outcomes, names=OUTCOMES, strip=cells, parameters=parameters, omega=omega, duration=duration)
 
 
 def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:
