@@ -27,9 +27,10 @@ PROVED: dict[Friction, set[str]] = {
     "smooth": {
         *("omega_crit", "omega_crit_friction", "period_crit"),
         *("inverted_stable_above", "inverted_unstable_below", "noninverted_unstable"),
+        "both_connections",
     }
 }
-PROVED["linear"] = PROVED["smooth"] | {"table_1", "chi", "supercritical", "both_connections", "attracting_cycle"}
+PROVED["linear"] = PROVED["smooth"] | {"table_1", "chi", "supercritical", "attracting_cycle"}
 IN_PART: dict[Friction, set[str]] = {"smooth": {"lambda_3", "critical_pair"}}
 IN_PART["linear"] = IN_PART["smooth"] | {"omega_h", "infinite_period"}
 
@@ -134,7 +135,7 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
     parameters = Parameters.named("./my disk.toml").with_friction(friction)
-    local = {"lambda_3", "critical_pair", "chi", "supercritical"} | PROVED["smooth"]
+    local = {"lambda_3", "critical_pair", "chi", "supercritical"} | PROVED["smooth"] - {"both_connections"}
     proved = 0
     for claim, finding, proof in _proofs(parameters, local).values():
         if claim.name in ("chi", "supercritical"):
@@ -216,6 +217,13 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
     assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == ("linear", "smooth")
     assert _of("convergent_series", PRINTED) is None
+    # Theorem 6 is about both laws, and its command must be told which; Theorem 7 is about the linear one.
+    told = _of("both_connections", PRINTED.with_friction("smooth"))
+    assert told.grade == "proved"
+    assert told.commands["printed"] == "tippedisk-verify certify heteroclinic --parameters printed --friction smooth"
+    assert "--friction" not in _of("both_connections", PRINTED).commands["printed"]
+    for name in ("attracting_cycle", "omega_h", "infinite_period"):
+        assert _of(name, PRINTED.with_friction("smooth")) is None
     # An answer that was left open is not proved, nor is anything of a set that no command can name.
     assert set(_of("noninverted_unstable", PRINTED, printed=None).commands) == {"calibrated", "geometry"}
     assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(PAPER_SETS)

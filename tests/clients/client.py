@@ -68,9 +68,12 @@ def jacobian(p, smooth, y):
     return np.array([np.imag(rate(0, y + 1j * TINY * unit)) / TINY for unit in np.eye(3)]).T
 
 
+LOCAL = 1e-12  # per step: a run of some thousand steps then keeps 9 digits, and no level asks doubles for more
+
+
 def integrate(p, smooth, y0, time, max_step, events=()):
     return solve_ivp(
-        field(p, smooth), (0, time), y0, "DOP853", rtol=1e-12, atol=1e-12, max_step=max_step, events=list(events)
+        field(p, smooth), (0, time), y0, "DOP853", rtol=LOCAL, atol=LOCAL, max_step=max_step, events=list(events)
     )
 
 
@@ -175,7 +178,7 @@ def divergence(p, x, time):
         # v_rate is a polynomial of degree 2 in v, for which the central difference is exact
         return [y[2], f["gamma_rate"], f["v_rate"], (above["v_rate"] - below["v_rate"]) / 2]
 
-    return solve_ivp(rate, (0, time), [QUARTER, QUARTER + x[0], x[1], 0], "DOP853", rtol=1e-12, atol=1e-12).y[3, -1]
+    return solve_ivp(rate, (0, time), [QUARTER, QUARTER + x[0], x[1], 0], "DOP853", rtol=LOCAL, atol=LOCAL).y[3, -1]
 
 
 @lru_cache(None)
@@ -186,7 +189,7 @@ def cycle(p):
             x = np.array([start, -start])
             for _ in range(6):  # the cycle attracts
                 x = half_map(p, x)
-            x = root(lambda z: half_map(p, z) - z, x, tol=1e-12, options={"eps": 1e-8}).x
+            x = root(lambda z: half_map(p, z) - z, x, tol=1e-12, options={"eps": 1e-8}).x  # a start for Newton
             time = half_turn(p, x)[0]
             for _ in range(3):  # full accuracy by Newton with the exact derivative
                 columns = [differentiated(p, x, time, unit) for unit in np.eye(3)]

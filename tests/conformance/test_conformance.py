@@ -404,8 +404,8 @@ def test_predictions_without_a_mistake_are_the_truth(store: Store) -> None:
         for id_, value in found.items():
             assert compare(id_, value).digits > min(FAILS_BELOW[store[id_].level], 7) - 1, id_
         if entry.startswith("linear/limit-cycle"):
-            # Tolerance: of the CSV's decimals.
-            assert found[f"printed/{entry}/period"] == pytest.approx(float(store[f"printed/{entry}/period"]), abs=1e-10)
+            period = float(store[f"printed/{entry}/period"])
+            assert found[f"printed/{entry}/period"] == pytest.approx(period, abs=1e-10)  # the CSV's decimals
 
 
 _EQUATIONS = [alternative for alternative in ALTERNATIVES if alternative.of_the_model]

@@ -107,9 +107,9 @@ def test_more_bits_give_more_digits(taylor: Taylor) -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_baselines_agree_with_each_other(method: str, friction) -> None:
-    # Tolerance: any that is not the default.
-    request = Request(PRINTED.with_friction(friction), "30.4", STARTS[1], 1, tolerance=1e-9)
-    reference = Baseline("DOP853")(Request(PRINTED.with_friction(friction), "30.4", STARTS[1], 1))
+    disk = PRINTED.with_friction(friction)
+    request = Request(disk, "30.4", STARTS[1], 1, tolerance=1e-9)  # any that is not the default
+    reference = Baseline("DOP853")(Request(disk, "30.4", STARTS[1], 1))
     # BDF lets about 1e3 of its local tolerance through over a second.
     assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
 

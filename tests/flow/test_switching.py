@@ -184,8 +184,8 @@ def test_lanes_find_the_same_reversals(taylor) -> None:
         alone = taylor(smooth("30.4", start, "0.5", events=(_REVERSES,), domain="none"))
         mine = [time for name, run, time, _ in found.crossings if run == k and name == _REVERSES.name]
         if found.finished[k]:
-            # Tolerance: event times of two step sequences.
-            assert numpy.allclose(mine, [float(record.time) for record in alone.events], rtol=0, atol=1e-10)
+            theirs = [float(record.time) for record in alone.events]
+            assert numpy.allclose(mine, theirs, rtol=0, atol=1e-10)  # event times of two step sequences
     assert found.finished.sum() > 12
 
 

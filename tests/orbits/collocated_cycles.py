@@ -80,7 +80,7 @@ def hopf(disk: Disk) -> tuple[float, float]:
     speeds = math.sqrt(disk.g / disk.r) * numpy.geomspace(0.1, 100, 400)
     signs = numpy.sign([hurwitz(speed) for speed in speeds])
     change = int(numpy.flatnonzero(numpy.diff(signs))[0])
-    Omega = brentq(hurwitz, speeds[change], speeds[change + 1], xtol=1e-13, rtol=1e-15)
+    Omega = brentq(hurwitz, speeds[change], speeds[change + 1], xtol=1e-13, rtol=1e-15)  # rounding at 30
     return float(Omega), math.sqrt(numpy.poly(linearised(disk, Omega, 0.0))[2].real)
 
 

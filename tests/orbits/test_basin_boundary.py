@@ -105,8 +105,8 @@ def test_the_cycle_itself_lies_on_it(taylor) -> None:
     boundary = BasinBoundary(PRINTED, "30.5", taylor)
     cycle = rotating_cycle(PRINTED, "30.5", taylor, stable=False)
     for beta, gamma, v in cycle.orbit(5)[1].T:
-        # Tolerance: what an orbit in double is off, over half a turn.
-        assert float(boundary.margin((beta, gamma, v))) == pytest.approx(0, abs=1e-12)
+        margin = float(boundary.margin((beta, gamma, v)))
+        assert margin == pytest.approx(0, abs=1e-12)  # what an orbit in double is off, over half a turn
 
 
 def test_the_command(capsys) -> None:

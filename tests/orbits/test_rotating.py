@@ -157,9 +157,8 @@ def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None
     image = taylor(Request(disk, omega, start, cycle.period.value, shifted=True, precision=QUADRUPLE))
     assert image.status is Status.REACHED
     assert [float(part) for part in image.state] == pytest.approx(
-        # Tolerance: the start is known to some 1e-12, and a turn amplifies it.
         [float(start[0]), -2 * math.pi, float(start[2])],
-        abs=1e-9,
+        abs=1e-9,  # the start is known to some 1e-12, and a turn amplifies it
     )
 
 
@@ -186,8 +185,8 @@ def test_the_law_of_the_period_to_ten_digits(taylor, friction) -> None:
     cycle = rotating_below(disk, "1e-60", taylor)
     assert abs(cycle.dperiod_domega.value / 10**60 * growth - 1) < Fraction(1, 10**10)
     nearer = rotating_below(disk, "1e-61", taylor)
-    # Tolerance: the law's next term, (1e-60)^0.2.
-    assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=1e-10)
+    next_term = 1e-10  # of the law, (1e-60)^0.2, by a factor of 100 at most
+    assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=next_term)
 
 
 @pytest.mark.slow(minutes=1)

@@ -115,7 +115,7 @@ def test_check_sees_a_value_outside_its_enclosure(folder: Path) -> None:
 
 def test_refusals(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(InputError, match="no proof is offered"):
-        proved_entry({"id": "printed/smooth/limit-cycle/crit-0.5", "inputs": {}, "quantities": {}})
+        proved_entry({"id": "printed/smooth/rotating-cycle/stable-het-0.01", "inputs": {}, "quantities": {}})
     assert main(["reference", "prove", "--data", str(tmp_path / "none")]) == 2
     assert "needs a folder" in capsys.readouterr().err
     assert main(["reference", "prove", "--data", str(tmp_path)]) == 2

@@ -178,7 +178,20 @@ SHAPES: dict[str, Shape] = {
     "certify equilibria": Shape(("certify", "equilibria"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "certify hopf": Shape(("certify", "hopf"), _COMMON),
     "certify table": Shape(("certify", "table"), _COMMON),
-    "certify orbit": Shape(("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
+    "certify orbit": Shape(
+        ("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS), "--certificate": ("c.json", NOT_TARGETS)}
+    ),
+    "certify interval": Shape(
+        ("certify", "orbit"),
+        {
+            "--omega": ("30.4", NOT_SPEEDS),
+            "--radius": ("1e-3", st.sampled_from(["", "x", "nan", "inf", "0", "-1e-3", "1e400", "pi", "1/0"])),
+        },
+    ),
+    "certify branch": Shape(
+        ("certify", "branch"), {**_COMMON, **_JOBS, "--at": ("A^in", st.one_of(NOT_SOURCES, NOT_NAMES))}
+    ),
+    "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS)}),
     "reference list": Shape(

@@ -71,7 +71,7 @@ def test_fifty_digits_by_the_formal_series_of_the_full_equations() -> None:
             near = round(fraction(A) / unit) * unit
             return mpmath.re(formal_cycles(PRINTED.changed(A=near, C=None), normal_form=True).kappa[0])
 
-        truth = mpmath.findroot(growth, (mpmath.mpf("0.23e-3"), mpmath.mpf("0.235e-3")), tol=1e-110)
+        truth = mpmath.findroot(growth, (mpmath.mpf("0.23e-3"), mpmath.mpf("0.235e-3")), tol=1e-110)  # of a square
         assert abs(point.value.mpf() - truth) < mpmath.mpf(10) ** -54  # 50 digits of 2.3e-4
 
 

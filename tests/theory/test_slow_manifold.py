@@ -121,9 +121,8 @@ def test_residual_by_jets_against_numerical_differences() -> None:
 def test_the_papers_h1_is_the_recursions(point) -> None:
     constants = PRINTED.at(DOUBLE)
     formula = first_correction(math, constants, 30.4, *point)
-    # Terms of about 1e2 times the result are summed.
-    # Tolerance: a thousand roundings.
-    assert orders(math, constants, 30.4, *point, 1)[1] == pytest.approx(formula, rel=1e3 * 2.0**-52)
+    found = orders(math, constants, 30.4, *point, 1)[1]
+    assert found == pytest.approx(formula, rel=1e3 * 2.0**-52)  # terms of 1e2 times the result: a thousand roundings
     assert slow_manifold(math, constants, 30.4, *point) == pytest.approx(
         critical_manifold(math, constants, 30.4, *point) + 0.1 * formula
     )
@@ -177,8 +176,8 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
     constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
     free = PRINTED.changed(mu="1e-30").at(DOUBLE)
     with_friction, without = (equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free))
-    # Tolerance: roundings of terms that cancel.
-    assert attraction_rate(math, constants, *point) == pytest.approx(with_friction - without, rel=1e-12)
+    rate = attraction_rate(math, constants, *point)
+    assert rate == pytest.approx(with_friction - without, rel=1e-12)  # roundings, as terms cancel
 
 
 def test_study_and_command(capsys) -> None:

@@ -53,7 +53,8 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
         if answer is None or not _covered(offer, sets[name]) or not _decides(finding.computed[name], claim.printed):
             continue
         parts = (offer.command, offer.against) if offer.against and not answer else (offer.command,)
-        commands[name] = " && ".join(f"tippedisk-verify {part} --parameters {quote(name)}" for part in parts)
+        chosen = f"--parameters {quote(name)}" + " --friction smooth" * (sets[name].friction == "smooth")
+        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in parts)
     if not commands:
         return None
     rests = [offer.rest] if offer.rest else []

@@ -11,7 +11,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import ROUNDED, Constants
+from tippedisk_verify.model.parameters import ROUNDED, Constants, Friction
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -146,8 +146,11 @@ def _where(audit: Audit, printed: str) -> str:
 _SAME_CYCLE = "that this limit cycle is the one born at Omega_crit (measured)"
 
 
-def _theorems_6_to_8(theorem: str, proves: str, rest: str = "", against: str = "") -> ProofOffer:
-    return ProofOffer(theorem, "certify heteroclinic", proves, rest, law="linear", against=against)
+def _theorems_6_to_8(
+    theorem: str, proves: str, rest: str = "", against: str = "", law: Friction | None = "linear"
+) -> ProofOffer:
+    """Theorem 7 is about the linear law only."""
+    return ProofOffer(theorem, "certify heteroclinic", proves, rest, law=law, against=against)
 
 
 #: In the order of the paper.
@@ -211,7 +214,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             ("trajectories",),
         ),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
-        proof=_theorems_6_to_8("Theorem 6", "that both connections exist at one and the same speed"),
+        proof=_theorems_6_to_8("Theorem 6", "that both connections exist at one and the same speed", law=None),
     ),
     Claim(
         "homoclinic_identified",

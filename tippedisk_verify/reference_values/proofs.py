@@ -1,8 +1,9 @@
 """The grade *proved*: reference values held by enclosures in ball arithmetic, with the statement and how to prove it.
 
-Eigenvalues, the Hopf point, limit cycles (linear law) and Omega_h. An entry gains ``proof``, the statement and the
-command that proves it again; each of its quantities ``enclosure``, and the grade. The value's half-width must contain
-the enclosure. If it does not, the value is wrong or claims more than is proved, and nothing is written.
+Eigenvalues, the Hopf point, and, under both friction laws, limit cycles and Omega_h. An entry gains ``proof``, the
+statement and the command that proves it again; each of its quantities ``enclosure``, and the grade. The value's
+half-width must contain the enclosure. If it does not, the value is wrong or claims more than is proved, and nothing is
+written.
 """
 
 from __future__ import annotations
@@ -47,9 +48,7 @@ class Proof:
 
 
 def _provable(id_: str) -> bool:
-    _, friction, kind, place = id_.split("/")
-    if friction == "smooth":
-        return False
+    _, _, kind, place = id_.split("/")
     return kind in ("equilibrium", "hopf", "limit-cycle", "heteroclinic") or (
         kind == "near-heteroclinic" and place in _NEAR
     )
@@ -62,8 +61,8 @@ def proved_entry(entry: dict[str, Any]) -> Proof:
     """
     if not _provable(entry["id"]):
         raise InputError(f"no proof is offered for {entry['id']}")
-    set_name, _, kind, _ = entry["id"].split("/")
-    parameters = Parameters.named(set_name)
+    set_name, friction, kind, _ = entry["id"].split("/")
+    parameters = Parameters.named(set_name).with_friction("smooth" if friction == "smooth" else "linear")
     if kind == "equilibrium":
         return _equilibrium(parameters, entry["inputs"])
     if kind == "hopf":
@@ -104,7 +103,7 @@ def _connection(parameters: Parameters) -> Proof:
         raise Shortfall(proof.statement)
     names = ("lambda_u", "lambda_s", "lambda_ss")
     enclosures = {"omega_h": proof.omega_h, **dict(zip(names, proof.saddle_eigenvalues, strict=True))}
-    command = f"certify heteroclinic --parameters {parameters.name} --digits {_OMEGA_H_DIGITS}"
+    command = f"certify heteroclinic {_disk(parameters)} --digits {_OMEGA_H_DIGITS}"
     return Proof(proof.statement, command, enclosures)
 
 
@@ -117,8 +116,13 @@ def _cycle(parameters: Parameters, entry: dict[str, Any]) -> Proof:
     if not proof.proved:
         raise Shortfall(f"{entry['id']}: {proof.statement}")
     numbers = proof.numbers()
-    command = f"certify orbit --parameters {parameters.name} --omega {omega} --digits {_DIGITS}"
+    command = f"certify orbit {_disk(parameters)} --omega {omega} --digits {_DIGITS}"
     return Proof(proof.statement, command, {name: numbers[name] for name in _CYCLE if name in numbers})
+
+
+def _disk(parameters: Parameters) -> str:
+    """The options that name the disk and its friction law."""
+    return f"--parameters {parameters.name}" + " --friction smooth" * (parameters.friction == "smooth")
 
 
 def _with_proof(entry: dict[str, Any], proof: Proof) -> dict[str, Any]:
@@ -177,7 +181,7 @@ def _prove(
         if _provable(id_) and (not prefixes or id_.startswith(tuple(prefixes)))
     }
     if not wanted:
-        raise InputError("nothing there can be proved: equilibria, hopf, limit cycles and Omega_h of the linear law")
+        raise InputError("nothing there can be proved: equilibria, hopf, limit cycles and Omega_h")
     proofs = _proofs(wanted, executor, advance)
     changed = {id_: _with_proof(wanted[id_], proof) for id_, proof in proofs.items()}
     _write(folder, {name: document for name, (document, _) in documents.items()}, changed)
