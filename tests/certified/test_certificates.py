@@ -340,7 +340,7 @@ def test_a_weaker_claim_is_another_true_claim() -> None:
     content["claim"]["stable"] = None
     sentence = checker.proved(sealed(content))
     assert "± 0.5 s" in sentence
-    assert "of undecided stability" in sentence
+    assert "a periodic orbit, of undecided stability" in sentence
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 
 __all__ = [
+    "MANNERS",
     "Attempt",
     "CycleProof",
     "OrbitProof",
@@ -67,6 +68,14 @@ _REMOTE_BITS = 64  # enough for the wide boxes that show how far the next fixed 
 _REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MOST_ITERATIONS = 25
 _MOST_ATTEMPTS = 6
+
+
+#: What is said of an orbit in a sentence. One of undecided stability need not be isolated, as a limit cycle is.
+MANNERS = {
+    True: "a limit cycle, asymptotically stable",
+    False: "a limit cycle, unstable",
+    None: "a periodic orbit, of undecided stability",
+}
 
 
 class Status(Enum):
@@ -114,7 +123,7 @@ class OrbitProof(ABC):
         """What is proved, in one sentence."""
         if not self.proved:
             return f"nothing is proved: {self.status.value} ({self.where})."
-        manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
+        manner = MANNERS[self.stable]
         return self._sentence(manner, *(_decimal_below(distance) for distance in self.unique_within))
 
     @property
@@ -195,7 +204,7 @@ class CycleProof(OrbitProof):
             "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has a "
             f"fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {numbers['gamma_bar_0']} rad and "
             f"v_0 = {numbers['v_0']} rad/s, and no other with gamma within {first} rad and v within {second} rad/s "
-            f"of it; through it runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 "
+            f"of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
             f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {numbers['beta_max']} rad, less "
             f"than 1.5707{self.sliding}; its period is T = {numbers['period']} s, its larger Floquet multiplier "
             f"other than 1 is {numbers['multiplier_slow']} with the logarithm {numbers['log_multiplier_slow']}, the "

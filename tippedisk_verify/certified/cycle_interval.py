@@ -15,6 +15,7 @@ from typing import Any
 from tippedisk_verify.certified.arc import Arc, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
 from tippedisk_verify.certified.curve_flow import Curve, duration
+from tippedisk_verify.certified.cycle import MANNERS
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.errors import InputError
@@ -73,7 +74,7 @@ class IntervalProof:
         middle, radius = exact_text(self.omega), exact_text(self.radius)
         if not self.proved:
             return f"nothing is proved of Omega within {radius} rad/s of {middle} rad/s: {self.status.value}."
-        manner = {True: "asymptotically stable", False: "unstable", None: "of undecided stability"}[self.stable]
+        manner = MANNERS[self.stable]
         numbers = dict(self.numbers)
         low, high = (exact_text(end) for end in (self.omega - self.radius, self.omega + self.radius))
         return (
@@ -85,7 +86,7 @@ class IntervalProof:
             f"{exact_text(self.unique_within[1])} rad/s, where p(s) = {_polynomial(self.curve[0])} and q(s) = "
             f"{_polynomial(self.curve[1])}; it depends analytically on Omega, and the two distances are at most "
             f"{exact_text(self.enclosed_within[0])} rad and {exact_text(self.enclosed_within[1])} rad/s; through it "
-            f"runs a limit cycle, {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice a period "
+            f"runs {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice a period "
             f"and on which |beta - pi/2| is less than {exact_text(self.beta_below or Fraction(0))} rad; for all these "
             f"speeds its period is within {numbers['period']} s, its larger Floquet multiplier other than 1 within "
             f"{numbers['multiplier_slow']}, the logarithm of the smaller one within {numbers['log_multiplier_fast']}, "

@@ -49,7 +49,7 @@ class RotationProof(OrbitProof):
             f"Omega = {exact_text(self.omega)} rad/s, the turn map, along the flow from gamma = pi/2 to gamma = 5 "
             "pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = "
             f"{numbers['beta_bar_top']} rad and v_top = {numbers['v_top']} rad/s, and no other with beta within "
-            f"{first} rad and v within {second} rad/s of it; through it runs a limit cycle, {manner}, on which gamma "
+            f"{first} rad and v within {second} rad/s of it; through it runs {manner}, on which gamma "
             f"grows all the time, by 2 pi a period, with 0 < beta - pi/2 < 1.5707{self.sliding}; its period is T = "
             f"{numbers['period']} s, its Floquet multiplier other than 1 of larger absolute value is "
             f"{numbers['multiplier_slow']}, the logarithms of the absolute values of both are "

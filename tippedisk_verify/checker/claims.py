@@ -248,8 +248,8 @@ def proved(content: Any) -> str:
     words |= {f"near_{name}": value for name, value in file["claim"].get("unique_within", {}).items()}
     words |= {name: f"{n['value']} ± {n['uncertainty']}" for name, n in file["claim"]["numbers"].items()}
     disk = ", ".join(f"{name} = {file['claim']['parameters'][name]}{unit}" for name, unit in UNITS.items())
-    manner = {True: "asymptotically stable", False: "unstable"}.get(
-        file["claim"].get("stable"), "of undecided stability"
+    manner = {True: "a limit cycle, asymptotically stable", False: "a limit cycle, unstable"}.get(
+        file["claim"].get("stable"), "a periodic orbit, of undecided stability"
     )
     first, last = ("falls", "rises") if words.get("extremum") == "smallest" else ("rises", "falls")
     return str(kind["sentence"].format(disk=disk, manner=manner, first=first, last=last, **words))
