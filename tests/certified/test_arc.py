@@ -177,7 +177,14 @@ def test_an_interval_of_speeds() -> None:
     assert numbers["gamma_bar_0"].uncertainty < Fraction("2.8e-3")
 
 
-@pytest.mark.parametrize("s", [Fraction(-1), Fraction(random.Random(11).randint(-999, 999), 1000), Fraction(1)])
+@pytest.mark.parametrize(
+    "s",
+    [
+        pytest.param(Fraction(-1), marks=pytest.mark.slow),
+        Fraction(random.Random(11).randint(-999, 999), 1000),
+        pytest.param(Fraction(1), marks=pytest.mark.slow),
+    ],
+)
 def test_true_cycles_at_speeds_of_the_interval_lie_inside(s) -> None:
     proof, truth = proved(), cycle(s).numbers()
     for name, value in proof.numbers:

@@ -24,6 +24,7 @@ SPEEDS = [Fraction("30.3866"), Fraction("30.5"), Fraction("30.3866")]
 GUESSES = [("1.716267", "-1.710005"), ("1.419348159", "-1.681333424"), ("0.01", "-0.01")]
 
 
+@pytest.mark.slow(minutes=1)
 def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> None:
     """The first guess has five digits and is sharpened; the last leads to no cycle."""
     left: list[Fraction] = []

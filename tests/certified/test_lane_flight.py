@@ -89,6 +89,7 @@ def test_ten_thousand_boxes_hold_their_points() -> None:
     attacked(random_boxes(3, 10_000), range(0, 10_000, 20), 2, 4)
 
 
+@pytest.mark.slow(minutes=1)
 def test_lanes_do_not_depend_on_their_neighbours(monkeypatch) -> None:
     """Alone, in another order or in small blocks: each enclosure holds, so they overlap; about as narrow as Arb's."""
     boxes = random_boxes(5, 3)
@@ -110,6 +111,7 @@ def test_lanes_do_not_depend_on_their_neighbours(monkeypatch) -> None:
                 assert all(x.rad() < 10 * group[0].rad() + 1e-7 * abs(group[0]) for x in group)
 
 
+@pytest.mark.slow(minutes=1)
 def test_what_is_no_number_or_not_followed_ends_with_a_status() -> None:
     inf, nan, tiny = np.inf, np.nan, 5e-324
     gamma_bar = Lanes([1.7, nan, 1.7, 1.7, tiny, 1.7, 1.7], [0.0, 0.0, inf, 0.5, tiny, 0.0, 0.0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy
+import pytest
 from scipy import integrate, stats
 
 from tippedisk_verify.flow.contract import Request
@@ -91,6 +92,7 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
     assert not measured["log_multiplier_slow"].holds(-33)
 
 
+@pytest.mark.slow
 def test_a_cycle_without_a_slow_multiplier_is_honest() -> None:
     """A disk with hardly any eccentricity: one period takes all that doubles see of a perturbation."""
     disk = PRINTED.changed(

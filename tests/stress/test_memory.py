@@ -91,6 +91,7 @@ def test_arrays_of_these_numbers_are_what_to_avoid() -> None:
     assert _grown(lambda: numpy.array([number] * 10), 100) >= 100 * 10 * 32
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("asked", ["samples, derivatives, divergence"])
 def test_orbits_take_no_more(taylor: Taylor, asked: str) -> None:
     assert _grown(_flight(taylor, bits(256), asked), 15) <= 15 * 64
