@@ -34,6 +34,7 @@ def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> Non
         return prove_cycle(parameters, omega, guess, **options)
 
     monkeypatch.setattr(lane_cycles, "prove_cycle", scalar)
+    monkeypatch.setitem(lane_cycles._FEW, "linear", 0)
     found = prove_cycles(PRINTED, SPEEDS, GUESSES, digits=10)
     assert left == SPEEDS[2:]
     assert not found[2].proved
@@ -51,6 +52,7 @@ def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> Non
 def test_a_cycle_of_the_smooth_law(monkeypatch) -> None:
     """Doubles do for it; the guess is the ordinary road's."""
     monkeypatch.setattr(lane_cycles, "_alone", None)
+    monkeypatch.setitem(lane_cycles._FEW, "smooth", 0)
     (proof,) = prove_cycles(
         SMOOTH, [Fraction("30.819602851214587")], [(0.5236456570518794, -0.8184023229692314)], digits=10
     )
@@ -61,10 +63,11 @@ def test_a_cycle_of_the_smooth_law(monkeypatch) -> None:
 
 
 @pytest.mark.slow
-def test_cycles_of_the_smooth_law_against_single_proofs() -> None:
+def test_cycles_of_the_smooth_law_against_single_proofs(monkeypatch) -> None:
     """One of which doubles show enough, one so close to the Hopf point that they do not."""
     speeds = [OMEGA, Fraction("30.877617412006046")]
     guesses = [GUESS, (0.18843515382480858, -0.3047816033604534)]
+    monkeypatch.setitem(lane_cycles._FEW, "smooth", 0)
     for proof, omega, guess in zip(prove_cycles(SMOOTH, speeds, guesses), speeds, guesses, strict=True):
         alone = prove_cycle(SMOOTH, omega, guess, digits=14)
         assert proof.stable is alone.stable is True
@@ -110,7 +113,7 @@ def test_a_file_of_speeds(tmp_path, capsys) -> None:
         ("certify", "branch", "--at", "no such file"),
         ("certify", "branch", "--at", "A^in", "--digits", "13"),
         ("branch", "--proved", "--rotating"),
-        ("branch", "--proved", "--friction", "smooth"),
+        ("branch", "--proved", "--out", "branch.csv"),
     ],
 )
 def test_refused(arguments, capsys) -> None:

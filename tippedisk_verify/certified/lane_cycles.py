@@ -39,6 +39,7 @@ _FEW_BITS = 64  # of the balls on which a cycle is tried that doubles do not pro
 _NARROW, _WIDE = 2.0**-32, 2.0**-16  # radii of the boxes, relative to the state
 _NEAR = 2.0**-26  # the guess's distance from the cycle, relative to the state, that needs no sharpening
 _MOST_SHARPENINGS = 4
+_FEW = {"linear": 2, "smooth": 6}  #: cycles that balls of few bits prove sooner than lanes do
 
 
 def prove_cycles(
@@ -54,23 +55,26 @@ def prove_cycles(
         raise InputError("each cycle has a positive speed and a guess of two components")
     if not omegas:
         return []
+    middle = np.array([[float(part) for part in guess] for guess in guesses]).T  # type: ignore[arg-type]
+    attempts = [Attempt(parameters, Fraction(omega), digits, _DOUBLES) for omega in omegas]
+
+    def singly(lane: int) -> CycleProof:
+        alone = _alone(attempts[lane], middle[:, lane])
+        return alone or prove_cycle(parameters, omegas[lane], guesses[lane], digits=digits)
+
+    if len(omegas) <= _FEW[parameters.friction]:
+        return [singly(lane) for lane in range(len(omegas))]
     with working_precision(_BITS):
         constants = Constants(*(Lanes.of([value]) for value in ball_constants(parameters)))
     kind = LaneSmoothModel if parameters.friction == "smooth" else Model
     model = kind(constants, Lanes.of(omegas))
-    middle = np.array([[float(part) for part in guess] for guess in guesses]).T  # type: ignore[arg-type]
-    attempts = [Attempt(parameters, Fraction(omega), digits, _DOUBLES) for omega in omegas]
     proofs = _attempted(attempts, model, middle, _power_of_two(_NARROW * np.abs(middle)))
     left = np.array([lane for lane, proof in enumerate(proofs) if proof is None], int)
     if len(left):
         model = some_model(model, left)
         sharpened = _attempted([attempts[lane] for lane in left], model, *_sharpened(model, middle[:, left]))
         for lane, proof in zip(left, sharpened, strict=True):
-            proofs[lane] = (
-                proof
-                or _alone(attempts[lane], middle[:, lane])
-                or prove_cycle(parameters, omegas[lane], guesses[lane], digits=digits)
-            )
+            proofs[lane] = proof or singly(int(lane))
     return proofs  # type: ignore[return-value]
 
 

@@ -237,7 +237,8 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     if proved:
         if rotating:
             raise InputError("rotating cycles are proved one by one: ask certify orbit --rotating")
-        common.parameters.refuse_smooth("limit cycles are proved")
+        if out is not None:
+            raise InputError("the CSV has measured half-widths: leave out --out, or take the enclosures from --json")
     target = None if out is None else output_file(out)
     engine = default_engine()
     speeds = None if omegas is None else omegas.split(",")
