@@ -153,7 +153,8 @@ def _concluded(
         radii = [[arb(part) for part in sizes] for sizes, _ in boxes]
         proof: Any = attempt.concluded(verdicts[0], radii[0])
         period = measured(proof.period) if proof.period.is_finite() else None
-        if proof.stable is None or period is None or period.uncertainty * 10**attempt.digits > period.value / 2:
+        # In print the half-width is up to a ninth larger.
+        if proof.stable is None or period is None or period.uncertainty * 10**attempt.digits > period.value * 9 / 20:
             return None
         widest = radii[-1] if verdicts[-1].included else radii[0]
         concluded: CycleProof = replace(proof, unique_within=apart(verdicts[0], widest))
