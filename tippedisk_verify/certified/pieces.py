@@ -8,8 +8,8 @@ begins at 0. Of each a in it (of each but 0) is proved
 - that these values are analytic in a, with Omega falling and the period and beta_max rising as a grows;
 - that the cycle is asymptotically stable, crosses beta = pi/2 exactly twice a period, and stays upright.
 
-**Gluing.** Let two pieces share a value of a, and let the first one's enclosure there lie inside the second one's
-box of uniqueness. Then both have the same cycle at that value. Each one's curve satisfies the same analytic equations
+**Gluing.** Let two pieces share a value of a, and let the enclosure of one of them there lie inside the other one's box
+of uniqueness. Then both have the same cycle at that value. Each one's curve satisfies the same analytic equations
 with a regular derivative by (v_0, Omega), so by the implicit function theorem they agree near that value: the pieces
 are parts of one analytic curve. The comparison is one of rational numbers (`joined`).
 
@@ -20,10 +20,11 @@ Where a ball becomes a point or a float: polynomials and boxes are chosen, and a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from operator import sub
 from typing import Any
 
 from tippedisk_verify.certified.arc import GAMMA_BAR, Arc, family_polynomials, krawczyk_test
@@ -42,6 +43,8 @@ _BITS, _DEGREE = 64, 4
 _SHARES = Fraction(1, 300), Fraction(1, 100)  # of the box's radii, at first, in how far the family moves
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MOST_ATTEMPTS = 3
+#: Of a box of uniqueness in the family's slope times the distance to the connection (to 1 of a scaled piece's a^2).
+_WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 Pair = tuple[Fraction, Fraction]
 Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
@@ -54,6 +57,7 @@ class Status(Enum):
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
     RISING = "Omega grows with the amplitude"
     UNSTABLE = "the limit cycles are unstable"
+    NOT_JOINED = "it is not proved that two pieces of the family are one curve"
     NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
     NOT_STABLE = "it is not proved that the limit cycles are asymptotically stable"
     NOT_SLOWING = "it is not proved that the period grows with the amplitude"
@@ -77,16 +81,16 @@ class Piece:
     within: Pair  #: of the polynomials lie the true values
 
     def at(self, amplitude: Fraction) -> Pair:
-        """The polynomials' v_0 (of a scaled piece v_0 / a) and Omega."""
+        """The polynomials' v_0 [rad/s] and Omega [rad/s]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
         first, second = (sum((part * s**k for k, part in enumerate(row)), Fraction(0)) for row in self.curve)
-        return first, second
+        return self.scaled_to(amplitude, (first, second))
 
-    def distances(self, amplitude: Fraction, distances: Pair) -> Pair:
-        """Distances of the polynomials as distances of v_0 [rad/s] and Omega [rad/s]."""
-        return distances[0] * (amplitude if self.scaled else 1), distances[1]
+    def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
+        """Values or distances of the polynomials as those of v_0 and Omega."""
+        return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
         """Numbers between which Omega lies [rad/s]."""
@@ -122,13 +126,19 @@ def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """Whether both pieces hold this positive amplitude and are proved to have the same cycle there."""
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
-    known, boxes = first.distances(amplitude, first.within), second.distances(amplitude, second.unique_within)
-    for mine, theirs, near, box, k in zip(first.at(amplitude), second.at(amplitude), known, boxes, (0, 1), strict=True):
-        # v_0 / a of a scaled piece, v_0 of another.
-        scales = [amplitude if piece.scaled and not k else 1 for piece in (first, second)]
-        if abs(mine * scales[0] - theirs * scales[1]) + near > box:
-            return False
-    return True
+    return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
+
+
+def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
+    """Whether what encloses the first one's cycle lies in the second one's box of uniqueness."""
+    parts = zip(
+        first.at(amplitude),
+        first.scaled_to(amplitude, first.within),
+        second.at(amplitude),
+        second.scaled_to(amplitude, second.unique_within),
+        strict=True,
+    )
+    return all(abs(mine - theirs) + near <= room for mine, near, theirs, room in parts)
 
 
 def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
@@ -170,19 +180,26 @@ def prove_piece(
         amplitudes = Jet([ball(middle), ball(length), *[arb(0)] * (_DEGREE - 1)])
         v, speeds = (Jet([ball(part) for part in row]) for row in rows)
         radii = [two_digits(max(abs(row[1]) * share, _LEAST)) for row, share in zip(rows, _SHARES, strict=True)]
-        failed = Status.NOT_FOLLOWED
-        for _ in range(_MOST_ATTEMPTS):
+
+        def test(radii: Sequence[Fraction]) -> Arc:
             deviation = [arb(0), *(arb(0, ball(part)) for part in radii)]
-            arc = krawczyk_test(constants, kind(amplitudes, v, speeds, deviation), half, GAMMA_BAR)
+            return krawczyk_test(constants, kind(amplitudes, v, speeds, deviation), half, GAMMA_BAR)
+
+        for _ in range(_MOST_ATTEMPTS):
+            arc = test(radii)
             if not (arc.flight.proved and all(part.is_finite() for part in arc.within)):
                 return Status.NOT_FOLLOWED
             held = [decimal_above(abs(part)) for part in arc.within]
             if arc.proved and all(a <= b for a, b in zip(held, radii, strict=True)):
-                around, near = (radii[0], radii[1]), (held[0], held[1])
-                return _refusal(arc) or Piece(low, high, scaled, rows, around, near)
-            failed = Status.NOT_INCLUDED
+                if refusal := _refusal(arc):
+                    return refusal
+                # The box of uniqueness may be wider than that which shows the signs.
+                room = Fraction(1) if scaled else max(Fraction(22, 7) - high, _LEAST)
+                wider = ([two_digits(abs(row[1]) / length * room * share) for row in rows] for share in _WIDE_SHARES)
+                around = next((wide for wide in wider if min(map(sub, wide, radii)) > 0 and test(wide).proved), radii)
+                return Piece(low, high, scaled, rows, (around[0], around[1]), (held[0], held[1]))
             radii = [two_digits(2 * part) for part in held]
-        return failed
+        return Status.NOT_INCLUDED
 
 
 def _refusal(arc: Arc) -> Status | None:

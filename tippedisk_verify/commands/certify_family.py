@@ -30,6 +30,7 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
+    from tippedisk_verify.certified.pieces import Piece, Status
     from tippedisk_verify.commands.piece_file import read_pieces, write_pieces
 
     parameters = common.parameters
@@ -37,13 +38,11 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     end = _amplitude(until)
     checked_jobs(jobs)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
-    stopped: Status | None = None
+    stopped = None
     connection: ProvedConnection | None = None
     with progress(common, int(_UNITS * end)) as advance:
 
         def keep(found: Piece | Status, interval: Interval) -> None:
-            from tippedisk_verify.certified.pieces import Piece
-
             if isinstance(found, Piece):
                 pieces.append(found)
                 if arcs is not None:
@@ -62,7 +61,10 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
             known = _known(parameters, connection)
             with processes(jobs, needed=len(left) > 1) as pool:
                 stopped = prove_intervals(parameters, left, known, pool, keep)
-    proof = BranchProof(parameters, tuple(chain(pieces)), stopped, connection)
+    found = chain(pieces)
+    if stopped is None and found[-1].high < end:
+        stopped = Status.NOT_JOINED
+    proof = BranchProof(parameters, tuple(found), stopped, connection)
     print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
 
