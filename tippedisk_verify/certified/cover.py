@@ -1,6 +1,7 @@
 """The family of limit cycles from the Hopf point on, proved piece by piece (`pieces`): what is tried, and what is held.
 
 An interval of amplitudes that is not proved is halved, unless what is proved of it says that no part of it can be.
+Of one at the Hopf point only the lower half is tried; `open_intervals` has the rest.
 Where an interval is given up nothing beyond it is of use, because the curve is to begin at the Hopf point.
 
 Where a ball becomes a point or a float: the intervals and the guesses are chosen, and what is proved does not depend on
@@ -39,10 +40,11 @@ class Interval:
     high: Fraction
     halvings: int = 0
 
-    def halves(self) -> tuple[Interval, Interval]:
-        """Both halves."""
+    def halves(self) -> tuple[Interval, ...]:
+        """Both halves; of an interval from 0 on the lower one, because the other needs known cycles."""
         middle, count = (self.low + self.high) / 2, self.halvings + 1
-        return Interval(self.low, middle, count), Interval(middle, self.high, count)
+        lower = Interval(self.low, middle, count)
+        return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
 
 
 def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:

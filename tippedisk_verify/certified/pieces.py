@@ -195,7 +195,8 @@ def prove_piece(
                     return refusal
                 # The box of uniqueness may be wider than that which shows the signs.
                 room = Fraction(1) if scaled else max(Fraction(22, 7) - high, _LEAST)
-                wider = ([two_digits(abs(row[1]) / length * room * share) for row in rows] for share in _WIDE_SHARES)
+                slopes = [max(abs(row[1]) / length, _LEAST) for row in rows]
+                wider = ([two_digits(slope * room * share) for slope in slopes] for share in _WIDE_SHARES)
                 around = next((wide for wide in wider if min(map(sub, wide, radii)) > 0 and test(wide).proved), radii)
                 return Piece(low, high, scaled, rows, (around[0], around[1]), (held[0], held[1]))
             radii = [two_digits(2 * part) for part in held]

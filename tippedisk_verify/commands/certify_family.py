@@ -49,6 +49,7 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
                     write_pieces(arcs, parameters, pieces)
                 advance(f"arcs: {len(pieces)}", int(_UNITS * interval.high) - int(_UNITS * interval.low))
 
+        advance("arcs", sum(int(_UNITS * piece.high) - int(_UNITS * piece.low) for piece in pieces))
         # Without the piece at the Hopf point the others are of no use.
         if not chain(pieces):
             advance("the Hopf point", 0)
