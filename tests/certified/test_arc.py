@@ -239,6 +239,15 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert found.proved
         assert found.stable()
         assert not found.unstable()
+        # det(P' - 1) along the curve, and by the trace and Liouville's formula.
+        by_trace = 1 - found.trace().range() - found.flight.divergence.range().exp()
+        assert (found.slopes[1] * found.determinant).range().overlaps(by_trace)
+        # The slopes are those by Omega over dgamma_bar_0/dOmega.
+        numbers = cycle(Fraction(1)).numbers()
+        by_omega = ball(numbers["dgamma_bar_0_domega"].value)
+        assert found.slopes[1].range().overlaps(1 / by_omega)
+        assert found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
+        assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
         truth = cycle(Fraction(1)).numbers()
         s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.c[0])) / ball("5e-3")
         for jet, off, value in zip(
