@@ -67,7 +67,7 @@ def followed(module: Any, radius: str, spread: str, degree: int) -> None:
     with working_precision(64):
         constants, line = ball_constants(PRINTED), curve(radius, spread, degree)
         tube, total = module._Tube(line), Jet([ball(HALF).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
-        steps = module._Steps(module._Systems(constants, line.omega, line.deviation[2]), total)
+        steps = module._Steps(module._Systems(constants, line), total)
         time = 0 * total
         for _ in range(4):
             step, _ = steps.step(tube, True)
@@ -107,15 +107,15 @@ def test_orbits_and_their_derivatives_lie_inside(case) -> None:
 
 FAULTS = {
     "what re-centred points lose is forgotten": ("image.rest = [a + b + c for", "image.rest = [b + c for"),
-    "the lead's change is forgotten": ("zip(away, _applied(left, self.deviation),", "zip(away, [0 * x for x in away],"),
+    "the lead's change is forgotten": ("zip(away, applied(left, self.deviation),", "zip(away, [0 * x for x in away],"),
     "derivatives at the middle only": ("[*tube.box(), *unit, nothing]", "[*tube.middle, *unit, nothing]"),
-    "the speed's own column is missing": ("entries[2] + row[3]]", "entries[2]]"),
+    "the speed's own column is missing": ("entries[column] + own", "entries[column]"),
     "no remainder in time": ("nothing + end] for series, end in zip(thin", "nothing] for series, end in zip(thin"),
     "no remainder in the derivatives": (
         "nothing + end] for series, end in zip(wide",
         "nothing] for series, end in zip(wide",
     ),
-    "the derivatives' spread is lost": ("_sum(left, _product(turned, self.spread))", "self.spread"),
+    "the derivatives' spread is lost": ("added(left, product(turned, self.spread))", "self.spread"),
 }
 
 
@@ -155,7 +155,7 @@ def test_many_curves_side_by_side_agree_with_one() -> None:
         for one, values, path in ((Jet([total.mid(), arb(0)]), constants, line),
                                   (Jet([lanes(total.mid()), lanes(arb(0))]),
                                    Constants(*(Lanes.of([part]) for part in constants)), many)):  # fmt: skip
-            steps = curve_flow._Steps(curve_flow._Systems(values, path.omega, path.deviation[2]), one)
+            steps = curve_flow._Steps(curve_flow._Systems(values, path), one)
             step, last = steps.step(curve_flow._Tube(path), True)
             assert not last
             found.append([part.range() for part in step.carried().box()])
@@ -210,7 +210,7 @@ def arc_of(radius: str, over: int, share: str = "1e-3", off: int = 0) -> arcs.Ar
     start = [ball(part) for part in (*GUESS, OMEGA)]
     polynomials, half = arcs.family_polynomials(constants, start, length, 2, ball(HALF), over)
     deviation = [arb(0), arb(0), arb(0)]
-    for k in arcs.Arc(None, over, *[None] * 4).unknowns:
+    for k in arcs.Arc(None, over, *[None] * 5).unknowns:
         deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
@@ -246,6 +246,15 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert found.proved
         assert found.stable()
         assert not found.unstable()
+        # det(P' - 1) along the curve, and by the trace and Liouville's formula.
+        by_trace = 1 - found.trace().range() - found.flight.divergence.range().exp()
+        assert (found.slopes[1] * found.determinant).range().overlaps(by_trace)
+        # The slopes are those by Omega over dgamma_bar_0/dOmega.
+        numbers = cycle(Fraction(1)).numbers()
+        by_omega = ball(numbers["dgamma_bar_0_domega"].value)
+        assert found.slopes[1].range().overlaps(1 / by_omega)
+        assert found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
+        assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
         truth = cycle(Fraction(1)).numbers()
         s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.c[0])) / ball("5e-3")
         for jet, off, value in zip(

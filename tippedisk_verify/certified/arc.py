@@ -18,10 +18,18 @@ and asks whether they lie inside (-r, r). So one test answers for all s of [-1, 
 parameter. F is analytic, and F' by the unknowns is regular, so u(s) is an analytic curve by the implicit function
 theorem, and u' = -(dF/du)^-1 dF/dp.
 
+With gamma_bar as the parameter the columns of P' - 1 and dP/dOmega are c_g, c_v and c_Omega, and differentiating the
+equations along the curve gives c_g + c_v v' + c_Omega Omega' = 0. The determinants of both sides with c_v say that
+det(P' - 1) = Omega' det(c_v, c_Omega), which keeps its relative accuracy where Omega' is small. Let beta_max be the
+largest |beta_bar| of a cycle. Where it is taken v = 0, and the derivative of beta_bar by gamma_bar_0 *at a fixed time*
+is enclosed for all times at which v may be 0. If it is negative, beta_max grows: at the moment at which one cycle has
+its beta_max, its neighbours of larger gamma_bar_0 are further out. `scaled` says how it is with the state divided by
+gamma_bar_0.
+
 Period, multipliers and slopes are ranges of jets: they hold for each s the number of that cycle. With tau the trace of
 P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see `cycle`), P' has one positive and one negative
-eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta > 0 and 1 + tau - delta > 0, the values of its
-characteristic polynomial there; if one of these is negative, an eigenvalue lies outside.
+eigenvalue. Both lie between -1 and 1 if and only if 1 - tau - delta = det(P' - 1) > 0 and 1 + tau - delta > 0, the
+values of its characteristic polynomial there; if one of these is negative, an eigenvalue lies outside.
 
 Where a ball becomes a point or a float: m, Y and r are chosen, and any choice that passes the test is right.
 """
@@ -53,6 +61,7 @@ class Arc:
     flight: CurveFlight
     within: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
     slopes: Sequence[Jet]  #: derivatives of the two unknowns by the parameter
+    determinant: Jet  #: of the equations' derivative by the unknowns
 
     @property
     def unknowns(self) -> tuple[int, int]:
@@ -71,18 +80,34 @@ class Arc:
         return 2 * (by[self.over] + by[first] * self.slopes[0] + by[second] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Of the half map's derivative."""
-        trace: Jet = self.flight.matrix[0][0] + self.flight.matrix[1][1]
-        return trace
+        """Of the half map's derivative by gamma_bar and v."""
+        return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> Any:
-        """Whether all the arc's cycles are asymptotically stable."""
+        """Whether all the arc's cycles are asymptotically stable; of scaled states: all but that at the Hopf point."""
         trace, rest = self.trace().range(), self.flight.divergence.range() / 16
         # 1 - x <= exp(-x), so exp(16 x) <= (1 - x)^-16 for x < 1.
         shrinking = 1 / (1 - rest)
         for _ in range(4):
             shrinking = shrinking * shrinking
-        return positive(1 - rest) & positive(1 - trace - shrinking) & positive(1 + trace - shrinking)
+        below = 1 - trace - shrinking if self.over == OMEGA else (self.slopes[1] * self.determinant).range()
+        return positive(1 - rest) & positive(below) & positive(1 + trace - shrinking)
+
+    def falling(self) -> Any:
+        """Whether Omega falls with gamma_bar_0 all along an arc over it."""
+        return negative(self.slopes[1].range())
+
+    def slowing(self) -> Any:
+        """Whether the period grows with gamma_bar_0 all along an arc over it."""
+        return positive(self.period_slope().range())
+
+    def widening(self) -> Any:
+        """Whether beta_max grows with gamma_bar_0 all along an arc over it (not at the Hopf point, where it is 0)."""
+        found: Any = bool(self.flight.turning)
+        for beta_bar, row in self.flight.turning:
+            slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
+            found = found & negative(self.curve.rise(beta_bar, slope).range())
+        return found
 
     def unstable(self) -> Any:
         """Whether all are unstable: delta > 0, so this is enough."""
@@ -103,9 +128,9 @@ def krawczyk_test(constants: Constants, curve: Curve, total: Jet, over: int = OM
         flight = fly(constants, curve, total)
         first, second = _unknowns(over)
         radii = [curve.deviation[k] for k in (first, second)]
-        value = [after - before for after, before in zip(flight.image, (curve.gamma_bar, curve.v), strict=True)]
-        jacobian = [[entry - int(row == column) for column, entry in enumerate(entries)]
-                    for row, entries in enumerate(flight.matrix)]  # fmt: skip
+        value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
+        jacobian = [[entry - own for entry, own in zip(*rows, strict=True)]
+                    for rows in zip(flight.matrix, curve.unit, strict=True)]  # fmt: skip
         by_unknowns = [[row[first], row[second]] for row in jacobian]
         inverse = [[entry.mid() for entry in row] for row in _inverse([[x.mid() for x in row] for row in by_unknowns])]
         within, proved = [], flight.proved
@@ -117,9 +142,10 @@ def krawczyk_test(constants: Constants, curve: Curve, total: Jet, over: int = OM
                 image = image + rest.range() * radii[j]
             within.append(image)
             proved = proved & inside(image, radii[i])
+        (a, b), (c, d) = by_unknowns
         exact = _inverse(by_unknowns)
         slopes = [-(row[0] * jacobian[0][over] + row[1] * jacobian[1][over]) for row in exact]
-        return Arc(proved, over, curve, flight, within, slopes)
+        return Arc(proved, over, curve, flight, within, slopes, a * d - b * c)
 
 
 def _inverse(matrix: Sequence[Sequence[Jet]]) -> list[list[Jet]]:
@@ -129,7 +155,13 @@ def _inverse(matrix: Sequence[Sequence[Jet]]) -> list[list[Jet]]:
 
 
 def family_polynomials(
-    constants: Constants, start: Sequence[Any], radius: Any, degree: int, total: Any, over: int = OMEGA
+    constants: Constants,
+    start: Sequence[Any],
+    radius: Any,
+    degree: int,
+    total: Any,
+    over: int = OMEGA,
+    kind: type[Curve] = Curve,
 ) -> tuple[list[Jet], Jet]:
     """Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the period. Points; a guess.
 
@@ -143,8 +175,8 @@ def family_polynomials(
     columns = []
     for k in range(3):
         moved = [Jet([part, zero + _TINY * int(k == j)]) for j, part in enumerate(point)]
-        image, _ = glide(constants, Curve(moved[0], moved[1], moved[2], nothing), Jet.constant(total, 1))
-        columns.append([(image[row].c[1] / _TINY).mid() - int(k == row) for row in range(2)])
+        image, _ = glide(constants, kind(moved[0], moved[1], moved[2], nothing), Jet.constant(total, 1))
+        columns.append([(image[row].c[1] / _TINY).mid() - kind.unit[row][k] for row in range(2)])
     (a, c), (b, d) = columns[free[0]], columns[free[1]]
     determinant = a * d - b * c
     inverse = ((d / determinant, -b / determinant), (-c / determinant, a / determinant))
@@ -157,9 +189,10 @@ def family_polynomials(
             half = Jet([*half.c, zero])
             if k == 1:
                 polynomials[over][1] = radius
-        g, v, w = map(Jet, polynomials)
-        image, half = glide(constants, Curve(g, v, w, nothing), half)
-        value = [after.c[k] - before[k] for after, before in zip(image, polynomials, strict=False)]
+        first, v, speed = map(Jet, polynomials)
+        curve = kind(first, v, speed, nothing)
+        image, half = glide(constants, curve, half)
+        value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
         for row, index in zip(inverse, free, strict=True):
             polynomials[index][k] = (polynomials[index][k] - row[0] * value[0] - row[1] * value[1]).mid()
     return [Jet(part) for part in polynomials], half

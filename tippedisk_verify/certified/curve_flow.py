@@ -42,15 +42,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tippedisk_verify.certified.balls import arb
+from tippedisk_verify.certified.curve_axes import (
+    Matrix,
+    added,
+    applied,
+    floats,
+    fresh_axes,
+    largest,
+    left_over,
+    product,
+)
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.jets import Jet, inside, negative, positive, symmetric
-from tippedisk_verify.certified.lanes import Lanes
 from tippedisk_verify.certified.section import UPRIGHT
 from tippedisk_verify.model.parameters import Constants
 
@@ -63,9 +72,8 @@ _FIRST_FRACTION, _LONGEST_FRACTION = 0.01, 0.03  #: of the time of flight, for a
 _MOST_STEPS, _MOST_TRIALS = 2000, 15
 _LONGEST = 60  # s
 _NEWTON_STEPS = 8
+_PARTS = 32  # of a step in which an orbit turns
 _PAD = arb(2) ** -40
-
-Matrix = Sequence[Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -77,14 +85,36 @@ class Curve:
     omega: Jet  #: [rad/s]
     deviation: Sequence[Any]  #: of the three, balls about zero
 
+    unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
+    columns: ClassVar[tuple[int, ...]] = (2,)  #: of which of the three the equations depend
+    equations: ClassVar[Any] = Model  #: for the constants and `numbers`
+
+    @property
+    def start(self) -> tuple[Jet, Jet]:
+        """Where the orbits begin on the section, and what a fixed point returns to."""
+        return self.gamma_bar, self.v
+
+    @property
+    def numbers(self) -> tuple[Jet, ...]:
+        """The values of `columns`, with the deviation."""
+        return (self.omega + self.deviation[2],)
+
+    def trace(self, matrix: Matrix) -> Jet:
+        """Of the half map's derivative by gamma_bar and v at a fixed point, from that by the three numbers."""
+        trace: Jet = matrix[0][0] + matrix[1][1]
+        return trace
+
+    def rise(self, beta_bar: Any, slope: Jet) -> Jet:
+        """The sign of how beta_bar changes with gamma_bar_0 at a fixed time, from its change with the first number."""
+        return slope
+
 
 @dataclass(frozen=True)
 class CurveFlight:
     """What is proved of the orbits from a curve of starts. Only where ``proved`` the rest means anything.
 
     Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
-    others hold for all orbits from the curve and the deviations about it. Derivatives are by gamma_bar, v at the start
-    and Omega.
+    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
     """
 
     proved: Any  #: bool, or one for each lane
@@ -95,31 +125,32 @@ class CurveFlight:
     time_by: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
+    #: beta_bar, and its derivatives by the three numbers at a fixed time, in times that hold all moments with v = 0
+    turning: Sequence[tuple[Any, Sequence[Jet]]]
 
 
 class _Systems:
     """The equations of motion for the curve's speeds."""
 
-    def __init__(self, constants: Constants, omega: Jet, width: Any) -> None:
-        whole = omega + width
-        model = Model(constants, whole)
+    def __init__(self, constants: Constants, curve: Curve) -> None:
+        model = curve.equations(constants, *curve.numbers)
         self.rates = model.rates
-        self.orbit, self.derivatives = model.orbit_at(omega), model.with_divergence
-        bound = Model(constants, whole.range())
+        self.orbit, self.derivatives = model.orbit_at(curve.omega), model.with_divergence
+        bound = curve.equations(constants, *(part.range() for part in curve.numbers))
         self.orbit_bound, self.derivatives_bound = bound.orbit_at(bound.omega), bound.with_divergence
 
 
 class _Tube:
-    """The set, and the derivatives (3, 3) of its states by gamma_bar and v at the start and by Omega."""
+    """The set, and the derivatives (3, 3) of its states by the curve's three numbers."""
 
-    __slots__ = ("axes", "deviation", "lead", "middle", "own", "rest", "spread")
+    __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
 
     def __init__(self, curve: Curve) -> None:
         zero = 0 * curve.v.mid()
         nothing, one = zero.c[0], zero + 1
-        self.middle: list[Jet] = [zero, curve.gamma_bar, curve.v]
-        self.deviation = curve.deviation
-        self.lead: Matrix = [[zero, zero, zero], [one, zero, zero], [zero, one, zero]]
+        self.middle: list[Jet] = [zero, *curve.start]
+        self.deviation, self.columns = curve.deviation, curve.columns
+        self.lead: Matrix = [[zero, zero, zero], *([one if part else zero for part in row] for row in curve.unit)]
         self.axes: Matrix = [[nothing + int(i == j) for j in range(3)] for i in range(3)]
         self.rest: list[Any] = [nothing] * 3
         self.own: list[Any] = [nothing] * 3
@@ -127,47 +158,50 @@ class _Tube:
 
     def box(self) -> list[Jet]:
         """All states, and the middle."""
-        wrapped = _applied(self.axes, self.rest)
-        parts = zip(self.middle, _applied(self.lead, self.deviation), wrapped, strict=True)
+        wrapped = applied(self.axes, self.rest)
+        parts = zip(self.middle, applied(self.lead, self.deviation), wrapped, strict=True)
         return [middle + a + b.union(0 * b) for middle, a, b in parts]
 
     def image(self, centre: Sequence[Jet], rows: Matrix) -> list[Jet]:
-        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` (3, 4) its derivatives."""
+        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` (3, 4 or 5) its derivatives."""
         lead, turned = self._mapped(rows)
-        parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
+        parts = zip(centre, applied(lead, self.deviation), applied(turned, self.rest), strict=True)
         return [a + b + c for a, b, c in parts]
 
     def own_image(self, centre: Sequence[Jet], rows: Matrix) -> list[Jet]:
         """Where it takes those of the curve itself."""
-        return [a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)]
+        return [a + b for a, b in zip(centre, applied(self._mapped(rows)[1], self.own), strict=True)]
 
     def derivatives(self, rows: Matrix) -> Matrix:
-        """(3, 3) jets: those of the images by gamma_bar and v at the start and by Omega."""
+        """(3, 3) jets: those of the images by the three numbers."""
         lead, turned = self._mapped(rows)
-        return _sum(lead, _product(turned, self.spread))
+        return added(lead, product(turned, self.spread))
 
     def carried(self, centre: Sequence[Jet], rows: Matrix, stiffness: Any) -> _Tube:
         """The images' set. ``stiffness`` [1/s] weighs velocities against angles when axes are chosen."""
         lead, turned = self._mapped(rows)
         image = object.__new__(_Tube)
-        image.deviation = self.deviation
+        image.deviation, image.columns = self.deviation, self.columns
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
-        image.axes, inverse = _axes(turned, self.rest, self.spread, stiffness)
-        left = _product(inverse, _left_over(lead, image.lead))
-        turned = _product(inverse, turned)
-        away = _applied(inverse, [row[0] for row in _left_over([[x] for x in centre], [[x] for x in image.middle])])
-        image.own = [a + b for a, b in zip(away, _applied(turned, self.own), strict=True)]
-        parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
+        image.axes, inverse = fresh_axes(turned, self.rest, self.spread, stiffness)
+        left = product(inverse, left_over(lead, image.lead))
+        turned = product(inverse, turned)
+        away = applied(inverse, [row[0] for row in left_over([[x] for x in centre], [[x] for x in image.middle])])
+        image.own = [a + b for a, b in zip(away, applied(turned, self.own), strict=True)]
+        parts = zip(away, applied(left, self.deviation), applied(turned, self.rest), strict=True)
         image.rest = [a + b + c for a, b, c in parts]
-        image.spread = _sum(left, _product(turned, self.spread))
+        image.spread = added(left, product(turned, self.spread))
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """The images of the lead as jets, with the speed's own part; those of the axes as balls for all s."""
-        lead = _product(rows, self.lead)
-        turned = [[entry.range() for entry in row] for row in _product(rows, self.axes)]
-        return [[*entries[:2], entries[2] + row[3]] for entries, row in zip(lead, rows, strict=True)], turned
+        """The images of the lead as jets, with the equations' own part; those of the axes as balls for all s."""
+        lead = [list(row) for row in product(rows, self.lead)]
+        turned = [[entry.range() for entry in row] for row in product(rows, self.axes)]
+        for entries, row in zip(lead, rows, strict=True):
+            for column, own in zip(self.columns, row[3:], strict=True):
+                entries[column] = entries[column] + own
+        return lead, turned
 
 
 @dataclass(frozen=True)
@@ -179,19 +213,30 @@ class _Step:
     enclosure: Sequence[Any]  #: holds all states throughout, for all s
     included: Any
     polynomials: list[list[Jet]]  #: of the middle's orbits, the remainder's coefficient last
-    derivatives: list[list[Jet]]  #: of the twelve derivatives and the divergence's integral, likewise
+    derivatives: list[list[Jet]]  #: of the derivatives (twelve or fifteen) and the divergence's integral, likewise
 
     def centre(self, time: Any) -> list[Jet]:
         return [_polynomial(series, time) for series in self.polynomials]
 
     def rows(self, time: Any) -> Matrix:
-        """(3, 4): d(state at ``time``)/d(state at the step's start, Omega) for all orbits; a ball or jet of times."""
-        entries = [_polynomial(series, time) for series in self.derivatives[:12]]
-        return [[entries[row + 3 * column] for column in range(4)] for row in range(3)]
+        """d(state at ``time``)/d(state at the step's start, numbers) for all orbits; a ball or jet of times."""
+        entries = [_polynomial(series, time) for series in self.derivatives[:-1]]
+        return [entries[row::3] for row in range(3)]
+
+    def turning(self) -> list[tuple[Any, Sequence[Jet]]]:
+        """beta_bar and its derivatives by the three numbers at a fixed time, in each part that may have v = 0."""
+        found, nothing = [], 0 * self.length.c[0]
+        for k in range(_PARTS):
+            time = self.length * ((nothing + k).union(nothing + k + 1) / _PARTS)
+            rows = self.rows(time)
+            beta_bar, _, v = self.tube.image(self.centre(time), rows)
+            if not np.all(negative(v.range()) | positive(v.range())):
+                found.append((beta_bar.range(), self.tube.derivatives(rows)[0]))
+        return found
 
     def carried(self) -> _Tube:
         """The set at the step's end."""
-        stiffness = np.maximum(1.0, np.abs(_floats(self.derivatives[8][1].range())))  # the rate of d(v)/d(v)
+        stiffness = np.maximum(1.0, np.abs(floats(self.derivatives[8][1].range())))  # the rate of d(v)/d(v)
         return self.tube.carried(self.centre(self.length), self.rows(self.length), stiffness)
 
 
@@ -206,7 +251,7 @@ class _Steps:
         """The next one, and whether it is the last. ``wanted``: the lanes that the step should be proved for."""
         systems, nothing = self.systems, 0 * tube.middle[2].mid()
         thin = systems.orbit.coefficients(tube.middle, _ORDER)
-        unit = [nothing + int(row == column) for column in range(4) for row in range(3)]
+        unit = [nothing + int(row == column) for column in range(3 + len(tube.columns)) for row in range(3)]
         wide = systems.derivatives.coefficients([*tube.box(), *unit, nothing], _ROUGH_ORDER)
         for _ in range(_MOST_TRIALS):
             fraction, last = self._next()
@@ -264,7 +309,7 @@ class _Steps:
 def _excess(remainders: Sequence[Any], length: Jet, power: int, tolerance: int, wanted: Any) -> float:
     """By how much log2 of a length is too large for remainders that grow like its ``power``, in the worst lane."""
     with np.errstate(all="ignore"):
-        sizes = np.log2(np.max([_sizes([part]) for part in remainders], axis=0)) + power * np.log2(_floats(length.c[0]))
+        sizes = np.log2(np.max([largest([part]) for part in remainders], axis=0)) + power * np.log2(floats(length.c[0]))
     sizes = np.where(wanted, np.nan_to_num(sizes, nan=np.inf), -np.inf)
     return float(np.max(sizes) - tolerance) / power
 
@@ -272,24 +317,26 @@ def _excess(remainders: Sequence[Any], length: Jet, power: int, tolerance: int, 
 def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
     """Enclose the half map over the curve and its deviations; ``total`` [s] is about how long it takes, points."""
     with curve.v.quiet():
-        systems, tube = _Systems(constants, curve.omega, curve.deviation[2]), _Tube(curve)
+        systems, tube = _Systems(constants, curve), _Tube(curve)
         steps = _Steps(systems, total)
         proved = negative(tube.box()[2].range())
-        divergence, time, least = 0 * total, 0 * total, 0 * total.c[0]
+        divergence, time, least, turning = 0 * total, 0 * total, 0 * total.c[0], []
         for _ in range(_MOST_STEPS):
             step, last = steps.step(tube, proved)
             beta_bar, _, v = step.enclosure
             proved = proved & step.included & inside(beta_bar, arb(0, UPRIGHT))
             proved = proved & (positive(v) if last else negative(v) | negative(beta_bar))
             least = least.union(beta_bar)
+            if not np.all(negative(v) | positive(v)):
+                turning += step.turning()
             if last or not np.any(proved):
                 break
-            divergence = divergence + _polynomial(step.derivatives[12], step.length)
+            divergence = divergence + _polynomial(step.derivatives[-1], step.length)
             tube, time = step.carried(), time + step.length
-        return _landed(systems, step, proved & last, (time, divergence, least))
+        return _landed(systems, step, proved & last, (time, divergence, least, turning))
 
 
-def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Jet, Jet, Any]) -> CurveFlight:
+def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]) -> CurveFlight:
     """The return within the last step, and the half map's derivatives."""
     tube, length = step.tube, step.length
     passed = positive(tube.image(step.centre(length), step.rows(length))[0].range())
@@ -300,7 +347,7 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Jet, Jet,
     within = positive(early.range()) & positive((length - early).range())
     v = tube.image(step.centre(early), step.rows(early))[2]
     moment = tau - beta / v
-    time, divergence, least = so_far
+    time, divergence, least, turning = so_far
     own_time = tau - tube.own_image(centre, rows)[0] / v
     own = tube.own_image(step.centre(own_time), step.rows(own_time))
     rows = step.rows(moment)
@@ -316,20 +363,21 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Jet, Jet,
         moment + time,
         ([-entry for entry in by_start[1]], v_row),
         time_by,
-        divergence + _polynomial(step.derivatives[12], moment),
+        divergence + _polynomial(step.derivatives[-1], moment),
         least,
+        turning,
     )
 
 
 def glide(constants: Constants, curve: Curve, total: Jet) -> tuple[Sequence[Jet], Jet]:
     """Roughly the image (gamma_bar, v) of the curve itself and its time: midpoints, for finding curves. No proof."""
     with curve.v.quiet():
-        orbit = Model(constants, curve.omega).orbit
-        state, time, done = [0 * curve.v.mid(), curve.gamma_bar, curve.v], 0 * total, 0.0
+        orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
+        state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
         for _ in range(_MOST_STEPS):
             series = [list(part) for part in orbit.coefficients(state, _ORDER)]
             # In longer steps the balls left over would swamp the midpoints.
-            reach = min(_LONGEST_FRACTION, float(np.min(_reach(series) / _floats(total.c[0]))))
+            reach = min(_LONGEST_FRACTION, float(np.min(_reach(series) / floats(total.c[0]))))
             if 1 - done < reach / 2:
                 break
             length = (total * min(reach, 1 - done)).mid()
@@ -358,7 +406,7 @@ def duration(model: Model, gamma_bar: Any, v: Any) -> Any:
 def _reach(series: Sequence[Sequence[Jet]]) -> NDArray[np.float64]:
     """For how long [s] the last two terms stay below 2^_TOLERANCE, roughly, of each lane."""
     order = len(series[0]) - 1
-    sizes = [(_sizes([part[n].c[0]]), n) for part in series for n in (order - 1, order)]
+    sizes = [(largest([part[n].c[0]]), n) for part in series for n in (order - 1, order)]
     with np.errstate(all="ignore"):
         longest = np.min([(2.0**_TOLERANCE / x) ** (1 / n) for x, n in sizes], axis=0)
     return np.asarray(np.nan_to_num(np.minimum(1.0, longest)))
@@ -378,62 +426,3 @@ def _polynomial(coefficients: Sequence[Any], time: Any) -> Any:
     for coefficient in coefficients[-2::-1]:
         result = result * time + coefficient
     return result
-
-
-def _product(a: Matrix, b: Matrix) -> Matrix:
-    """Of the first three columns of ``a`` with three rows."""
-    return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
-
-
-def _applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2] for row in matrix]
-
-
-def _sum(a: Matrix, b: Matrix) -> Matrix:
-    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
-
-
-def _left_over(balls_: Matrix, points: Matrix) -> Matrix:
-    """Balls that hold, for all s, what jets differ from their midpoints by."""
-    return [[(a - b).range() for a, b in zip(*rows, strict=True)] for rows in zip(balls_, points, strict=True)]
-
-
-def _axes(turned: Matrix, rest: Sequence[Any], spread: Matrix, stiffness: NDArray[np.float64]) -> tuple[Matrix, Matrix]:
-    """Axes (columns), orthogonal once velocities are divided by the stiffness, and balls that hold their inverse.
-
-    The first is along what is largest of the ``turned`` columns, each times its coordinate's size (Lohner's method).
-    """
-    columns = np.moveaxis(np.array([[_floats(entry) for entry in row] for row in turned]), -1, 0)
-    columns[:, 2] /= stiffness[:, None]
-    sizes = np.array([_sizes([part, *row]) for part, row in zip(rest, spread, strict=True)]).T
-    order = np.argsort(-np.linalg.norm(columns, axis=1) * sizes, axis=1, kind="stable")
-    usable = np.isfinite(columns).all(axis=(1, 2)) & (np.abs(columns) < 1e30).all(axis=(1, 2))
-    columns = np.where(usable[:, None, None], np.take_along_axis(columns, order[:, None, :], axis=2), np.eye(3))
-    basis = np.linalg.qr(columns)[0]
-    basis[:, 2] *= stiffness[:, None]
-    axes = [[_points(basis[:, i, k], turned[0][0]) for k in range(3)] for i in range(3)]
-    # Cramer's rule.
-    a, b, c = ([row[k] for row in axes] for k in range(3))
-    minors = (_cross(b, c), _cross(c, a), _cross(a, b))
-    determinant = a[0] * minors[0][0] + a[1] * minors[0][1] + a[2] * minors[0][2]
-    return axes, [[part / determinant for part in minor] for minor in minors]
-
-
-def _cross(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    return [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
-
-
-def _floats(x: Any) -> NDArray[np.float64]:
-    """The midpoints, one for each lane."""
-    return x.midpoints.copy() if isinstance(x, Lanes) else np.array([float(x.mid())])
-
-
-def _sizes(parts: Sequence[Any]) -> NDArray[np.float64]:
-    """The largest absolute values, added up."""
-    if isinstance(parts[0], Lanes):
-        return np.asarray(np.sum([np.abs(part.midpoints) + part.radii for part in parts], axis=0))
-    return np.array([sum(float(part.abs_upper()) for part in parts)])
-
-
-def _points(values: NDArray[np.float64], like: Any) -> Any:
-    return Lanes(values) if isinstance(like, Lanes) else arb(float(values[0]))

@@ -24,7 +24,16 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["IntervalProof", "Status", "failed_interval", "prove_interval"]
+__all__ = [
+    "IntervalProof",
+    "Status",
+    "decimal_above",
+    "failed_interval",
+    "polynomial_text",
+    "prove_interval",
+    "rounded_jet",
+    "two_digits",
+]
 
 _BITS, _DEGREE = 64, 4
 _UPRIGHT = Fraction(15707, 10000)  # rad: the flights prove that much in any case
@@ -83,8 +92,8 @@ class IntervalProof:
             "along the flow from beta = pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, "
             "v) -> (pi - beta, pi - gamma, -v), has exactly one fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) "
             f"with |gamma_bar_0 - p(s)| <= {exact_text(self.unique_within[0])} rad and |v_0 - q(s)| <= "
-            f"{exact_text(self.unique_within[1])} rad/s, where p(s) = {_polynomial(self.curve[0])} and q(s) = "
-            f"{_polynomial(self.curve[1])}; it depends analytically on Omega, and the two distances are at most "
+            f"{exact_text(self.unique_within[1])} rad/s, where p(s) = {polynomial_text(self.curve[0])} and q(s) = "
+            f"{polynomial_text(self.curve[1])}; it depends analytically on Omega, and the two distances are at most "
             f"{exact_text(self.enclosed_within[0])} rad and {exact_text(self.enclosed_within[1])} rad/s; through it "
             f"runs {manner}, which S maps to itself, which crosses beta = pi/2 exactly twice a period "
             f"and on which |beta - pi/2| is less than {exact_text(self.beta_below or Fraction(0))} rad; for all these "
@@ -139,21 +148,21 @@ def prove_interval(parameters: Parameters, omega: object, radius: object, guess:
         polynomials, half = family_polynomials(constants, [*start, speed], width, _DEGREE, total)
         if not all(part.is_finite() for jet in (*polynomials, half) for part in jet.c):
             return replace(failed, status=Status.NOT_FOLLOWED)
-        curve = _rounded(polynomials[0]), _rounded(polynomials[1])
+        curve = rounded_jet(polynomials[0]), rounded_jet(polynomials[1])
         path = [Jet([ball(part) for part in row]) for row in curve]
         speeds = Jet([speed, width, *[arb(0)] * (_DEGREE - 1)])
-        radii = [_two_digits(max(abs(row[1]) * _SHARE, _LEAST)) for row in curve]
+        radii = [two_digits(max(abs(row[1]) * _SHARE, _LEAST)) for row in curve]
         for _ in range(_MOST_ATTEMPTS):
             deviation = [*(arb(0, ball(part)) for part in radii), arb(0)]
             arc = krawczyk_test(constants, Curve(path[0], path[1], speeds, deviation), half)
             # The radii that are printed are the decimals, and arb's are a little larger.
             if not all(part.is_finite() for part in arc.within):
                 return replace(failed, status=Status.NOT_FOLLOWED)
-            held = [_above(abs(part)) for part in arc.within]
+            held = [decimal_above(abs(part)) for part in arc.within]
             if arc.proved and all(a <= b for a, b in zip(held, radii, strict=True)):
                 around, near = (radii[0], radii[1]), (held[0], held[1])
                 return _concluded(replace(failed, curve=curve, unique_within=around, enclosed_within=near), arc)
-            radii = [_two_digits(2 * part) for part in held]
+            radii = [two_digits(2 * part) for part in held]
         return replace(failed, status=Status.NOT_INCLUDED if arc.flight.proved else Status.NOT_FOLLOWED)
 
 
@@ -179,26 +188,28 @@ def _concluded(proof: IntervalProof, arc: Arc) -> IntervalProof:
         proof,
         status=Status.PROVED,
         numbers=tuple((name, measured(part)) for name, part in numbers.items()),
-        beta_below=min(_above(-arc.flight.beta_least), _UPRIGHT),
+        beta_below=min(decimal_above(-arc.flight.beta_least), _UPRIGHT),
         stable=True if arc.stable() else False if arc.unstable() else None,
     )
 
 
-def _rounded(jet: Jet) -> tuple[Fraction, ...]:
+def rounded_jet(jet: Jet) -> tuple[Fraction, ...]:
     """Decimals near the midpoints."""
     return tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c)
 
 
-def _two_digits(value: Fraction) -> Fraction:
+def two_digits(value: Fraction) -> Fraction:
+    """The least decimal of two digits that is not smaller."""
     return Fraction(rounded_up(value))
 
 
-def _above(x: Any) -> Fraction:
+def decimal_above(x: Any) -> Fraction:
     """A decimal of two digits that no number of the finite ball exceeds."""
     enclosure = measured(x)
-    return _two_digits(max(enclosure.value + enclosure.uncertainty, Fraction(1, 10**30)))
+    return two_digits(max(enclosure.value + enclosure.uncertainty, Fraction(1, 10**30)))
 
 
-def _polynomial(coefficients: Sequence[Fraction]) -> str:
+def polynomial_text(coefficients: Sequence[Fraction]) -> str:
+    """A polynomial of s in words."""
     terms = [exact_text(part) + ("" if not k else " s" if k == 1 else f" s^{k}") for k, part in enumerate(coefficients)]
     return " + ".join(terms).replace("+ -", "- ")

@@ -53,7 +53,7 @@ from tippedisk_verify.certified.balls import (
 from tippedisk_verify.certified.frame import Frame
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.lanes import Lanes
-from tippedisk_verify.certified.series import Graph, Node, System
+from tippedisk_verify.certified.series import Graph, Node, System, with_derivatives
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants
@@ -106,20 +106,8 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         speed = graph.number(self.omega, active=True)
         rates = self._rates(graph, speed, variables)
-        partials = [graph.gradient(rate, [*variables, speed]) for rate in rates]
-        unknowns, slopes = [*variables], [*rates]
-        for column in range(4):
-            tangent = [graph.variable() for _ in range(3)]
-            unknowns += tangent
-            for row in partials:
-                terms = [part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)]
-                if column == 3 and not _absent(row[3]):
-                    terms.append(row[3])
-                slopes.append(sum(terms[1:], terms[0]) if terms else graph.number(0))
-        #: state (3), derivatives by beta, gamma, v and Omega (3 each)
-        self.variational = System(graph, unknowns, slopes)
-        #: the same and the integral of the field's divergence d(v')/d(v)
-        self.with_divergence = System(graph, [*unknowns, graph.variable()], [*slopes, partials[2][2]])
+        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other one has the divergence's integral too
+        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def at_middle(self) -> Model:
         """The model at the midpoint of the speeds."""
@@ -146,10 +134,6 @@ class Model:
 
 def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     return field(shifted(ops), constants, omega, "linear")
-
-
-def _absent(node: Node) -> bool:
-    return node.constant and isinstance(node.c[0], int) and node.c[0] == 0
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,11 @@
 operations. Each operation has a recurrence for the Taylor coefficients of its result (Moore 1966, ch. 11; Griewank and
 Walther, *Evaluating Derivatives*, ch. 13): a product's is a convolution, sine and cosine follow from each other.
 Partial derivatives are recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations
-need no second transcription.
+need no second transcription (`with_derivatives`).
+
+Besides the sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2 (`Graph.scaled_sine`): along
+an orbit S' = C x' and C' = -q S x', without a division by a. Of its derivatives by q, dC/dq is -x S / 2, and D = dS/dq
+has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `scaled_sine` says.
 
 On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
 `lanes`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An arithmetic
@@ -19,7 +23,12 @@ from fractions import Fraction
 from operator import mul
 from typing import Any
 
-__all__ = ["Graph", "Node", "System"]
+from tippedisk_verify.certified.scaled_sine import scaled_sine
+
+__all__ = ["Graph", "Node", "System", "with_derivatives"]
+
+
+_PAIRS = ("sin", "cos", "scaled sine", "scaled cosine")
 
 
 class Node:
@@ -103,6 +112,13 @@ class Graph:
         assert cosine is not None
         return cosine
 
+    def scaled_sine(self, angle: Node, square: Node) -> Node:
+        """sin(a x) / a of an angle x, for a^2 = ``square``, a constant; its partner is cos(a x)."""
+        if angle.partner is None:
+            sine, cosine = Node(self, "scaled sine", angle, square), Node(self, "scaled cosine", angle, square)
+            angle.partner, sine.partner, cosine.partner = sine, cosine, sine
+        return angle.partner
+
     def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
         """Nodes for the partial derivatives of ``output`` with respect to variables and active numbers."""
         adjoints: dict[Node, Any] = {output: 1}
@@ -126,10 +142,51 @@ class Graph:
                 share = bar / node.right
                 pass_on(node.left, share)
                 pass_on(node.right, -(node * share))
+            elif node.kind == "scaled sine":
+                pass_on(node.left, node.partner * bar)
+                if node.right.active:
+                    slope = Node(self, "scaled slope", node.left * node, node.right)
+                    slope.partner = node.left
+                    pass_on(node.right, slope * bar)
+            elif node.kind == "scaled cosine":
+                pass_on(node.left, -(node.right * (node.partner * bar)))
+                if node.right.active:
+                    pass_on(node.right, (node.left * node.partner) * bar / -2)
             else:
                 other = node.partner * bar
                 pass_on(node.left, other if node.kind == "sin" else -other)
         return [self.number(adjoints.get(node, 0)) for node in inputs]
+
+
+def with_derivatives(
+    graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
+) -> tuple[System, System]:
+    """The system of the states and their derivatives, and the same with the integral of the rates' divergence.
+
+    Derivatives are by each variable at the start and by each active number: a column of as many unknowns as there are
+    variables for each of them.
+    """
+    partials = [graph.gradient(rate, [*variables, *numbers]) for rate in rates]
+    unknowns, slopes = [*variables], [*rates]
+    for column in range(len(variables) + len(numbers)):
+        tangent = [graph.variable() for _ in variables]
+        unknowns += tangent
+        for row in partials:
+            terms = [part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)]
+            if column >= len(variables) and not _absent(row[column]):
+                terms.append(row[column])
+            slopes.append(_total(graph, terms))
+    divergence = _total(graph, [part for k, row in enumerate(partials) if not _absent(part := row[k])])
+    plain = System(graph, unknowns, slopes)
+    return plain, System(graph, [*unknowns, graph.variable()], [*slopes, divergence])
+
+
+def _total(graph: Graph, terms: Sequence[Node]) -> Node:
+    return sum(terms[1:], terms[0]) if terms else graph.number(0)
+
+
+def _absent(node: Node) -> bool:
+    return node.constant and isinstance(node.c[0], int) and node.c[0] == 0
 
 
 class System:
@@ -199,16 +256,18 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
         node = open_nodes.pop()
         if node not in ancestors:
             ancestors.add(node)
-            # A sine's recurrence needs the cosine, and the other way round.
-            partner = node.partner if node.kind in ("sin", "cos") else None
+            # A sine's recurrence needs the cosine, and the other way round; a variable has a partner that it needs not.
+            partner = node.partner if node.kind in _PAIRS or node.kind == "scaled slope" else None
             open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
     return ancestors
 
 
 def _convolved(node: Node) -> tuple[Node, ...]:
     """The nodes whose coefficients of all orders a node's recurrence needs."""
-    if node.kind in ("sin", "cos"):
+    if node.kind in _PAIRS:
         return (node,)
+    if node.kind == "scaled slope":
+        return (node.left,)
     if node.kind == "divide" and not node.right.constant:
         return node, node.right
     if node.kind == "multiply" and not node.left.constant and not node.right.constant:
@@ -223,8 +282,10 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
     """
     kind, x, y = node.kind, node.left, node.right
 
-    if kind in ("variable", "cos"):  # a variable's come from its rate, a cosine's with its sine
+    if kind in ("variable", "cos", "scaled cosine"):  # a variable's come from its rate, a cosine's with its sine
         return None
+    if kind in ("scaled sine", "scaled slope"):
+        return _scaled_recurrence(node)
     if kind == "sin":
         cosine = node.partner
         slopes: Any = []
@@ -268,6 +329,40 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
     if kind == "add":
         return lambda k: node.c.append(x.c[k] + y.c[k])
     return lambda k: node.c.append(x.c[k] - y.c[k])
+
+
+def _scaled_recurrence(node: Node) -> Callable[[int], None]:
+    """Of sin(a x) / a with its partner, or of its derivative by a^2, of which ``left`` is x sin(a x) / a."""
+    sloped = node.kind == "scaled slope"
+    x = node.partner if sloped else node.left
+    other, q = (node.left if sloped else node.partner), node.right
+    slopes: Any = []
+    assert x is not None
+    assert other is not None
+
+    def slope(k: int) -> None:
+        nonlocal slopes
+        if k == 0:
+            slopes = getattr(x.c[0], "series", _list)()
+            node.c.append(scaled_sine(x.c[0], q.c[0])[2])
+        else:
+            slopes.append(k * x.c[k])
+            node.c.append(_convolution(slopes, other.c[:k]) / (-2 * k))
+
+    def sine(k: int) -> None:
+        nonlocal slopes
+        if k == 0:
+            slopes = getattr(x.c[0], "series", _list)()
+            start = scaled_sine(x.c[0], q.c[0])
+            node.c.append(start[0])
+            other.c.append(start[1])
+        else:
+            slopes.append(k * x.c[k])
+            rise, fall = _convolution(slopes, other.c), _convolution(slopes, node.c)
+            node.c.append(rise / k)
+            other.c.append(-(q.c[0] * fall) / k)
+
+    return slope if sloped else sine
 
 
 def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:

@@ -1,4 +1,4 @@
-"""`certify branch`: the paper's cycles, or those at other speeds, proved one by one."""
+"""`certify branch`: the family of limit cycles as one curve; or the paper's cycles, or others, proved one by one."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tippedisk_verify.commands.certify_family import DEFAULT_END, family_as_a_curve
 from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_result, processes, progress
 from tippedisk_verify.errors import InputError
 
@@ -27,14 +28,26 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 
 
 @click.command()
-@click.option("--at", "where", required=True, metavar="FILE|A^in|A^de|A^in+A^de", help="One speed [rad/s] a line.")
+@click.option("--at", "where", metavar="FILE|A^in|A^de|A^in+A^de", help="Cycles one by one; one speed [rad/s] a line.")
+@click.option(
+    "--to", "until", metavar="X", help=f"As one curve: to this gamma_bar_0 [rad], {DEFAULT_END} if not given."
+)
+@click.option(
+    "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
+)
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @common_options
-def branch(common: Common, where: str, jobs: int | None) -> int:
-    """Prove the limit cycles at many speeds: the period to DIGITS digits, stability, and the rest of `orbit`.
+def branch(common: Common, where: str | None, until: str | None, arcs: str | None, jobs: int | None) -> int:
+    """Prove the family of limit cycles from the Hopf point on: one curve, stable, on which Omega falls.
 
-    A^in and A^de are the paper's sets, each with Omega_0 = Omega_crit - 0.5.
+    It takes some 20 minutes of CPU. With --at the cycles at many speeds are proved one by one instead: the period to
+    DIGITS digits, stability, and the rest of `orbit`. A^in and A^de are the paper's sets, each with Omega_0 =
+    Omega_crit - 0.5.
     """
+    if where is None:
+        return family_as_a_curve(common, jobs, arcs, until or DEFAULT_END)
+    if until is not None or arcs is not None:
+        raise InputError("--to and --arcs belong to the family as one curve: leave out --at")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")
     checked_jobs(jobs)

@@ -1,0 +1,197 @@
+"""Theorem 5b: the family of limit cycles from the Hopf point on is one curve, along which the speed falls.
+
+It is put together from the pieces of `pieces`. The first one begins at the Hopf point, gamma_bar_0 = 0; each next one
+begins where the last one ends, and both are proved to have the same cycle there. So over (0, a_end] the family is one
+analytic curve, and what falls or grows strictly on each piece does so on all of it: for each Omega of [Omega_end,
+Omega_crit) exactly one cycle of the curve has this speed. At gamma_bar_0 = 0 the scaled flow is linear and has a
+periodic orbit. So Omega is Omega_crit there, the only speed at which a pair of eigenvalues is imaginary
+(`closed_forms`), and the period is that of the pair. The enclosures are checked to hold the closed form's Omega_crit
+all the same.
+
+**The other end.** A proof of the cycles next to the connection, for all Omega of (Omega_h, Omega_1], is an `EndProof`.
+If a cycle at one exact speed Omega <= Omega_1 is proved to be on the curve, and to be one of that proof's, the two are
+one curve (`closed_by`), and the theorem holds of the whole of (Omega_h, Omega_crit).
+
+Where a ball becomes a point or a float: nowhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Protocol
+
+from tippedisk_verify.certified.balls import ball_constants, measured, working_precision
+from tippedisk_verify.certified.closed_forms import check_linearization, hopf_balls
+from tippedisk_verify.certified.cycle import CycleProof
+from tippedisk_verify.certified.heteroclinic import ProvedConnection
+from tippedisk_verify.certified.pieces import Piece, Status, on_curve
+from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
+from tippedisk_verify.model.parameters import Parameters
+
+__all__ = ["BranchProof", "EndProof", "closed_by", "hopf_closed"]
+
+_BITS = 128
+_PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
+
+
+class EndProof(Protocol):
+    """What is proved of the cycles next to the connection, for all Omega of (Omega_h, ``omega_1``]."""
+
+    @property
+    def omega_1(self) -> Fraction:
+        """[rad/s]"""
+
+    def holds(self, cycle: CycleProof) -> bool:
+        """Whether this proved cycle, of a speed of that interval, is the one that the proof is about."""
+
+
+@dataclass(frozen=True)
+class BranchProof:
+    """What is proved of the family. ``pieces`` are one curve from the Hopf point on; there may be none."""
+
+    parameters: Parameters
+    pieces: tuple[Piece, ...]
+    stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
+    connection: ProvedConnection | None = None  #: Omega_h, if it is known
+    end: EndProof | None = None  #: closes the other end, as `closed_by` has proved
+
+    @property
+    def hopf_closed(self) -> bool:
+        """Whether the curve is proved to begin at the Hopf point."""
+        return bool(self.pieces) and hopf_closed(self.parameters, self.pieces[0])
+
+    @property
+    def proved(self) -> bool:
+        """Whether the theorem holds of the whole of (Omega_h, Omega_crit)."""
+        return self.hopf_closed and self.end is not None
+
+    @property
+    def omega_end(self) -> Fraction | None:
+        """All speeds from here to Omega_crit belong to the curve [rad/s]; rounded up."""
+        if not self.hopf_closed:
+            return None
+        unit = 10**_PLACES
+        return Fraction(-(-self.pieces[-1].speeds(self.pieces[-1].high)[1] * unit // 1), unit)
+
+    @property
+    def covered(self) -> Fraction | None:
+        """The share of (Omega_h, Omega_crit) that belongs to the curve, or less; None if Omega_h is not proved."""
+        if self.proved:
+            return Fraction(1)
+        known = self.connection.omega_h if self.connection is not None and self.connection.proved else None
+        if self.omega_end is None or known is None:
+            return None
+        # It grows with Omega_crit and with Omega_h.
+        top, bottom = _least(omega_crit(self.parameters)), _least(known)
+        unit = 10**_PLACES
+        return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
+
+    def unique_within(self) -> tuple[Fraction, Fraction, Fraction]:
+        """Distances from every cycle of the curve within which there is no other of the same gamma_bar_0.
+
+        Of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others, and of Omega [rad/s].
+        """
+        rooms = [
+            [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)] for piece in self.pieces
+        ]
+        later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
+        return rooms[0][0], min(later), min(room[1] for room in rooms)
+
+    @property
+    def statement(self) -> str:
+        """What is proved, in one sentence."""
+        if not self.hopf_closed:
+            return f"nothing is proved: {self._reason}."
+        last, first = self.pieces[-1].high, self.pieces[0].high
+        ratio, v, speed = (rounded_down(part) for part in self.unique_within())
+        crit, end = omega_crit(self.parameters), exact_text(self.omega_end or Fraction(0))
+        return (
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law there are analytic "
+            f"functions v_0(a) < 0 and Omega(a) of a in (0, {exact_text(last)}] rad such that at the speed Omega(a) "
+            "the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an asymptotically stable limit "
+            "cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to itself, which crosses beta = "
+            "pi/2 exactly twice a period, and on which |beta - pi/2| is less than 1.5707; as a grows Omega falls "
+            "strictly, and the period and the largest |beta - pi/2| grow strictly; as a tends to 0 the cycle "
+            f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit} rad/s, where a pair of eigenvalues "
+            "crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; at a = "
+            f"{exact_text(last)} rad Omega is at most {end} rad/s, so that each Omega from there up to, but without, "
+            "Omega_crit is the speed of exactly one of these cycles; and there is no other (v, Omega) for which v < "
+            "0 and the half-period map, along the flow at the speed Omega from beta = pi/2, v < 0 to the next "
+            "crossing of beta = pi/2 and then by S, has the fixed point gamma = pi/2 + a, v, with |Omega - "
+            f"Omega(a)| <= {speed} rad/s and, where a <= {exact_text(first)} rad, |v - v_0(a)| <= {ratio} a/s, where "
+            f"a is larger, |v - v_0(a)| <= {v} rad/s."
+        )
+
+    @property
+    def _reason(self) -> str:
+        """Why the curve ends where it does."""
+        if self.stopped is None:
+            return "no more was asked for" if self.pieces else "nothing was tried"
+        where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
+        return f"{where} {self.stopped.value}"
+
+    def json(self) -> dict[str, object]:
+        """For the command line."""
+        hopf, share = self.hopf_closed, self.covered
+        ends: dict[str, object] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.proved}}
+        if not hopf:
+            ends["hopf"] = {"closed": False, "reason": self._reason}
+        if not self.proved:
+            reason = "no proof of the cycles next to the connection reaches the curve's end"
+            ends["heteroclinic"] = {"closed": False, "reason": f"{reason}; {self._reason}"}
+        entries: dict[str, object] = {
+            "proved": self.proved,
+            "covered": None if share is None else _decimals(share),
+            "statement": self.statement,
+            "ends": ends,
+            "omega_crit": omega_crit(self.parameters).json(),
+        }
+        if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
+            entries["omega_h"] = self.connection.omega_h.json()
+        if hopf:
+            names = ("v_0_per_gamma_bar_0", "v_0", "omega")
+            entries["amplitude_end"] = exact_text(self.pieces[-1].high)
+            entries["omega_end"] = exact_text(self.omega_end or Fraction(0))
+            entries["unique_within"] = dict(zip(names, map(rounded_down, self.unique_within()), strict=True))
+        return entries | {"arcs": [piece.json() for piece in self.pieces], "parameters": self.parameters.name}
+
+
+def hopf_closed(parameters: Parameters, piece: Piece) -> bool:
+    """Whether a piece begins at the Hopf point, of a disk with the closed forms' hypotheses.
+
+    Raises InputError for a disk without them.
+    """
+    check_linearization(parameters.rational())
+    known, (low, high) = omega_crit(parameters), piece.speeds(Fraction(0))
+    return (
+        piece.scaled
+        and piece.low == 0
+        and low <= known.value - known.uncertainty < known.value + known.uncertainty <= high
+    )
+
+
+def omega_crit(parameters: Parameters) -> Measured:
+    """Enclosed [rad/s]."""
+    with working_precision(_BITS):
+        return measured(hopf_balls(ball_constants(parameters))["omega_crit"])
+
+
+def closed_by(proof: BranchProof, end: EndProof, cycle: CycleProof) -> bool:
+    """Whether a proved cycle shows that the curve runs into what ``end`` is about.
+
+    Its speed is one of those of ``end``, it is one of its cycles, and it is on the curve's last piece.
+    """
+    if not (proof.hopf_closed and cycle.proved and cycle.parameters == proof.parameters and cycle.omega <= end.omega_1):
+        return False
+    numbers, speed = cycle.numbers(), Measured(cycle.omega, Fraction(0))
+    on_it = on_curve(proof.pieces[-1], numbers["gamma_bar_0"], numbers["v_0"], speed)
+    return on_it and end.holds(cycle)
+
+
+def _least(number: Measured) -> Fraction:
+    return number.value - number.uncertainty
+
+
+def _decimals(share: Fraction) -> str:
+    return Measured(share, Fraction(0)).decimals()[0]

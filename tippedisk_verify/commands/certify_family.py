@@ -1,0 +1,132 @@
+"""`certify branch` without --at: the family of limit cycles from the Hopf point on, proved as one curve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from tippedisk_verify.commands.common import Common, checked_jobs, print_result, processes, progress, result_lines
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+
+if TYPE_CHECKING:
+    from tippedisk_verify.certified.branch import BranchProof
+    from tippedisk_verify.certified.cover import Interval, Known
+    from tippedisk_verify.certified.heteroclinic import ProvedConnection
+    from tippedisk_verify.certified.pieces import Piece, Status
+    from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.orbits.periodic import LimitCycle
+
+__all__ = ["DEFAULT_END", "family_as_a_curve"]
+
+DEFAULT_END = "3.06"  # rad: beyond it pieces become short
+_UNITS = 1000  # of the bar, for each rad
+_KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
+_NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
+_CONNECTION_DIGITS = 10
+
+
+def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str) -> int:
+    """Prove as much of the family as can be, and say how much that is."""
+    from tippedisk_verify.certified.branch import BranchProof
+    from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
+    from tippedisk_verify.certified.pieces import Piece, Status
+    from tippedisk_verify.commands.piece_file import read_pieces, write_pieces
+
+    parameters = common.parameters
+    parameters.refuse_smooth("the family of limit cycles is proved as one curve")
+    end = _amplitude(until)
+    checked_jobs(jobs)
+    pieces = [] if arcs is None else read_pieces(arcs, parameters)
+    stopped = None
+    connection: ProvedConnection | None = None
+    with progress(common, int(_UNITS * end)) as advance:
+
+        def keep(found: Piece | Status, interval: Interval) -> None:
+            if isinstance(found, Piece):
+                pieces.append(found)
+                if arcs is not None:
+                    write_pieces(arcs, parameters, pieces)
+                advance(f"arcs: {len(pieces)}", int(_UNITS * interval.high) - int(_UNITS * interval.low))
+
+        advance("arcs", sum(int(_UNITS * piece.high) - int(_UNITS * piece.low) for piece in pieces))
+        # Without the piece at the Hopf point the others are of no use.
+        if not chain(pieces):
+            advance("the Hopf point", 0)
+            stopped = prove_intervals(parameters, open_intervals(pieces, min(end, HOPF_END)), [], watch=keep)
+        left = open_intervals(pieces, end) if stopped is None else []
+        if chain(pieces):
+            connection = _connection(parameters)
+        if left:
+            advance("approximate cycles", 0)
+            known = _known(parameters, connection)
+            with processes(jobs, needed=len(left) > 1) as pool:
+                stopped = prove_intervals(parameters, left, known, pool, keep)
+    found = chain(pieces)
+    if stopped is None and found[-1].high < end:
+        stopped = Status.NOT_JOINED
+    proof = BranchProof(parameters, tuple(found), stopped, connection)
+    print_result(common, proof.json(), _lines(proof))
+    return 0 if proof.proved else 1
+
+
+def _amplitude(text: str) -> Fraction:
+    from tippedisk_verify.model.exact import exact
+
+    number = exact(text)
+    if number.pi_multiple or not 0 < number.rational < Fraction("3.1415"):
+        raise InputError(f"--to must be a decimal between 0 and 3.1415 rad, not {text[:40]}")
+    return number.rational
+
+
+def _connection(parameters: Parameters) -> ProvedConnection | None:
+    """Omega_h, proved; None where the ordinary road finds none."""
+    from tippedisk_verify.certified.heteroclinic import prove_connection
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.heteroclinic import heteroclinic
+
+    try:
+        near = heteroclinic(parameters, default_engine(), digits=_CONNECTION_DIGITS + 5).omega_h.value
+        return prove_connection(parameters, near, _CONNECTION_DIGITS)
+    except (NoConnectionError, Shortfall):
+        return None
+
+
+def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[Known]:
+    """Cycles of the ordinary road from the Hopf point to the connection, to make guesses of."""
+    from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.orbits.branches import family
+
+    speeds: list[Fraction] | None = None
+    if connection is not None and connection.omega_h is not None:
+        speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
+    try:
+        cycles = list(family(parameters, default_engine(), omegas=speeds))
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    return [_numbers(cycle) for cycle in cycles]
+
+
+def _numbers(cycle: LimitCycle) -> Known:
+    return cycle.gamma_bar_0.value, cycle.v_0.value, cycle.omega.value, cycle.period.value / 2
+
+
+def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
+    """Speeds whose amplitudes lie close together at both ends."""
+    from tippedisk_verify.certified.branch import omega_crit
+
+    span = omega_crit(parameters).value - omega_h
+    for k in range(_KNOWN // 10, _KNOWN - 1):
+        left = span * (1 - Fraction(k, _KNOWN) ** 2)
+        yield omega_h + left
+    while left > _NEAREST:
+        left *= _NEARER
+        yield omega_h + left
+
+
+def _lines(proof: BranchProof) -> Iterator[str]:
+    entries = proof.json()
+    arcs = entries.pop("arcs")
+    assert isinstance(arcs, list)
+    yield from result_lines(entries)
+    yield f"{len(arcs)} arcs"
