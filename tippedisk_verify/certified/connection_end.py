@@ -63,8 +63,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -77,12 +76,12 @@ from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.certified.local_manifolds import FAST, SLOW, UNSTABLE, Frame
 from tippedisk_verify.certified.passage import Passage, enclosed_passage, least, most, products
+from tippedisk_verify.certified.proved_end import ProvedEnd, Status
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import exact_text
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["ProvedEnd", "Status", "prove_end"]
+__all__ = ["prove_end"]
 
 _BITS = 64
 _FAST = Fraction(1, 512)  # t_0
@@ -92,68 +91,6 @@ _ROOM = 1.01  # eta over what the bounds of the largest speed's orbit leave it
 _WIDENED = 0.15  # by how much of a cell's image its enclosure is wider; measured
 _ROUNDS = 60
 _LONGEST = 3.0  # s, from z_s = -s to Theorem 6's box
-
-
-class Status(Enum):
-    """How the proof ended. The value says where it stopped and what to try next."""
-
-    PROVED = "proved"
-    NO_CONNECTION = "the connection itself is not proved: give the answer of `prove_connection` with its digits"
-    NO_LID = "no cycle passes the saddle near enough at the largest speed: ask for a smaller reach"
-    FLIGHT = "the flight between the saddles could not be enclosed: ask for a smaller reach"
-    INEQUALITY = "an inequality of the proof does not hold: ask for a smaller reach"
-    APART = "the connection could not be followed into the box of its own theorem: prove it to more digits"
-
-
-@dataclass(frozen=True)
-class ProvedEnd:
-    """What is proved of the cycles at speeds from ``low`` to ``high`` [rad/s]; nothing without status PROVED."""
-
-    status: Status
-    connection: ProvedConnection
-    low: Fraction
-    high: Fraction
-    gamma: Fraction = Fraction(0)  #: c [rad]
-    v: Fraction = Fraction(0)  #: d [rad/s]
-    numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
-    detail: str = ""
-
-    @property
-    def proved(self) -> bool:
-        return self.status is Status.PROVED
-
-    @property
-    def statement(self) -> str:
-        if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
-            return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        parameters = self.connection.parameters
-        middle, half_width = self.connection.omega_h.decimals()
-        low, high, gamma, v = map(exact_text, (self.low, self.high, self.gamma, self.v))
-        return (
-            f"for the tippedisk with {parameters.definition()} under the {parameters.law} friction law let P be the "
-            "half map from the section beta = pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there "
-            "v > 0, with |beta - pi/2| < pi/2 between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back to the section, and let Q be the "
-            f"set of its states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0; with the Omega_h of "
-            f"the heteroclinic connection, |Omega_h - {middle} rad/s| <= {half_width} rad/s, for every Omega with "
-            f"Omega_h < Omega <= {high} rad/s P has exactly one fixed point in Q, the limit cycle through it is "
-            "asymptotically stable, S maps it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega "
-            "grows, its period, its largest |beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h "
-            "its period tends to infinity and the fixed point to (pi/2, 3 pi/2, 0); for every Omega with "
-            f"{low} rad/s <= Omega <= Omega_h P has no fixed point in Q."
-        )
-
-    def json(self) -> dict[str, object]:
-        return {
-            "proved": self.proved,
-            "status": self.status.name.lower(),
-            "statement": self.statement,
-            "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.json(),
-            "from": exact_text(self.low),
-            "to": exact_text(self.high),
-            "gamma": exact_text(self.gamma),
-            "v": exact_text(self.v),
-            "numbers": self.numbers,
-        }
 
 
 def prove_end(
