@@ -78,10 +78,10 @@ from tippedisk_verify.certified.local_manifolds import FAST, SLOW, UNSTABLE, Fra
 from tippedisk_verify.certified.passage import Passage, enclosed_passage, least, most, products
 from tippedisk_verify.certified.proved_end import ProvedEnd, Status
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["prove_end"]
+__all__ = ["checked_distance", "prove_end"]
 
 _BITS = 64
 _FAST = Fraction(1, 512)  # t_0
@@ -90,7 +90,7 @@ _SLOW_CELL, _SPEED_CELL = 4e-3, 2e-3  # lengths of the exit set's cells in z_s a
 _ROOM = 1.01  # eta over what the bounds of the largest speed's orbit leave it
 _WIDENED = 0.15  # by how much of a cell's image its enclosure is wider; measured
 _ROUNDS = 60
-_LONGEST = 3.0  # s, from z_s = -s to Theorem 6's box
+_LONGEST = 3.0  # s, from the first saddle to Theorem 6's box
 
 
 def prove_end(
@@ -105,19 +105,25 @@ def prove_end(
     done. Raises InputError for the smooth law and for numbers that make no sense, NoConnectionError as `Frame`.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
-    above, under = (exact(number) for number in (reach, below))
-    if any(x.pi_multiple or not 0 < x.rational < 1 for x in (above, under)):
-        raise InputError("how far the cycles are to be proved must be decimals between 0 and 1 rad/s")
+    above, under = checked_distance(reach), checked_distance(below)
     if not connection.proved or parameters is None or omega_h is None:
         return ProvedEnd(Status.NO_CONNECTION, connection, Fraction(0), Fraction(0))
     if parameters.friction != "linear":
         raise InputError("the cycles next to the connection are proved under the linear friction law only")
     near = round(omega_h.value, 4)
-    low, high = near - under.rational, near + above.rational
+    low, high = near - under, near + above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     with working_precision(_BITS):
         return _End(parameters, connection, low, high, watch).prove()
+
+
+def checked_distance(number: object) -> Fraction:
+    """A distance from Omega_h [rad/s]; raises InputError unless it is between 0 and 1."""
+    given = exact(number)
+    if given.pi_multiple or not 0 < given.rational < 1:
+        raise InputError(f"how far cycles are to be proved is a decimal between 0 and 1 rad/s, not {shown(number)}")
+    return given.rational
 
 
 @dataclass(frozen=True)
@@ -191,7 +197,7 @@ class _End:
 
     def _bounds(self, eta: Any) -> _Bounds:
         p = self.passage
-        edge = p.flat * self.s  # of |g| on the section
+        edge = p.flat * self.s  # of |g| on the section, and of |z_u| along the orbits of its graph: there |z_f| < s
         time = p.time(eta + edge)
         crossing = self._crossing(eta + edge, edge)
         share, fast = p.at_crossing()
@@ -247,6 +253,7 @@ class _End:
         yield "D lies in N", self.u - bounds.eta
         yield "the graph lies above the lid", bounds.eta - p.flat * self.s
         yield "the fast part in N", p.stirred_within - p.forcing[1] - self.t_0
+        yield "the fast part in N", self.s - p.stirred_within
         beta, _, _ = self.frame.offset([-self.u, -hull(*bounds.slow), arb(0, bounds.fast)])
         yield "beta_bar where N is left", -beta
         _, gamma, _ = self.frame.offset([self.u, arb(0, self.s), arb(0, p.extents[FAST])])

@@ -5,8 +5,9 @@ y the offset from the first saddle, a flight starts on z_u = u with z_s and z_f 
 It ends where z_s = -s in the same coordinates about the second saddle. The frame of `flow.Path` starts with the columns
 of P for its axes, so the box is followed as it is, and the derivatives are by z and Omega.
 
-The moment of arrival is enclosed by interval Newton steps for z_s + s, in a step that is proved to begin before and to
-end after it, and over which F_s > 0. On the section time moves with the start by dT = -d(z_s) / F_s.
+Of each step before the last z_s < -s is proved: over all of it, or at its end where F_s > 0 over all of it. The last
+step begins before the section and ends after it, with F_s > 0. So the arrival is the first moment at which z_s = -s. It
+is enclosed by interval Newton steps. On the section time moves with the start by dT = -d(z_s) / F_s.
 
 Of each step it is proved that 0 < beta_bar < 1.5707, so that gamma grows, and that v > 0, or v < 0, or v' < 0
 throughout. So v has at most one zero, where beta_bar is largest; its derivatives there are those at a fixed time,
@@ -33,6 +34,7 @@ from tippedisk_verify.certified.section import UPRIGHT, enclosed_moment
 __all__ = ["Landing", "fly_over", "joined"]
 
 _LONGEST = 10.0  # s
+_SHORTEST_STEP = 2.0**-20  # s; a hundredth of what a box's own spread in time allows
 _BISECTIONS = 30
 
 
@@ -76,13 +78,16 @@ def fly_over(frame: Frame, model: Model, extents: Sequence[Any], slow: Any, fast
         if step is None or not _climbs(model, step, tops):
             return None
         level = seen(frame, step.carried())[SLOW] + s
-        if path.box[1] < 0 or negative(level):
+        z, rising = _overall(frame, model, step)
+        if negative(level) and (rising or negative(z[SLOW] + s)):
             path.take(step)
             longest = None
-        elif positive(level):
+        elif positive(level) and rising:
             return _landed(frame, model, path, step, s, tops)
         else:  # the next step is to begin well before the section
             longest = step.length / 2
+            if longest < _SHORTEST_STEP:
+                return None
     return None
 
 
@@ -113,6 +118,13 @@ def seen(frame: Frame, box: Box) -> list[Any]:
     ]
 
 
+def _overall(frame: Frame, model: Model, step: Step) -> tuple[list[Any], bool]:
+    """z about the second saddle throughout a step, and whether F_s > 0 there."""
+    beta, gamma, v = step.enclosure
+    z = frame.coordinates((beta, gamma - arb.pi(), v))
+    return z, bool(positive(frame.rates(model.omega, z)[SLOW]))
+
+
 def _climbs(model: Model, step: Step, tops: list[tuple[Any, tuple[Any, ...]]]) -> bool:
     """Whether gamma grows throughout and v has at most one zero; notes what beta_bar may be at it."""
     beta, _, v = step.enclosure
@@ -130,7 +142,7 @@ def _climbs(model: Model, step: Step, tops: list[tuple[Any, tuple[Any, ...]]]) -
 def _landed(
     frame: Frame, model: Model, path: Path, step: Step, s: Any, tops: list[tuple[Any, tuple[Any, ...]]]
 ) -> tuple[Landing, Path] | None:
-    """The arrival on z_s = -s, where the path is taken; None if it is not proved."""
+    """The arrival on z_s = -s in a step that ends after it, where the path is taken; None if it is not proved."""
 
     def level(time: Any) -> Any:
         return seen(frame, step.carried(time))[SLOW] + s
@@ -138,16 +150,14 @@ def _landed(
     def slope(time: Any) -> Any:
         return frame.rates(model.omega, seen(frame, step.carried(time)))[SLOW]
 
-    beta, gamma, v = step.enclosure
-    overall = frame.rates(model.omega, frame.coordinates((beta, gamma - arb.pi(), v)))[SLOW]
-    end = ball(step.length)
-    if not (negative(level(arb(0))) and positive(level(end)) and positive(overall) and tops):
+    if not (negative(level(arb(0))) and tops):
         return None
     low, high = 0.0, step.length
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         low, high = (middle, high) if level(ball(middle)).mid() < 0 else (low, middle)
-    moment, proved = enclosed_moment(step, ball(low), level, overall, slope)
+    z, _ = _overall(frame, model, step)
+    moment, proved = enclosed_moment(step, ball(low), level, frame.rates(model.omega, z)[SLOW], slope)
     if not proved:
         return None
     path.take(step, moment)

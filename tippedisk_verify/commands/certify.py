@@ -115,8 +115,12 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
 
-    if cycles is not None and (none_between is not None or common.parameters.friction != "linear"):
-        raise InputError("--cycles goes with Omega_h under the linear friction law, not with --none-between")
+    if cycles is not None:
+        from tippedisk_verify.certified.connection_end import checked_distance
+
+        checked_distance(cycles)
+        if none_between is not None or common.parameters.friction != "linear":
+            raise InputError("--cycles goes with Omega_h under the linear friction law, not with --none-between")
     if none_between is not None:
         if near is not None:
             raise InputError(
