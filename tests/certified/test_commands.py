@@ -9,9 +9,11 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.certified import no_connection, table
+from tippedisk_verify.certified import connection_end, no_connection, table
 from tippedisk_verify.certified.heteroclinic import ProvedConnection, Status
 from tippedisk_verify.certified.no_connection import ProvedAbsence
+from tippedisk_verify.certified.proved_end import ProvedEnd
+from tippedisk_verify.certified.proved_end import Status as EndStatus
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import certify
 from tippedisk_verify.model.measured import Measured
@@ -91,6 +93,22 @@ def test_heteroclinic_about_a_given_speed(capsys) -> None:
     assert result["statement"].startswith("nothing is proved")
 
 
+def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
+    """The proof itself is tested elsewhere; what is not proved of the cycles is told beside what is of Omega_h."""
+    asked = []
+
+    def prove_end(connection: ProvedConnection, reach: str, *, watch: object) -> ProvedEnd:
+        asked.append(reach)
+        return ProvedEnd(EndStatus.NO_LID, connection, Fraction(30), Fraction(31))
+
+    monkeypatch.setattr(connection_end, "prove_end", prove_end)
+    arguments = ("certify", "heteroclinic", "--near", "30.0488682607225", "--digits", "9", "--cycles", "0.5")
+    result = _json(capsys, *arguments, status=1)
+    assert asked == ["0.5"]
+    assert (result["proved"], result["cycles"]["proved"], result["cycles"]["status"]) == (True, False, "no_lid")
+    assert (result["cycles"]["from"], result["cycles"]["to"]) == ("30", "31")
+
+
 def test_no_connection_in_an_interval(capsys, monkeypatch) -> None:
     monkeypatch.setattr(no_connection, "_FIRST_SHARE", Fraction(1))
     result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0500", "30.05001")
@@ -156,6 +174,10 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
         (["certify", "heteroclinic", "--none-between", "0", "30"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--none-between", "30", "pi"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--none-between", "30", "31", "--near", "30"], "give one"),
+        (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
+        (["certify", "heteroclinic", "--cycles", "soon"], "not a finite decimal"),
+        (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
+        (["certify", "heteroclinic", "--cycles", "0.001", "--none-between", "30", "31"], "not with --none-between"),
         (["certify", "hopf", "--parameters", "unheard"], "not known"),
         (["certify", "proof"], "proof"),
     ],

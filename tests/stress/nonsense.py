@@ -27,6 +27,7 @@ ODD_NUMBERS = (
 NOT_SPEEDS = st.one_of(
     st.sampled_from(ODD_NUMBERS), WORDS, st.integers(10**6).map(str), st.integers(max_value=0).map(str)
 )
+NOT_DISTANCES = st.sampled_from(["", "x", "nan", "inf", "0", "-1e-3", "1e400", "pi", "1/0"])
 NOT_ANGLES = st.one_of(
     WORDS, st.integers(10**6).map(str), st.sampled_from(["", "nan", "inf", "pi/2", "1e999", "1\x00"])
 )
@@ -185,7 +186,7 @@ SHAPES: dict[str, Shape] = {
         ("certify", "orbit"),
         {
             "--omega": ("30.4", NOT_SPEEDS),
-            "--radius": ("1e-3", st.sampled_from(["", "x", "nan", "inf", "0", "-1e-3", "1e400", "pi", "1/0"])),
+            "--radius": ("1e-3", NOT_DISTANCES),
         },
     ),
     "certify branch": Shape(
@@ -193,7 +194,9 @@ SHAPES: dict[str, Shape] = {
     ),
     "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
-    "certify heteroclinic": Shape(("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS)}),
+    "certify heteroclinic": Shape(
+        ("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS), "--cycles": ("1e-3", NOT_DISTANCES)}
+    ),
     "reference list": Shape(
         ("reference", "list"), {}, (("printed", NOT_NAMES.filter(lambda text: text and not text.startswith("-"))),)
     ),

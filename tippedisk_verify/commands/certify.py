@@ -23,8 +23,11 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import InputError, NoConnectionError, Shortfall
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
     from tippedisk_verify.certified.no_connection import ProvedAbsence
+    from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["COMMANDS"]
@@ -106,11 +109,18 @@ def table(common: Common, omega_h: bool) -> int:
 @certify.command()
 @click.option("--near", metavar="X", help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.")
 @click.option("--none-between", nargs=2, metavar="X Y", help="Prove instead that no speed from X to Y [rad/s] is one.")
+@click.option("--cycles", metavar="D", help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h.")
 @common_options
-def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str] | None) -> int:
+def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str] | None, cycles: str | None) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
 
+    if cycles is not None:
+        from tippedisk_verify.certified.connection_end import checked_distance
+
+        checked_distance(cycles)
+        if none_between is not None or common.parameters.friction != "linear":
+            raise InputError("--cycles goes with Omega_h under the linear friction law, not with --none-between")
     if none_between is not None:
         if near is not None:
             raise InputError(
@@ -122,8 +132,12 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     if common.digits > MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
-    print_result(common, proof.json())
-    return 0 if proof.proved else 1
+    result, proved = proof.json(), proof.proved
+    if cycles is not None:
+        end = _end(common, proof, cycles)
+        result, proved = result | {"cycles": end.json()}, end.proved
+    print_result(common, result)
+    return 0 if proved else 1
 
 
 @certify.command()
@@ -172,14 +186,27 @@ def _absence(common: Common, parameters: Parameters, low: object, high: object) 
     from tippedisk_verify.certified.no_connection import prove_absence
 
     with progress(common, 100) as advance:
-        done = 0
+        return prove_absence(parameters, low, high, _shares(advance, "no connection"))
 
-        def watch(share: float) -> None:
-            nonlocal done
-            advance("no connection", int(100 * share) - done)
-            done = int(100 * share)
 
-        return prove_absence(parameters, low, high, watch)
+def _end(common: Common, connection: ProvedConnection, reach: object) -> ProvedEnd:
+    """The proof of the limit cycles next to a connection."""
+    from tippedisk_verify.certified.connection_end import prove_end
+
+    with progress(common, 100) as advance:
+        return prove_end(connection, reach, watch=_shares(advance, "limit cycles"))
+
+
+def _shares(advance: Callable[[str, int], None], name: str) -> Callable[[float], None]:
+    """Tells a bar of a hundred steps which share is done."""
+    done = 0
+
+    def watch(share: float) -> None:
+        nonlocal done
+        advance(name, int(100 * share) - done)
+        done = int(100 * share)
+
+    return watch
 
 
 _EQUILIBRIA = ("inverted", "noninverted")
