@@ -19,14 +19,15 @@ from tippedisk_verify.certified import cover, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.certified.branch import BranchProof, closed_by, hopf_closed
+from tippedisk_verify.certified.branch import BranchProof, hopf_closed
 from tippedisk_verify.certified.closed_forms import hopf_balls
 from tippedisk_verify.certified.curve_flow import fly
-from tippedisk_verify.certified.cycle import CycleProof, prove_cycle
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.pieces import Piece, Status, joined, on_curve, prove_piece
+from tippedisk_verify.certified.proved_end import ProvedEnd
+from tippedisk_verify.certified.proved_end import Status as EndStatus
 from tippedisk_verify.certified.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.certified.scaled_sine import scaled_sine
 from tippedisk_verify.certified.section import half_flight
@@ -250,27 +251,45 @@ def test_neighbours_are_one_curve_and_a_shifted_box_is_not() -> None:
 
 
 # ----------------------------------------------------------------------------------------------- what is said, and kept
-class _End:
-    """A proof of cycles up to a speed, all of which it knows, or none."""
-
-    def __init__(self, omega_1: Fraction, knows: bool) -> None:
-        self.omega_1, self.knows = omega_1, knows
-
-    def holds(self, cycle: CycleProof) -> bool:
-        return self.knows
+def _end(parameters: Parameters, low: str, high: str, gamma: str, status: EndStatus = EndStatus.PROVED) -> ProvedEnd:
+    """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar from pi - ``gamma`` on."""
+    omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
+    connection = replace(prove_connection(PRINTED, "30.0488682607225", 6), omega_h=omega_h, parameters=parameters)
+    return ProvedEnd(status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1))
 
 
 @pytest.mark.usefixtures("quick")
 def test_the_other_end_closes_only_what_it_reaches() -> None:
+    """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
     proof = BranchProof(PRINTED, (piece(), second()))
-    speed = speed_below(PRINTED, "0.0028")
-    cycle = prove_cycle(PRINTED, speed, [part.value for part in numbers(known("0.0028"))[:2]])
-    assert closed_by(proof, _End(speed, True), cycle)
-    assert not closed_by(proof, _End(speed, False), cycle)
-    assert not closed_by(proof, _End(speed - Fraction(1, 10**9), True), cycle)
-    assert not closed_by(BranchProof(PRINTED, (piece(),)), _End(speed, True), cycle)
-    assert not closed_by(BranchProof(PRINTED, ()), _End(speed, True), cycle)
-    assert not closed_by(replace(proof, parameters=CALIBRATED), _End(speed, True), cycle)
+    assert not proof.end_closed
+    low, high = proof.pieces[-1].speeds(NEXT)
+    reaches = replace(proof, end=_end(PRINTED, "30", "30.8850", "3.05"))
+    assert Fraction(30) < low < high < Fraction("30.8850")
+    assert reaches.end_closed
+    assert reaches.proved
+    assert reaches.covered == 1
+    for word in (
+        "a in (0, pi)",
+        "Omega_h < Omega < Omega_crit",
+        "tends to infinity",
+        "at none up to Omega_h it has one",
+    ):
+        assert word in reaches.statement
+    assert reaches.json()["ends"] == {"hopf": {"closed": True}, "heteroclinic": {"closed": True, "to": "30.885"}}
+    short = round(low, 9) - Fraction(1, 10**8)
+    for end in (
+        _end(PRINTED, "30", str(float(short)), "3.05"),  # not up to the piece's speed
+        _end(PRINTED, "30.8850", "30.89", "3.05"),  # the piece's speed is below Omega_h
+        _end(PRINTED, "30", "30.8850", "3.03"),  # the piece does not reach Q
+        _end(CALIBRATED, "30", "30.8850", "3.05"),
+        _end(PRINTED, "30", "30.8850", "3.05", EndStatus.INEQUALITY),
+    ):
+        open_proof = replace(proof, end=end)
+        assert not open_proof.end_closed
+        assert open_proof.json()["ends"]["heteroclinic"]["closed"] is False
+        assert "a in (0, pi)" not in open_proof.statement
+    assert not replace(reaches, pieces=()).proved
 
 
 @pytest.mark.usefixtures("quick")
@@ -294,7 +313,6 @@ def test_what_is_covered() -> None:
     nothing = BranchProof(SUBCRITICAL, (), Status.RISING)
     assert nothing.statement == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."
     assert nothing.covered is None
-    assert not replace(proof, end=_End(Fraction(30), True), pieces=()).proved
 
 
 def _flat(low: str, high: str, scaled: bool = False) -> Piece:

@@ -8,9 +8,12 @@ periodic orbit. So Omega is Omega_crit there, the only speed at which a pair of 
 (`closed_forms`), and the period is that of the pair. The enclosures are checked to hold the closed form's Omega_crit
 all the same.
 
-**The other end.** A proof of the cycles next to the connection, for all Omega of (Omega_h, Omega_1], is an `EndProof`.
-If a cycle at one exact speed Omega <= Omega_1 is proved to be on the curve, and to be one of that proof's, the two are
-one curve (`closed_by`), and the theorem holds of the whole of (Omega_h, Omega_crit).
+**The other end.** `connection_end` proves of every Omega in (Omega_h, Omega_1] that P has exactly one fixed point in a
+set Q next to the saddle. Let the last piece's cycle at a_end lie in Q at a speed below Omega_1 (`ProvedEnd.meets`).
+Then it is that fixed point. Over the speeds from Omega(a_end) to Omega_1 both curves are analytic in Omega; those at
+which they have the same cycle form a closed set, and an open one because P' - 1 is regular. So they are one curve. On
+the part next to the connection gamma_bar_0 falls with a derivative that is not zero as Omega grows, so a = gamma_bar_0
+is a parameter there as well, up to pi.
 
 Where a ball becomes a point or a float: nowhere.
 """
@@ -19,31 +22,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Protocol
+from functools import cached_property
 
-from tippedisk_verify.certified.balls import ball_constants, measured, working_precision
+from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
 from tippedisk_verify.certified.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.certified.cycle import CycleProof
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
-from tippedisk_verify.certified.pieces import Piece, Status, on_curve
+from tippedisk_verify.certified.pieces import Piece, Status
+from tippedisk_verify.certified.proved_end import ProvedEnd
 from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["BranchProof", "EndProof", "closed_by", "hopf_closed"]
+__all__ = ["BranchProof", "hopf_closed"]
 
 _BITS = 128
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
-
-
-class EndProof(Protocol):
-    """What is proved of the cycles next to the connection, for all Omega of (Omega_h, ``omega_1``]."""
-
-    @property
-    def omega_1(self) -> Fraction:
-        """[rad/s]"""
-
-    def holds(self, cycle: CycleProof) -> bool:
-        """Whether this proved cycle, of a speed of that interval, is the one that the proof is about."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +46,28 @@ class BranchProof:
     pieces: tuple[Piece, ...]
     stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
-    end: EndProof | None = None  #: closes the other end, as `closed_by` has proved
+    end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
 
     @property
     def hopf_closed(self) -> bool:
         """Whether the curve is proved to begin at the Hopf point."""
         return bool(self.pieces) and hopf_closed(self.parameters, self.pieces[0])
 
+    @cached_property
+    def end_closed(self) -> bool:
+        """Whether the last piece runs into what is proved next to the connection."""
+        if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
+            return False
+        last = self.pieces[-1]
+        with working_precision(_BITS):
+            near = zip(last.at(last.high), last.scaled_to(last.high, last.within), strict=True)
+            v, omega = (ball(middle) + arb(0, 1) * ball(off) for middle, off in near)
+            return self.end.meets(omega, ball(last.high), v)
+
     @property
     def proved(self) -> bool:
         """Whether the theorem holds of the whole of (Omega_h, Omega_crit)."""
-        return self.hopf_closed and self.end is not None
+        return self.hopf_closed and self.end_closed
 
     @property
     def omega_end(self) -> Fraction | None:
@@ -100,27 +103,59 @@ class BranchProof:
 
     @property
     def statement(self) -> str:
-        """What is proved, in one sentence."""
+        """What is proved, in one sentence or three."""
         if not self.hopf_closed:
             return f"nothing is proved: {self._reason}."
-        last, first = self.pieces[-1].high, self.pieces[0].high
+        last, first = exact_text(self.pieces[-1].high), exact_text(self.pieces[0].high)
         ratio, v, speed = (rounded_down(part) for part in self.unique_within())
         crit, end = omega_crit(self.parameters), exact_text(self.omega_end or Fraction(0))
+        if self.proved:
+            amplitudes = "(0, pi)"
+            other = f"as a tends to pi {self._connected}; each Omega with Omega_h < Omega < Omega_crit"
+        else:
+            amplitudes = f"(0, {last}] rad"
+            other = (
+                f"at a = {last} rad Omega is at most {end} rad/s, so that each Omega from there up to, but without, "
+                "Omega_crit"
+            )
         return (
             f"for the tippedisk with {self.parameters.definition()} under the linear friction law there are analytic "
-            f"functions v_0(a) < 0 and Omega(a) of a in (0, {exact_text(last)}] rad such that at the speed Omega(a) "
+            f"functions v_0(a) < 0 and Omega(a) of a in {amplitudes} such that at the speed Omega(a) "
             "the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an asymptotically stable limit "
             "cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to itself, which crosses beta = "
-            "pi/2 exactly twice a period, and on which |beta - pi/2| is less than 1.5707; as a grows Omega falls "
+            "pi/2 exactly twice a period, and on which |beta - pi/2| is less than pi/2; as a grows Omega falls "
             "strictly, and the period and the largest |beta - pi/2| grow strictly; as a tends to 0 the cycle "
             f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit} rad/s, where a pair of eigenvalues "
-            "crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; at a = "
-            f"{exact_text(last)} rad Omega is at most {end} rad/s, so that each Omega from there up to, but without, "
-            "Omega_crit is the speed of exactly one of these cycles; and there is no other (v, Omega) for which v < "
-            "0 and the half-period map, along the flow at the speed Omega from beta = pi/2, v < 0 to the next "
-            "crossing of beta = pi/2 and then by S, has the fixed point gamma = pi/2 + a, v, with |Omega - "
-            f"Omega(a)| <= {speed} rad/s and, where a <= {exact_text(first)} rad, |v - v_0(a)| <= {ratio} a/s, where "
-            f"a is larger, |v - v_0(a)| <= {v} rad/s."
+            f"crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; {other} is the "
+            "speed of exactly one of these cycles. Let P be the half-period map, along the flow at the speed Omega "
+            "from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, and then "
+            "by S. For no a up to "
+            f"{last} rad there is another (v, Omega), v < 0, for which P has the fixed point gamma = pi/2 + a, v, with "
+            f"|Omega - Omega(a)| <= {speed} rad/s and, where a <= {first} rad, |v - v_0(a)| <= {ratio} a/s, where "
+            f"a is larger, |v - v_0(a)| <= {v} rad/s.{self._alone}"
+        )
+
+    @property
+    def _connected(self) -> str:
+        """How the curve ends at the connection."""
+        assert self.end is not None
+        assert self.end.connection.omega_h is not None
+        middle, half_width = self.end.connection.omega_h.decimals()
+        return (
+            f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) and "
+            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit on which gamma grows from one to the other, and "
+            "by its image under S; the period tends to infinity, and v_0 to 0"
+        )
+
+    @property
+    def _alone(self) -> str:
+        """What is proved of other cycles next to the connection."""
+        if not self.proved or self.end is None:
+            return ""
+        low, high, gamma, v = map(exact_text, (self.end.low, self.end.high, self.end.gamma, self.end.v))
+        return (
+            f" At no Omega from {low} to {high} rad/s P has another fixed point with 3 pi/2 - {gamma} <= gamma < "
+            f"3 pi/2 and -{v} rad/s <= v < 0, and at none up to Omega_h it has one."
         )
 
     @property
@@ -134,12 +169,16 @@ class BranchProof:
     def json(self) -> dict[str, object]:
         """For the command line."""
         hopf, share = self.hopf_closed, self.covered
-        ends: dict[str, object] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.proved}}
+        ends: dict[str, dict[str, object]] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.end_closed}}
         if not hopf:
-            ends["hopf"] = {"closed": False, "reason": self._reason}
-        if not self.proved:
+            ends["hopf"]["reason"] = self._reason
+        if not self.end_closed:
             reason = "no proof of the cycles next to the connection reaches the curve's end"
-            ends["heteroclinic"] = {"closed": False, "reason": f"{reason}; {self._reason}"}
+            if self.end is not None and not self.end.proved:
+                reason = self.end.statement
+            ends["heteroclinic"]["reason"] = f"{reason}; {self._reason}"
+        elif self.end is not None:
+            ends["heteroclinic"]["to"] = exact_text(self.end.high)
         entries: dict[str, object] = {
             "proved": self.proved,
             "covered": None if share is None else _decimals(share),
@@ -175,18 +214,6 @@ def omega_crit(parameters: Parameters) -> Measured:
     """Enclosed [rad/s]."""
     with working_precision(_BITS):
         return measured(hopf_balls(ball_constants(parameters))["omega_crit"])
-
-
-def closed_by(proof: BranchProof, end: EndProof, cycle: CycleProof) -> bool:
-    """Whether a proved cycle shows that the curve runs into what ``end`` is about.
-
-    Its speed is one of those of ``end``, it is one of its cycles, and it is on the curve's last piece.
-    """
-    if not (proof.hopf_closed and cycle.proved and cycle.parameters == proof.parameters and cycle.omega <= end.omega_1):
-        return False
-    numbers, speed = cycle.numbers(), Measured(cycle.omega, Fraction(0))
-    on_it = on_curve(proof.pieces[-1], numbers["gamma_bar_0"], numbers["v_0"], speed)
-    return on_it and end.holds(cycle)
 
 
 def _least(number: Measured) -> Fraction:

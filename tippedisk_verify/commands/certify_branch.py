@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.certify_family import DEFAULT_END, family_as_a_curve
+from tippedisk_verify.commands.certify_family import family_as_a_curve
 from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_result, processes, progress
 from tippedisk_verify.errors import InputError
 
@@ -30,7 +30,7 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.command()
 @click.option("--at", "where", metavar="FILE|A^in|A^de|A^in+A^de", help="Cycles one by one; one speed [rad/s] a line.")
 @click.option(
-    "--to", "until", metavar="X", help=f"As one curve: to this gamma_bar_0 [rad], {DEFAULT_END} if not given."
+    "--to", "until", metavar="X", help="As one curve: only to this gamma_bar_0 [rad], without the end at Omega_h."
 )
 @click.option(
     "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
@@ -38,14 +38,14 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @common_options
 def branch(common: Common, where: str | None, until: str | None, arcs: str | None, jobs: int | None) -> int:
-    """Prove the family of limit cycles from the Hopf point on: one curve, stable, on which Omega falls.
+    """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
     It takes some 20 minutes of CPU. With --at the cycles at many speeds are proved one by one instead: the period to
     DIGITS digits, stability, and the rest of `orbit`. A^in and A^de are the paper's sets, each with Omega_0 =
     Omega_crit - 0.5.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until or DEFAULT_END)
+        return family_as_a_curve(common, jobs, arcs, until)
     if until is not None or arcs is not None:
         raise InputError("--to and --arcs belong to the family as one curve: leave out --at")
     if common.digits > MOST_DIGITS:

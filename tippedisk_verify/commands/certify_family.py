@@ -14,19 +14,22 @@ if TYPE_CHECKING:
     from tippedisk_verify.certified.cover import Interval, Known
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
     from tippedisk_verify.certified.pieces import Piece, Status
+    from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.orbits.periodic import LimitCycle
 
-__all__ = ["DEFAULT_END", "family_as_a_curve"]
+__all__ = ["family_as_a_curve"]
 
-DEFAULT_END = "3.06"  # rad: beyond it pieces become short
+_DEFAULT_END = "3.06"  # rad: beyond it pieces become short
+_REACHES = ("0.008", "0.004", "0.002")  # rad/s above Omega_h: how far cycles next to the connection are tried
+_OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
 _UNITS = 1000  # of the bar, for each rad
 _KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
 _NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 
-def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str) -> int:
+def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str | None) -> int:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
@@ -35,12 +38,13 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
 
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
-    end = _amplitude(until)
+    wanted = _amplitude(until or _DEFAULT_END)
     checked_jobs(jobs)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
     stopped = None
     connection: ProvedConnection | None = None
-    with progress(common, int(_UNITS * end)) as advance:
+    near: ProvedEnd | None = None
+    with progress(common, int(_UNITS * wanted)) as advance:
 
         def keep(found: Piece | Status, interval: Interval) -> None:
             if isinstance(found, Piece):
@@ -53,21 +57,46 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
         # Without the piece at the Hopf point the others are of no use.
         if not chain(pieces):
             advance("the Hopf point", 0)
-            stopped = prove_intervals(parameters, open_intervals(pieces, min(end, HOPF_END)), [], watch=keep)
-        left = open_intervals(pieces, end) if stopped is None else []
+            stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
         if chain(pieces):
+            advance("the connection", 0)
             connection = _connection(parameters)
-        if left:
-            advance("approximate cycles", 0)
             known = _known(parameters, connection)
-            with processes(jobs, needed=len(left) > 1) as pool:
-                stopped = prove_intervals(parameters, left, known, pool, keep)
+            if until is None and connection is not None:
+                advance("the cycles next to the connection", 0)
+                near = _next_to(connection)
+                wanted = _end_for(near, known) or wanted
+            if stopped is None and (left := open_intervals(pieces, wanted)):
+                with processes(jobs, needed=len(left) > 1) as pool:
+                    stopped = prove_intervals(parameters, left, known, pool, keep)
     found = chain(pieces)
-    if stopped is None and found[-1].high < end:
+    if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    proof = BranchProof(parameters, tuple(found), stopped, connection)
+    proof = BranchProof(parameters, tuple(found), stopped, connection, near)
     print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
+
+
+def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
+    """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
+    from tippedisk_verify.certified.connection_end import prove_end
+
+    end = None
+    for reach in _REACHES if connection.proved else ():
+        end = prove_end(connection, reach)
+        if end.proved:
+            break
+    return end
+
+
+def _end_for(near: ProvedEnd | None, known: list[Known]) -> Fraction | None:
+    """An amplitude up to which pieces have to be proved if they are to reach the cycles next to the connection."""
+    if near is None or not near.proved or near.connection.omega_h is None:
+        return None
+    low = near.connection.omega_h.value
+    # The first one of the known cycles that is far enough inside.
+    inside = [amplitude for amplitude, _, omega, _ in known if omega - low < _OVERLAP * (near.high - low)]
+    return round(min(inside), 4) if inside else None
 
 
 def _amplitude(text: str) -> Fraction:
