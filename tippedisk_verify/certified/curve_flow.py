@@ -72,7 +72,7 @@ _FIRST_FRACTION, _LONGEST_FRACTION = 0.01, 0.03  #: of the time of flight, for a
 _MOST_STEPS, _MOST_TRIALS = 2000, 15
 _LONGEST = 60  # s
 _NEWTON_STEPS = 8
-_PARTS = 32  # of a step in which an orbit turns
+_FINEST = 2.0**-9  # part of a step in which an orbit turns
 _PAD = arb(2) ** -40
 
 
@@ -226,11 +226,18 @@ class _Step:
     def turning(self) -> list[tuple[Any, Sequence[Jet]]]:
         """beta_bar and its derivatives by the three numbers at a fixed time, in each part that may have v = 0."""
         found, nothing = [], 0 * self.length.c[0]
-        for k in range(_PARTS):
-            time = self.length * ((nothing + k).union(nothing + k + 1) / _PARTS)
+        open_parts = [(0.0, 1.0)]
+        while open_parts:
+            begin, end = open_parts.pop()
+            time = self.length * (nothing + begin).union(nothing + end)
             rows = self.rows(time)
             beta_bar, _, v = self.tube.image(self.centre(time), rows)
-            if not np.all(negative(v.range()) | positive(v.range())):
+            if np.all(negative(v.range()) | positive(v.range())):
+                continue
+            if end - begin > _FINEST:
+                middle = (begin + end) / 2
+                open_parts += [(begin, middle), (middle, end)]
+            else:
                 found.append((beta_bar.range(), self.tube.derivatives(rows)[0]))
         return found
 

@@ -192,15 +192,20 @@ def prove_piece(
             held = [decimal_above(abs(part)) for part in arc.within]
             if arc.proved and all(a <= b for a, b in zip(held, radii, strict=True)):
                 if refusal := _refusal(arc):
-                    return refusal
+                    # Derivatives over a smaller box may show what those over this one do not.
+                    failed, smaller = refusal, [two_digits(part * 5 / 4) for part in held]
+                    if 2 * smaller[0] > radii[0] or 2 * smaller[1] > radii[1]:
+                        break
+                    radii = smaller
+                    continue
                 # The box of uniqueness may be wider than that which shows the signs.
                 room = Fraction(1) if scaled else max(Fraction(22, 7) - high, _LEAST)
                 slopes = [max(abs(row[1]) / length, _LEAST) for row in rows]
                 wider = ([two_digits(slope * room * share) for slope in slopes] for share in _WIDE_SHARES)
                 around = next((wide for wide in wider if min(map(sub, wide, radii)) > 0 and test(wide).proved), radii)
                 return Piece(low, high, scaled, rows, (around[0], around[1]), (held[0], held[1]))
-            radii = [two_digits(2 * part) for part in held]
-        return Status.NOT_INCLUDED
+            failed, radii = Status.NOT_INCLUDED, [two_digits(2 * part) for part in held]
+        return failed
 
 
 def _refusal(arc: Arc) -> Status | None:
