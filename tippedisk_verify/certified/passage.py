@@ -15,12 +15,13 @@ through z_u = u or z_u = -u only, and at once.
 **The stable manifold.** The set of the points from which an orbit stays in N for ever is a graph z_u = g(z_s, z_f;
 Omega): on each line along z_u the points that leave through either face form two open sets, and something is left
 between them; by the cones of `rates_of_cones` on A, two such points with equal z_s, z_f would drift apart. The weights
-(k_u, k_s, k_f) = `steep` give |g - g'| <= max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, |Omega - Omega'|) k_u, and
-(k, 1, 1) with k = `lipschitz` the same at one speed, and (k, 1, 1) with k =
-`flat`, M in the place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|). An orbit
-*below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of the cone, d_u < 0. It grows,
-so the orbit leaves N through z_u = -u, and not before `time` seconds: |d_u|' <= growth |d_u| in the cone, and when it
-leaves |d_u| is at least u - k max(s, t).
+(k_u, k_s, k_f) = `steep` give |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, |Omega - Omega'|). At one
+speed (k, 1, 1) with k = `lipschitz` give |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|). With M in the place of A, and
+the saddle for the second orbit, k = `flat` gives |g| <= k max(|z_s|, |z_f|).
+
+An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of the cone, d_u < 0.
+It grows, so the orbit leaves N through z_u = -u, and not before `time` seconds: |d_u|' <= growth |d_u| in the cone, and
+when it leaves |d_u| is at least u - k max(s, t), k = `flat`.
 
 **The second compound.** Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey
 
@@ -28,11 +29,11 @@ leaves |d_u| is at least u - k max(s, t).
     b_uf' = A_fs b_us + (A_uu + A_ff) b_uf + A_us b_sf,
     b_sf' = - A_fu b_us + A_su b_uf + (A_ss + A_ff) b_sf,
 
-with A now DF along the orbit; if d is the derivative by Omega, then F_i B_j - F_j B_i is added, and |b_ij| <= X_ij
-stays true where C X + |F_i B_j - F_j B_i| < 0 for the matrix C of these equations with its off-diagonal entries made
-positive (X = `drift`). All three diagonal
-entries are negative. So |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls at least like exp(-rate t) along the whole
-passage. b does not change if a multiple of F is added to d: it gives the variation on a section, at either end. The
+with A now DF along the orbit. All three diagonal entries are negative. So |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
+falls at least like exp(-rate t) along the whole passage, and b_uf sooner than that to what b_us and b_sf feed it with
+(`settled`, `ratio`). If d is the derivative by Omega, F_i B_j - F_j B_i is added; then |b_ij| <= X_ij stays true where
+C X + |F_i B_j - F_j B_i| < 0 for the matrix C of these equations, with its off-diagonal entries made positive (X =
+`drift`). b does not change if a multiple of F is added to d: it gives the variation on a section, at either end. The
 cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls slower than the other two.
 
 **beta_bar = 0.** Let y = (beta_bar, y_g, v) be the offset from the saddle. The set K of all y with beta_bar <= 0,
