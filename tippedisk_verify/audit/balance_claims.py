@@ -179,7 +179,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         number(chi, "the printed formula", ("closed form",)),
         unit="kg m^3",
         formula=r"\chi = A(r-2e) - \bar{B}\,\frac{2r^2+e(r+e)}{2(r+e)}",
-        proof=ProofOffer("Theorem 3", "certify hopf", "an enclosure of the number", law="linear"),
+        proof=ProofOffer("Theorem 3", ("certify hopf",), "an enclosure of the number", law="linear"),
     ),
     Claim(
         "amplitude_law",
@@ -219,7 +219,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         formula=r"\chi\,\Omega_\text{crit}^2 + m g e(r+e) > 0",
         proof=ProofOffer(
             "Theorem 3",
-            "certify hopf",
+            ("certify hopf",),
             "the signs of the first Lyapunov coefficient and of d(Re lambda)/dOmega",
             law="linear",
         ),
@@ -234,7 +234,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         formula=r"T_\text{crit} = \frac{2\pi}{\Omega_\text{crit}}\sqrt{\frac{r+e}{e}}",
         proof=ProofOffer(
             "Theorem 1",
-            "certify equilibria --every-speed",
+            ("certify equilibria --every-speed",),
             "an enclosure of 2 pi / omega for the pair +- i omega at Omega_crit",
             every_disk=True,
         ),

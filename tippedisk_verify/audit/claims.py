@@ -113,7 +113,7 @@ class ProofOffer(NamedTuple):
     """What a theorem of docs/certified.md has to say to a claim."""
 
     theorem: str
-    command: str
+    commands: tuple[str, ...]
     proves: str
     rest: str = ""  #: what of the claim it leaves unproved
     law: Friction | None = None  #: the only one that it covers; None: both

@@ -143,14 +143,9 @@ def _where(audit: Audit, printed: str) -> str:
     )
 
 
-_SAME_CYCLE = "that this limit cycle is the one born at Omega_crit (measured)"
-
-
-def _theorems_6_to_8(
-    theorem: str, proves: str, rest: str = "", against: str = "", law: Friction | None = "linear"
-) -> ProofOffer:
+def _theorems_6_and_7(theorem: str, proves: str, law: Friction | None = "linear") -> ProofOffer:
     """Theorem 7 is about the linear law only."""
-    return ProofOffer(theorem, "certify heteroclinic", proves, rest, law=law, against=against)
+    return ProofOffer(theorem, ("certify heteroclinic",), proves, law=law)
 
 
 #: In the order of the paper.
@@ -163,12 +158,13 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         number(Audit.omega_h, _where, ("manifolds",)),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
-        proof=_theorems_6_to_8(
-            "Theorems 6, 7 and 8",
-            "that one speed of a short interval, and no other there, has a connection in which a limit cycle ends; "
-            "whether that speed rounds to 30.07; and where it does not, that no speed that does has a connection on "
-            "which gamma grows all the way",
-            _SAME_CYCLE,
+        proof=ProofOffer(
+            "Theorems 5b, 6 and 8",
+            ("certify heteroclinic", "certify branch"),
+            "that one speed of a short interval, and no other there, has a connection, in which the family of limit "
+            "cycles from Omega_crit ends; whether that speed rounds to 30.07; and where it does not, that no speed "
+            "that does has a connection on which gamma grows all the way",
+            law="linear",
             against="certify heteroclinic --none-between 30.065 30.075",
         ),
         cost=2,
@@ -183,8 +179,12 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         ),
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
         figures=("near_omega_h",),
-        proof=_theorems_6_to_8(
-            "Theorem 7", "that the period of the limit cycle next to the connection tends to infinity", _SAME_CYCLE
+        proof=ProofOffer(
+            "Theorem 5b",
+            ("certify branch",),
+            "that the family from Omega_crit has one cycle for each speed down to Omega_h, where the period tends to "
+            "infinity",
+            law="linear",
         ),
         cost=10,
     ),
@@ -201,6 +201,14 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         ),
         formula=r"\Omega_\text{h} < \Omega < \Omega_\text{crit}",
         figures=("scenario",),
+        proof=ProofOffer(
+            "Theorem 5b",
+            ("certify branch",),
+            "that the family from Omega_crit has cycles at the speeds above Omega_h and at no others; and that from a "
+            "thousandth of a rad/s below Omega_h up to it no cycle crosses beta = pi/2 next to the saddles as its do",
+            "that there is no other cycle below Omega_h, and what the saddle's unstable branch does there",
+            law="linear",
+        ),
         cost=5,
     ),
     Claim(
@@ -214,7 +222,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             ("trajectories",),
         ),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",
-        proof=_theorems_6_to_8("Theorem 6", "that both connections exist at one and the same speed", law=None),
+        proof=_theorems_6_and_7("Theorem 6", "that both connections exist at one and the same speed", law=None),
     ),
     Claim(
         "homoclinic_identified",
@@ -240,7 +248,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             ("eigenvalues",),
         ),
         formula=r"\lambda_u + \lambda_s < 0",
-        proof=_theorems_6_to_8("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
+        proof=_theorems_6_and_7("Theorem 7", "that the limit cycle next to the connection is asymptotically stable"),
     ),
     Claim(
         "omega_h_two_roads",

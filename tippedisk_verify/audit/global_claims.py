@@ -6,7 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
-from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, compared, per_set
+from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, ProofOffer, compared, per_set
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -142,6 +142,13 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         per_set(_branch, "at 41 speeds each multiplier lies below 1 by more than its half-width", ("shooting",)),
         formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad \frac{dT}{d\Omega} < 0",
         figures=("branch", "sketch"),
+        proof=ProofOffer(
+            "Theorem 5b",
+            ("certify branch",),
+            "that the cycles of all speeds between Omega_h and Omega_crit are one curve, each asymptotically stable, "
+            "along which the amplitudes gamma_bar_0 and beta_max and the period fall strictly as Omega grows",
+            law="linear",
+        ),
     ),
     Claim(
         "table_2",

@@ -104,7 +104,7 @@ def _stiff_order(audit: Audit, name: str) -> tuple[str, bool]:
 
 
 def _theorem_1(proves: str, rest: str = "") -> ProofOffer:
-    return ProofOffer("Theorem 1", "certify equilibria --every-speed", proves, rest, every_disk=True)
+    return ProofOffer("Theorem 1", ("certify equilibria --every-speed",), proves, rest, every_disk=True)
 
 
 #: In the order of the paper.

@@ -84,7 +84,7 @@ TABLE_CLAIMS: tuple[Claim, ...] = (
         formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
         proof=ProofOffer(
             "Theorem 4",
-            "certify table",
+            ("certify table",),
             "whether the disk rounds to Table 1, and which of the four printed numbers it gives",
             law="linear",
         ),
