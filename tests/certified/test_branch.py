@@ -25,6 +25,7 @@ from tippedisk_verify.certified.curve_flow import fly
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.certified.jets import Jet
+from tippedisk_verify.certified.lane_cycles import prove_cycles
 from tippedisk_verify.certified.pieces import Piece, Status, joined, on_curve, prove_piece
 from tippedisk_verify.certified.proved_end import ProvedEnd
 from tippedisk_verify.certified.proved_end import Status as EndStatus
@@ -40,8 +41,10 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import followed_cycle
+from tippedisk_verify.reference_values.store import reference
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")
+NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)  #: of the reference data's cycles next to Omega_h
 HIGH, NEXT = Fraction("0.1"), Fraction("0.11")  # rad: short pieces, so that a low degree will do
 
 
@@ -276,7 +279,9 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         "at none up to Omega_h it has one",
     ):
         assert word in reaches.statement
-    assert reaches.json()["ends"] == {"hopf": {"closed": True}, "heteroclinic": {"closed": True, "to": "30.885"}}
+    ends = reaches.json()["ends"]
+    assert (ends["hopf"], ends["heteroclinic"]["closed"]) == ({"closed": True}, True)
+    assert Fraction(ends["heteroclinic"]["to"]) == Fraction("30.885")
     short = round(low, 9) - Fraction(1, 10**8)
     for end in (
         _end(PRINTED, "30", str(float(short)), "3.05"),  # not up to the piece's speed
@@ -445,21 +450,37 @@ def test_pieces_are_written_and_read_without_loss() -> None:
         Piece.read({**one.json(), "low": "wide"})
 
 
-@pytest.mark.slow(minutes=25)
+@pytest.mark.slow(minutes=20)
 def test_the_whole_of_the_printed_disk(capsys, tmp_path) -> None:
-    """The command's own sentence; a hundred cycles of the ordinary road at random speeds lie in the proved boxes."""
+    """The command's own sentence; cycles of the reference data, and a hundred that are proved one by one, are its."""
     path = str(tmp_path / "arcs")
-    said = json.loads(_run(capsys, "--arcs", path, "--json", status=1))
-    assert said["ends"]["hopf"] == {"closed": True}
-    assert said["amplitude_end"] == "3.06"
-    # Omega_h + 5.4e-3 at this amplitude, of 0.83772 rad/s in all.
-    assert float(said["covered"]) > 1 - 5.5e-3 / 0.83772
+    said = json.loads(_run(capsys, "--arcs", path, "--json", status=0))
+    end = said["ends"]["heteroclinic"]
+    assert (said["proved"], said["covered"], said["ends"]["hopf"], end["closed"]) == (True, "1", {"closed": True}, True)
     proved = [Piece.read(entry) for entry in said["arcs"]]
     assert cover.chain(proved) == proved
+
+    def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
+        """Whether a cycle is one of the arcs', or next to the connection."""
+        beside = (
+            omega.value <= Fraction(end["to"])
+            and gamma_bar.value - gamma_bar.uncertainty > Fraction("3.141592654") - Fraction(end["gamma"])
+            and -Fraction(end["v"]) <= v.value - v.uncertainty
+        )
+        return beside or any(on_curve(part, gamma_bar, v, omega) for part in proved)
+
+    for name in ("limit-cycle/crit-0.01", "limit-cycle/crit-0.7", *(f"near-heteroclinic/het+1e-{k}" for k in NEAR)):
+        v, gamma_bar = (reference(f"printed/linear/{name}/{part}") for part in ("v_0", "gamma_bar_0"))
+        assert known(gamma_bar.measured(), v.measured(), Measured(Fraction(v.inputs["Omega"]), Fraction(0))), name
     rng = random.Random(24)
-    least = Fraction(said["omega_end"])
-    highest = Fraction(said["omega_crit"]["value"])
-    speeds = [least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6) for _ in range(100)]
-    for cycle in family(PRINTED, default_engine(), omegas=[round(speed, 12) for speed in speeds]):
-        assert sum(on_curve(part, *numbers(cycle)) for part in proved) == 1
-    assert _run(capsys, "--arcs", path, "--json", status=1)
+    least, highest = (Fraction(said[name]["value"]) for name in ("omega_h", "omega_crit"))
+    speeds = [round(least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6), 12) for _ in range(100)]
+    cycles = list(family(PRINTED, default_engine(), omegas=speeds))
+    guesses = [(cycle.gamma_bar_0.value, cycle.v_0.value) for cycle in cycles]
+    for cycle in prove_cycles(PRINTED, [cycle.omega.value for cycle in cycles], guesses):
+        found = cycle.numbers()
+        assert cycle.proved
+        assert known(found["gamma_bar_0"], found["v_0"], Measured(cycle.omega, Fraction(0))), cycle.omega
+        # A cycle of another amplitude is not known.
+        elsewhere = replace(found["gamma_bar_0"], value=found["gamma_bar_0"].value * Fraction(9, 10))
+        assert not known(elsewhere, found["v_0"], Measured(cycle.omega, Fraction(0)))

@@ -178,7 +178,8 @@ class BranchProof:
                 reason = self.end.statement
             ends["heteroclinic"]["reason"] = f"{reason}; {self._reason}"
         elif self.end is not None:
-            ends["heteroclinic"]["to"] = exact_text(self.end.high)
+            told = self.end.json()
+            ends["heteroclinic"] |= {name: told[name] for name in ("from", "to", "gamma", "v", "numbers")}
         entries: dict[str, object] = {
             "proved": self.proved,
             "covered": None if share is None else _decimals(share),
