@@ -35,6 +35,8 @@ from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import certify_family
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.figures.proved_family import draw_proved_family
+from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
@@ -298,6 +300,19 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
 
 
 @pytest.mark.usefixtures("quick")
+def test_the_picture_says_which_end_is_open() -> None:
+    closed = BranchProof(PRINTED, (piece(), second()), end=_end(PRINTED, "30", "30.8850", "3.05"))
+    closed = replace(closed, connection=closed.end.connection)
+    for proof, word in ((closed, "holds the rest"), (replace(closed, end=None), "open")):
+        figure = draw_proved_family(proof)
+        assert figure.axes[0].get_title() == "The family, 2 arcs"
+        assert word in figure.axes[3].get_title()
+        # The tube is as wide as the boxes of uniqueness.
+        assert figure.axes[1].patches[0].get_data().values.tolist() == [float(x.unique_within[1]) for x in proof.pieces]
+        pyplot().close(figure)
+
+
+@pytest.mark.usefixtures("quick")
 def test_what_is_covered() -> None:
     connection = prove_connection(PRINTED, "30.0488682607225", 6)
     proof = BranchProof(PRINTED, (piece(), second()), connection=connection)
@@ -399,7 +414,9 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     monkeypatch.setattr(certify_family, "_known", lambda *_: [tuple([Fraction(1)] * 4)])
     monkeypatch.setattr(certify_family, "_connection", lambda *_: None)
     path = str(tmp_path / "arcs")
-    result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--json", status=1))
+    pictures = str(tmp_path / "pictures")
+    result = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--out", pictures, "--json", status=1))
+    assert (tmp_path / "pictures" / "proved_family.svg").stat().st_size > 10_000
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
     assert [Piece.read(entry) for entry in result["arcs"]] == [piece(), second()]

@@ -35,9 +35,12 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option(
     "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
 )
+@click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @common_options
-def branch(common: Common, where: str | None, until: str | None, arcs: str | None, jobs: int | None) -> int:
+def branch(
+    common: Common, where: str | None, until: str | None, arcs: str | None, out: str | None, jobs: int | None
+) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
     It takes some 20 minutes of CPU. With --at the cycles at many speeds are proved one by one instead: the period to
@@ -45,9 +48,9 @@ def branch(common: Common, where: str | None, until: str | None, arcs: str | Non
     Omega_crit - 0.5.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until)
-    if until is not None or arcs is not None:
-        raise InputError("--to and --arcs belong to the family as one curve: leave out --at")
+        return family_as_a_curve(common, jobs, arcs, until, out)
+    if (until, arcs, out) != (None, None, None):
+        raise InputError("--to, --arcs and --out belong to the family as one curve: leave out --at")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")
     checked_jobs(jobs)

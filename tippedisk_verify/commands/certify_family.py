@@ -6,7 +6,15 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from tippedisk_verify.commands.common import Common, checked_jobs, print_result, processes, progress, result_lines
+from tippedisk_verify.commands.common import (
+    Common,
+    alone_in,
+    checked_jobs,
+    print_result,
+    processes,
+    progress,
+    result_lines,
+)
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ _NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 
-def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str | None) -> int:
+def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str | None, out: str | None) -> int:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
@@ -40,6 +48,7 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
     wanted = _amplitude(until or _DEFAULT_END)
     checked_jobs(jobs)
+    folder = alone_in(out)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
     stopped = None
     connection: ProvedConnection | None = None
@@ -73,6 +82,11 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
     proof = BranchProof(parameters, tuple(found), stopped, connection, near)
+    if folder is not None and proof.hopf_closed:
+        from tippedisk_verify.figures.proved_family import draw_proved_family
+        from tippedisk_verify.figures.style import save
+
+        save(draw_proved_family(proof), folder, "proved_family")
     print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
 
