@@ -15,14 +15,17 @@ have z_u > -eta and |z_f| < t_0.
 **Contraction.** Let |d| = max(|d_u|, |d_f| / w) on the section. The second compound b of the flow and a variation d is
 F x d there, falls during the passage, and gives the variation at the exit, d_s = b_us / F_u, d_f = b_uf / F_u; then
 the derivatives of the flight act. So |DR d| <= kappa |d|, kappa < 1. In the metric "length of the shortest path in D"
-R shortens paths by kappa. If moreover d = (-1, 0) then b_us > 0 and |b_uf| <= k b_us to the end, so that (d_u, d_f) on
+R shortens paths by kappa: a path that touches the graph, where R is only continuous, is the limit of paths a little
+below it. If moreover d = (-1, 0) then b_us > 0 and |b_uf| <= k b_us to the end, so that (d_u, d_f) on
 arrival has d_u < 0 and |d_u| > L |d_f|, L the graph's constant. With h = g - z_u, the height below the graph: h(R(z))
 grows strictly as z goes down on a line of constant z_f.
 
 **Omega_h.** Two speeds' arrivals p differ by a vector of the cone of `Passage.steep` with p_u falling in Omega: their
 exits differ by no more than (k_s, k_f) per rad/s, and the flight's derivatives do the rest. So h(p(Omega)) grows
-strictly in J. At the Omega_h of Theorem 6 the branch is followed from z_s = -s to the box in which that theorem lets it
-stay and converge; |z_u| < u all along, so it stays in N, and h(p(Omega_h)) = 0. It is the only such speed in J.
+strictly in J, and its sign changes between the ends of J: there the bound |g| <= k s of `Passage.flat` tells on which
+side of the graph the branch arrives. At the Omega_h of Theorem 6 the branch is followed from z_s = -s to the box in
+which that theorem lets it stay and converge; |z_u| < u all along, so it stays in N, and h(p(Omega_h)) = 0. It is the
+only such speed in J, also where that theorem says "at least one".
 
 - *Omega >= Omega_h*: h(R(z)) >= h(p) >= 0, so R maps D into D, and has exactly one fixed point in D (Banach). If Omega
   > Omega_h, it is not on the graph, because R(graph) = p is below it.
@@ -33,14 +36,14 @@ A fixed point below the graph is a periodic orbit that S maps to itself; DR ther
 asymptotically stable.
 
 **The statement** is about the half map P of `section` on the box Q = {beta_bar = 0, -c <= y_g < 0, -d <= v < 0}. Q lies
-in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0 until it leaves N through
-z_u = -u, and then in the flight up to its arrival R on z_s = -s: the bounds of the exit set hold for it too. *If P(x) =
-x* for an x in Q, the orbit's arrival lies below the graph. (If it were above or on it, the orbit would leave N through
-z_u = u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q, below the graph; and after z_u = u it
-has y_g > 0, and gamma grows as long as beta_bar > 0.) So the arrival is a fixed point of R in D. *If R(z) = z* in D,
-beta_bar changes its sign in N. When it is first 0, v <= 0; the orbit is in the thin set of `passage`, so v < 0 and
-y_g < 0: it is in K, and beta_bar < 0 from then on. |z_u| and |z_s| there, bounded by growth and decay from either side
-of a moment t*, put the crossing into Q. So fixed points of P in Q and of R below the graph are the same orbits.
+in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0 until it leaves N through z_u
+= -u, and then in the flight up to its arrival R on z_s = -s: the bounds of the exit set hold for it too. *If P(x) = x*
+for an x in Q, the orbit's arrival lies below the graph. (If it were above or on it, the orbit would leave N through z_u
+= u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q, below the graph; and after z_u = u it has
+y_g > 0, and gamma grows as long as beta_bar > 0.) So the arrival is a fixed point of R in D. *If R(z) = z below the
+graph*, beta_bar changes its sign in N. When it is first 0, v <= 0; the orbit is in the thin set of `passage`, so v < 0
+and y_g < 0: it is in K, and beta_bar < 0 from then on. |z_u| and |z_s| there, bounded by growth and decay from either
+side of a moment t*, put the crossing into Q. So fixed points of P in Q and of R below the graph are the same orbits.
 
 **Monotony.** Let z(Omega) be the fixed point; it is analytic, z' = (1 - DR)^-1 dR/d(Omega), with 0 <= R_uu <= kappa_u
 and dR/d(Omega) at fixed z from `Passage.drift` and the flight. So z_u' < 0, and d = (z_u', 0, z_f') is in the cone of
@@ -51,8 +54,14 @@ and dR/d(Omega) at fixed z from `Passage.drift` and the flight. So z_u' < 0, and
   derivative of the flight's time.
 - beta_max falls: |beta_bar| is largest in the flight, with derivatives by (z_s, z_f, Omega) at its start.
 
-As Omega falls to Omega_h the fixed point tends to p(Omega_h), on the graph: T tends to infinity, the crossing of
-beta_bar = 0 to the saddle.
+**As Omega falls to Omega_h.** h(z) <= h(p(Omega)) + (1 + L w) kappa h(z) for the fixed point z, and h(p(Omega)) tends
+to 0, as p and g are continuous. So h(z) tends to 0 and T to infinity, by `Passage.time`. Let c be a limit of the
+crossings of beta_bar = 0, and suppose it is not the saddle. It is in the thin set, so z_u, y_g and v are negative
+there. If the times from D to the crossings stayed bounded along a subsequence, c would be on the graph of the stable
+manifold; but all of the quadrant y_g < 0, v < 0 of beta_bar = 0 lies below it, as Q does. If they grow without bound,
+the orbit of c has been in N for ever, so c is on the unstable manifold's branch with z_u < 0. That leaves the saddle
+along -(l, Omega, l^2), l = lambda_u, into the inside of K, and beta_bar < 0 on it from then on in N. So c is the
+saddle.
 
 Where a ball becomes a point or a float: eta, t_0, w, t*, c, d and the cells of the exit set are chosen.
 
@@ -96,7 +105,7 @@ _LONGEST = 3.0  # s, from the first saddle to Theorem 6's box
 def prove_end(
     connection: ProvedConnection,
     reach: object = "0.008",
-    below: object = "0.001",
+    below: object = "0.0015",
     watch: Callable[[float], None] | None = None,
 ) -> ProvedEnd:
     """Prove the cycles from the ``connection`` that is proved up to ``reach`` above it, and that ``below`` it is none.
@@ -170,7 +179,7 @@ class _End:
         if landing is None:
             return self._failed(Status.FLIGHT)
         numbers: dict[str, str] = {}
-        failing = _failing(self._ends(bounds, landing, numbers))
+        failing = _failing(self._ends(bounds, landing, numbers)) or _failing(self._sides())
         if failing:
             return self._failed(Status.INEQUALITY, failing)
         if not self._connected():
@@ -313,6 +322,16 @@ class _End:
         yield "the branch's arrivals fall", -moved_u - k_u
         yield "the branch's arrivals fall", -moved_u - k_u / k_f * abs(moved_f)
         yield from self._monotony(bounds, landing, entry, (speed, quickest), returned)
+
+    def _sides(self) -> Iterator[tuple[str, Any]]:
+        """The branch arrives above the graph at the least speed, and below it at the largest one."""
+        slow, fast = self.passage.forcing  # what has been in N for ever has fallen so far
+        reach = measured(slow).value
+        for speed, side in ((self.low, 1), (self.high, -1)):
+            for exit_ in _pieces(-reach, reach, _SLOW_CELL):
+                landing = self._fly(ball(speed), exit_, arb(0, fast))
+                arrival = arb.nan() if landing is None else landing.unstable
+                yield "the branch arrives on either side of the graph", side * arrival - self.passage.flat * self.s
 
     def _monotony(
         self, bounds: _Bounds, landing: Landing, entry: Sequence[Any], speeds: Any, returned: Callable[..., Any]

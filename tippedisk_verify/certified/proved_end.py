@@ -50,9 +50,10 @@ class ProvedEnd:
         middle, half_width = self.connection.omega_h.decimals()
         low, high, gamma, v = map(exact_text, (self.low, self.high, self.gamma, self.v))
         return (
-            f"for the tippedisk with {parameters.definition()} under the {parameters.law} friction law let P be the "
-            "half map from the section beta = pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there "
-            "v > 0, with |beta - pi/2| < pi/2 between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; "
+            f"for the tippedisk with {parameters.definition()} under the {parameters.law} friction law let gamma be a "
+            "real number, not an angle; let P be the half map from the section beta = pi/2, v < 0 along the flow to "
+            "the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 between, and by S: (beta, gamma, "
+            "v) -> (pi - beta, pi - gamma, -v) back; "
             f"let Q be the set of the section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < "
             f"0; and let Omega_h be the speed of the heteroclinic connection, |Omega_h - {middle} rad/s| <= "
             f"{half_width} rad/s. For every Omega with Omega_h < Omega <= {high} rad/s P has exactly one fixed point "

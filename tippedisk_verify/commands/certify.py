@@ -109,7 +109,11 @@ def table(common: Common, omega_h: bool) -> int:
 @certify.command()
 @click.option("--near", metavar="X", help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.")
 @click.option("--none-between", nargs=2, metavar="X Y", help="Prove instead that no speed from X to Y [rad/s] is one.")
-@click.option("--cycles", metavar="D", help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h.")
+@click.option(
+    "--cycles",
+    metavar="D",
+    help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
+)
 @common_options
 def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str] | None, cycles: str | None) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
