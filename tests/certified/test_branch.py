@@ -23,7 +23,7 @@ from tippedisk_verify.certified.branch import BranchProof, hopf_closed
 from tippedisk_verify.certified.closed_forms import hopf_balls
 from tippedisk_verify.certified.curve_flow import fly
 from tippedisk_verify.certified.flow import Model
-from tippedisk_verify.certified.heteroclinic import prove_connection
+from tippedisk_verify.certified.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.lane_cycles import prove_cycles
 from tippedisk_verify.certified.pieces import Piece, Status, joined, on_curve, prove_piece
@@ -256,10 +256,15 @@ def test_neighbours_are_one_curve_and_a_shifted_box_is_not() -> None:
 
 
 # ----------------------------------------------------------------------------------------------- what is said, and kept
+@lru_cache(maxsize=1)
+def connected() -> ProvedConnection:
+    return prove_connection(PRINTED, "30.0488682607225", 6)
+
+
 def _end(parameters: Parameters, low: str, high: str, gamma: str, status: EndStatus = EndStatus.PROVED) -> ProvedEnd:
     """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar from pi - ``gamma`` on."""
     omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
-    connection = replace(prove_connection(PRINTED, "30.0488682607225", 6), omega_h=omega_h, parameters=parameters)
+    connection = replace(connected(), omega_h=omega_h, parameters=parameters)
     return ProvedEnd(status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1))
 
 
@@ -314,8 +319,7 @@ def test_the_picture_says_which_end_is_open() -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_what_is_covered() -> None:
-    connection = prove_connection(PRINTED, "30.0488682607225", 6)
-    proof = BranchProof(PRINTED, (piece(), second()), connection=connection)
+    proof = BranchProof(PRINTED, (piece(), second()), connection=connected())
     entries = proof.json()
     assert (entries["proved"], entries["ends"]["hopf"]) == (False, {"closed": True})
     assert entries["ends"]["heteroclinic"]["closed"] is False

@@ -81,6 +81,7 @@ def test_a_flight_arrives_where_it_should() -> None:
             assert abs(float(row[column].mid()) - slope) < 8e-3 + float(row[column].rad())
 
 
+@pytest.mark.slow
 def test_a_box_of_flights_holds_single_ones() -> None:
     omega, slow, fast = arb(float(OMEGA_H) + 0.003, 1e-3), arb(0.02, 2e-3), arb(0, 0.01)
     landing = _landing(omega, slow, fast)
@@ -107,6 +108,7 @@ def test_what_is_refused() -> None:
         prove_end(_connection(), "1e-5", "1e-5")
 
 
+@pytest.mark.slow
 def test_too_far_is_not_proved() -> None:
     """At Omega_h + 0.05 the cycle passes the saddle outside N."""
     end = prove_end(_connection(), "0.05")
