@@ -15,7 +15,7 @@ from decimal import Decimal
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal, digits_between, scale_of
+from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade, as_decimal, digits_between, needed, scale_of
 from tippedisk_verify.conformance.predictions import predicted
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
@@ -176,10 +176,10 @@ def _fit(
             if quantity.id not in expected:
                 continue
             digits = _digits(answers[quantity.id], expected[quantity.id], quantity)
-            if digits < FAILS_BELOW[level]:
+            if digits < needed(quantity):
                 return None
             # A prediction that is the truth explains no wrong answer.
-            differs = _digits(Decimal(truth[quantity.id]), expected[quantity.id], quantity) < FAILS_BELOW[level]
+            differs = _digits(Decimal(truth[quantity.id]), expected[quantity.id], quantity) < needed(quantity)
             if quantity.id in wrong and not differs:
                 return None
             if quantity.id in wrong:
