@@ -47,9 +47,10 @@ _PRECISION = 140  # digits of the arithmetic; Omega_h has 102
 _ROUNDING = 2.0**-52
 _SOME = 1.0  # digits that even rounded inputs must leave
 #: The relative change of all inputs together whose effect no level holds against an answer. Closed forms in doubles
-#: leave ten thousand roundings below 1e-12. What an integrator leaves was measured at rtol = atol = 1e-12 and 1e-13 over
+#: leave ten thousand roundings below 1e-12. What an integrator leaves was measured at rtol = atol = 1e-12 and 1e-13 on
 #: all orbits and librating cycles of the printed set: at most 5.3e-11 with SciPy's LSODA, 5.0e-11 with DOP853.
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
+_LEAST = 0.3  # digits that every question asks for: the value to within its half
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
 
 
@@ -245,7 +246,7 @@ def _slopes(quantity: Quantity) -> Decimal:
 
 
 def needed(quantity: Quantity) -> float:
-    """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them, but one at least.
+    """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them.
 
     Where doubles cannot tell the inputs apart, only programs with more digits are asked, and asked for the level's.
     """
@@ -253,7 +254,7 @@ def needed(quantity: Quantity) -> float:
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
     condition = float(_slopes(quantity) / scale) if scale else 0.0
     if "doubles" in quantity.values and condition:
-        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _SOME)
+        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _LEAST)
     return digits
 
 
