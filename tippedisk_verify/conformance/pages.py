@@ -35,6 +35,8 @@ class Report:
     grades: Sequence[Grade]
     levels: Sequence[LevelGrade]
     diagnoses: Sequence[Diagnosis]
+    shortcomings: Sequence[str] = ()  #: what keeps it from passing, where levels are required
+    mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -98,6 +100,9 @@ class Report:
                 f" first is {first.answer[:60]!r} at {first.id}" + (f", which looks like {looks}" if looks else "")
             )
         said += self._tolerance()
+        if self.mended:
+            answers = counted(len(self.mended), "answer passes", "answers pass")
+            said.append(f"{answers} though expected to fail, such as {self.mended[0]}: mend the list")
         if self.answers.short:
             said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
@@ -136,6 +141,7 @@ class Report:
             "levels": [level.json() for level in self.levels],
             "quantities": [row.json() for row in by_quantity(self.grades)],
             "diagnoses": [diagnosis.json() for diagnosis in self.diagnoses],
+            "shortcomings": list(self.shortcomings),
             "remarks": self.remarks(),
             "unknown": self.answers.unknown,
             "repeated": self.answers.repeated,
@@ -215,6 +221,8 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text(f"note: {remark}"))
     for diagnosis in report.diagnoses:
         console.print(Text(diagnosis.says(), style="bold"))
+    for shortcoming in report.shortcomings:
+        console.print(Text(shortcoming, style="bold red"))
 
 
 def _quantity_table(rows: Sequence[QuantityGrade]) -> Table:
