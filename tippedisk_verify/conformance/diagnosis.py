@@ -177,12 +177,10 @@ def _causes(
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store)
         if found is None:
-            free = [] if outputs_only or len(wrong) < _BORNE_OUT else values()
+            # An orbit may have been computed with another number than the right-hand side.
+            free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
-    sized = None if found else size_of(usable, wrong, store, outputs_only)
-    if sized and sized[0][0][0] == "tolerance":  # or a number that is not what level 1 was computed with
-        found = fitting(values())
-    return found or sized or ((), frozenset())
+    return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 
 
 def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:

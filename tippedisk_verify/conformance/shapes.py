@@ -269,6 +269,8 @@ def _rounded(asked: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str |
     import struct
 
     pairs = [(answers[quantity.id], float(quantity)) for quantity in asked]
+    if not any(answer for answer, _ in pairs):
+        return None
     for digits in range(2, 13):
         for what in ("significant digits", "decimals"):
             for answer, right in pairs:
