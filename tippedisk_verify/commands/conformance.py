@@ -1,20 +1,23 @@
-"""The commands `conformance questions|grade`."""
+"""The commands `conformance questions|grade|compare`."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, console, plain_options, print_result
+from tippedisk_verify.commands.common import Common, console, plain_options, print_result, progress
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
+    from tippedisk_verify.conformance.sheet import Answers
     from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["COMMANDS"]
+
+_SHOWN = 40  # changes on a terminal
 
 
 @click.group(invoke_without_command=True)
@@ -69,7 +72,7 @@ def _levels(text: str | None) -> tuple[int, ...]:
         return ()
     given = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
     if given is None:
-        raise InputError(f"--levels is a number or a range such as 1-3, not '{text[:40]}'")
+        raise InputError(f"levels are a number or a range such as 1-3, not '{text[:40]}'")
     from tippedisk_verify.conformance.grading import LEVEL_NAMES
 
     ends = int(given[1]), int(given[2] or given[1])
@@ -84,42 +87,116 @@ def _levels(text: str | None) -> tuple[int, ...]:
     "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
 )
 @click.option("--html", metavar="FILE.html", help="Write a page with all grades there.")
+@click.option("--badge", metavar="FILE.svg", help="Write a picture there that says which levels agree.")
+@click.option("--require", metavar="N-M", help="Exit with 1 unless these levels are answered and agree.")
+@click.option(
+    "--expected-failures",
+    "expected",
+    metavar="FILE",
+    help="Ids that may fail, one to a line, * for any characters; exit with 1 if others do.",
+)
 @plain_options
-def grade(common: Common, file: str, reading: str | None, html: str | None) -> int:
+def grade(
+    common: Common,
+    file: str,
+    reading: str | None,
+    html: str | None,
+    badge: str | None,
+    require: str | None,
+    expected: str | None,
+) -> int:
     """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
 
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
-    whatever the grades: a poor one is a result.
+    whatever the grades, a poor one being a result, unless --require or --expected-failures ask for more.
     """
     from tippedisk_verify.conformance.diagnosis import diagnosed
     from tippedisk_verify.conformance.grading import graded, levels_of
     from tippedisk_verify.conformance.pages import Report, html_page, print_report
-    from tippedisk_verify.conformance.sheet import read_answers
-    from tippedisk_verify.files import output_file, printable, write_text
+    from tippedisk_verify.conformance.regression import badge as drawn
+    from tippedisk_verify.conformance.regression import expected_failures, shortcomings
+    from tippedisk_verify.files import printable, write_text
     from tippedisk_verify.reference_values.store import stored
+
+    page, picture = _output(html, "--html", ".html", ".htm"), _output(badge, "--badge", ".svg")
+    required, store = _levels(require) or None, stored()
+    expectable = frozenset[str]() if expected is None else expected_failures(Path(expected), store)
+    answers = _read(file, store, reading)
+    grades = graded(answers, store)
+    asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
+    levels = levels_of(grades, asked)
+    with progress(common, 0) as advance:
+        diagnoses = diagnosed(grades, store, advance)
+    gated = require is not None or expected is not None
+    short = shortcomings(levels, grades, required, expectable) if gated else []
+    mended = sorted(expectable & {one.id for one in grades if not one.failed})
+    report = Report(printable(Path(file).name), answers, grades, levels, diagnoses, short, mended)
+    if page is not None:
+        write_text(page, html_page(report))
+    if picture is not None:
+        write_text(picture, drawn(levels))
+    if common.json:
+        print_result(common, report.json())
+    elif not common.quiet:
+        print_report(report, console())
+    return 1 if short else 0
+
+
+@conformance.command()
+@click.argument("old", metavar="OLD")
+@click.argument("new", metavar="NEW")
+@click.option(
+    "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
+)
+@plain_options
+def compare(common: Common, old: str, new: str, reading: str | None) -> int:
+    """Say which answers lost or gained a digit or more between two sheets of one program.
+
+    Digits of doubles beyond the fourteenth are rounding, and do not count. The exit status is 1 if an answer that
+    passed does not any more, or is gone.
+    """
+    from tippedisk_verify.conformance.grading import graded
+    from tippedisk_verify.conformance.regression import changes
+    from tippedisk_verify.reference_values.store import stored
+
+    store = stored()
+    found = changes(*(graded(_read(file, store, reading), store) for file in (old, new)))
+    counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
+    lines = [f"{change.kind:8}{change.id}  {_digits(change.json())}" for change in found[:_SHOWN]]
+    if len(found) > _SHOWN:
+        lines.append(f"{len(found) - _SHOWN} more are in what --json prints")
+    lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
+    print_result(common, {**counts, "changes": [change.json() for change in found]}, lines)
+    return 1 if counts["broken"] or counts["gone"] else 0
+
+
+def _digits(change: dict[str, Any]) -> str:
+    shown = ["none" if change[name] is None else f"{change[name]:.1f}" for name in ("old_digits", "new_digits")]
+    return f"{shown[0]} -> {shown[1]} digits"
+
+
+def _output(name: str | None, option: str, *endings: str) -> Path | None:
+    from tippedisk_verify.files import output_file
+
+    target = None if name is None else output_file(name)
+    if target is not None and target.suffix.lower() not in endings:
+        raise InputError(f"'{str(name)[:60]}' must end in {endings[0]}: {option} writes there, over what it holds")
+    return target
+
+
+def _read(file: str, store: Store, reading: str | None) -> Answers:
+    from tippedisk_verify.conformance.sheet import read_answers
+    from tippedisk_verify.files import printable
 
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
-    target = None if html is None else output_file(html)
-    if target is not None and target.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"'{str(html)[:60]}' must end in .html: --html writes a page there, over what it holds")
-    store = stored()
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
             f"{printable(Path(file).name)}: none of its ids is a question, such as {answers.unknown[0][:80]}: "
             "`conformance questions` writes a sheet that has them"
         )
-    grades = graded(answers, store)
-    asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
-    report = Report(printable(Path(file).name), answers, grades, levels_of(grades, asked), diagnosed(grades, store))
-    if target is not None:
-        write_text(target, html_page(report))
-    if common.json:
-        print_result(common, report.json())
-    elif not common.quiet:
-        print_report(report, console())
-    return 0
+    return answers
 
 
 COMMANDS = (conformance,)

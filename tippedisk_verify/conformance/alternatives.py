@@ -29,7 +29,8 @@ class Spelling:
     traction: int = 1  #: sign of lambda_Ty
     slip: tuple[int, int] = (1, 1)  #: signs of gamma_y's terms
     kinematic: int = -1  #: gamma' = this * Omega cos(beta)
-    eccentricity: int = 1  #: sign of e in r + e sin(gamma)
+    eccentricity: float = 1  #: factor of e in r + e sin(gamma)
+    rho_sine: bool = True  #: r + e sin(gamma), not r + e cos(gamma)
     h4_power: int = 3  #: of cos(beta) in h's fourth term
     h5_constant: int = 2  #: in 3 sin^2(beta) - 2
     slip_sine: str = "squared"  #: in gamma_y's second part: squared, plain, or of-square (sin(beta^2))
@@ -39,54 +40,89 @@ class Spelling:
     twice: bool = True  #: the factor 2 of h's second term
     weighted: bool = True  #: the friction force has the factor m g
     per_epsilon: bool = True  #: the friction force is divided by epsilon (linear) or smoothed by it
+    smoothed: str = "abs"  #: how the smooth law is smoothed: a key of `_SMOOTHED`
+    extra: tuple[str, float, tuple[tuple[str, int], ...]] | None = None  #: a term, and its extra factor and powers
 
 
 CORRECT = Spelling()
+#: Friction force per weight, from (ops, slip, its size, epsilon).
+_SMOOTHED: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
+    "abs": lambda ops, slip, size, epsilon: slip / (size + epsilon),
+    "slip": lambda ops, slip, size, epsilon: slip / (slip + epsilon),
+    "sqrt": lambda ops, slip, size, epsilon: slip / ops.sqrt(slip * slip + epsilon * epsilon),
+    "tanh": lambda ops, slip, size, epsilon: ops.tanh(slip / epsilon),
+    "arctan": lambda ops, slip, size, epsilon: 2 / math.pi * ops.atan(slip / epsilon),
+    "sign": lambda ops, slip, size, epsilon: slip / size,
+}
 
 
 def spelled(
     spelling: Spelling, ops: Any, p: Any, omega: Any, state: Any, friction: str, side: Any = None
 ) -> dict[str, Any]:
-    """M, h, f_G, w_y, gamma_y, gamma_rate, lambda_Ty and v_rate in this spelling.
+    """M, h, f_G, w_y, gamma_y, gamma_rate, lambda_Ty and v_rate in this spelling, and the terms that make them up.
 
     ``p`` has r, e, m, A, Bbar, g, mu and epsilon; ``side`` is the sign of gamma_y where complex numbers hide it.
     """
     beta, gamma, v = state
     sb, cb, sg, cg = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
-    rho = p.r + spelling.eccentricity * p.e * sg
+    rho = p.r + spelling.eccentricity * p.e * (sg if spelling.rho_sine else cg)
+    factors = {
+        "rho": rho, "sin beta": sb, "cos beta": cb, "sin gamma": sg, "cos gamma": cg, "Omega": omega, "v": v, "M": 1.0,
+    }  # fmt: skip
+    parts: dict[str, Any] = {}
+
+    def term(name: str, value: Any) -> Any:
+        if spelling.extra is not None and spelling.extra[0] == name:
+            value *= spelling.extra[1]
+            for factor, power in spelling.extra[2]:
+                value *= factors[factor] ** power
+        parts[name] = value
+        return value
+
     cos_part, sin_part = (cg * cg, sg * sg) if spelling.mass_squared else (cg, sg)
     if spelling.mass_exchanged:
         cos_part, sin_part = sin_part, cos_part
     m1, m2, m3 = spelling.mass
-    mass = m1 * p.A * cos_part + m2 * p.Bbar * sin_part + m3 * p.m * rho * rho * cb * cb
-    terms = (
-        (p.A * cg * cg + p.Bbar * sg * sg) * omega * omega * sb * cb,
-        -(2 if spelling.twice else 1) * (p.A - p.Bbar) * omega * v * cb * sg * cg,
-        p.m * rho * rho * v * v * sb * cb,
-        p.m * p.e * rho * omega * omega * sb * cb**spelling.h4_power * sg,
-        -p.m * p.e * rho * (3 * sb * sb - spelling.h5_constant) * omega * v * cb * cg,
+    factors["M"] = mass = (
+        term("M 1", m1 * p.A * cos_part)
+        + term("M 2", m2 * p.Bbar * sin_part)
+        + term("M 3", m3 * p.m * rho * rho * cb * cb)
     )
-    gyroscopic = sum(sign * term for sign, term in zip(spelling.h, terms, strict=True))
-    gravity = -spelling.gravity * p.m * p.g * rho * cb
-    direction = rho * sb if spelling.lever_sine else rho
+    coupling = p.m * p.e * rho
+    h1, h2, h3, h4, h5 = spelling.h
+    first = h1 * omega * omega * sb * cb
+    gyroscopic = (
+        term("h 1", term("h 1, A", p.A * cg * cg * first) + term("h 1, Bbar", p.Bbar * sg * sg * first))
+        + term("h 2", -h2 * (2 if spelling.twice else 1) * (p.A - p.Bbar) * omega * v * cb * sg * cg)
+        + term("h 3", h3 * p.m * rho * rho * v * v * sb * cb)
+        + term("h 4", h4 * coupling * omega * omega * sb * cb**spelling.h4_power * sg)
+    )
+    last = h5 * coupling * omega * v * cb * cg
+    gyroscopic += term("h 5", term("h 5, 3", -3 * sb * sb * last) + term("h 5, 2", spelling.h5_constant * last))
+    gravity = term("f_G", -spelling.gravity * p.m * p.g * rho * cb)
+    direction = term("w_y", rho * sb if spelling.lever_sine else rho)
     sine = {"squared": sb * sb, "plain": sb, "of-square": ops.sin(beta * beta)}[spelling.slip_sine]
-    slip = spelling.slip[0] * rho * v * sb - spelling.slip[1] * p.e * omega * sine * cg
+    slip = term("gamma_y 1", spelling.slip[0] * rho * v * sb) + term(
+        "gamma_y 2", -spelling.slip[1] * p.e * omega * sine * cg
+    )
     weight = p.mu * (p.m * p.g if spelling.weighted else 1)
+    epsilon = p.epsilon if spelling.per_epsilon else 1
     if friction == "linear":
-        force = -weight * slip / (p.epsilon if spelling.per_epsilon else 1)
+        force = slip / epsilon
     else:
-        size = side * slip if side is not None else abs(slip)
-        force = -weight * slip / (size + (p.epsilon if spelling.per_epsilon else 1))
-    force *= spelling.traction
-    return {
+        force = _SMOOTHED[spelling.smoothed](ops, slip, side * slip if side is not None else abs(slip), epsilon)
+    force = term("lambda_Ty", -spelling.traction * weight * force)
+    rate = term("v_rate h", gyroscopic / mass) + term("v_rate f_G", gravity / mass)
+    rate += term("v_rate friction", direction * force / mass)
+    return parts | {
         "M": mass,
         "h": gyroscopic,
         "f_G": gravity,
         "w_y": direction,
         "gamma_y": slip,
-        "gamma_rate": spelling.kinematic * omega * cb,
+        "gamma_rate": term("gamma_rate", spelling.kinematic * omega * cb),
         "lambda_Ty": force,
-        "v_rate": (gyroscopic + gravity + direction * force) / mass,
+        "v_rate": term("v_rate", rate),
     }
 
 
@@ -114,6 +150,13 @@ class Alternative:
 def _angles(change: Callable[[float], float]) -> Callable[[Inputs], Inputs]:
     return lambda inputs: {
         name: change(value) if name in ("beta", "gamma") else value for name, value in inputs.items()
+    }
+
+
+def _decimals(places: int, names: tuple[str, ...]) -> Callable[[Inputs], Inputs]:
+    return lambda inputs: {
+        name: round(value, places) if name in names and isinstance(value, float) else value
+        for name, value in inputs.items()
     }
 
 
@@ -178,6 +221,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("gamma-y-sign", "the sign of e Omega sin^2 beta cos gamma in gamma_y", replace(CORRECT, slip=(1, -1))),
     Alternative("w-y-sine", "w_y without its sin beta", replace(CORRECT, lever_sine=False)),
     Alternative("rho-sign", "r - e sin gamma instead of r + e sin gamma", replace(CORRECT, eccentricity=-1)),
+    Alternative("rho-cosine", "rho = r + e cos gamma instead of r + e sin gamma", replace(CORRECT, rho_sine=False)),
     Alternative("mass-3-sign", "the sign of m rho^2 cos^2 beta in M", replace(CORRECT, mass=(1, 1, -1))),
     Alternative("mass-squares", "cos gamma and sin gamma instead of their squares in M",
                 replace(CORRECT, mass_squared=False)),
@@ -185,6 +229,15 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("gravity-sign", "the sign of f_G", replace(CORRECT, gravity=-1)),
     Alternative("friction-sign", "the sign of the friction force", replace(CORRECT, traction=-1)),
     Alternative("friction-weight", "the friction force without m g", replace(CORRECT, weighted=False)),
+    *(
+        Alternative(f"smooth-{name}", f"the smooth law with {text} instead of gamma_y/(abs(gamma_y) + epsilon)",
+                    replace(CORRECT, smoothed=name))
+        for name, text in (("sqrt", "gamma_y/sqrt(gamma_y^2 + epsilon^2)"), ("tanh", "tanh(gamma_y/epsilon)"),
+                           ("arctan", "(2/pi) arctan(gamma_y/epsilon)"))
+    ),
+    Alternative("smooth-no-abs", "the smooth law without the abs of gamma_y", replace(CORRECT, smoothed="slip")),
+    Alternative("smooth-sign", "the smooth law without its epsilon: the sign of gamma_y",
+                replace(CORRECT, smoothed="sign")),
     Alternative("friction-epsilon", "the friction force without epsilon", replace(CORRECT, per_epsilon=False)),
     Alternative("gamma-rate-sign", "gamma' = + Omega cos beta", replace(CORRECT, kinematic=1)),
     Alternative("B-for-Bbar", "B in place of Bbar = B - m e^2", parameters=lambda p: {"Bbar": p.B}),
@@ -211,6 +264,21 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("beta-gamma-exchanged", "beta and gamma exchanged",
                 inputs=lambda inputs: {**inputs, **({"beta": inputs["gamma"], "gamma": inputs["beta"]}
                                                     if "beta" in inputs else {})}),
+    Alternative("inputs-single", "parameters and inputs rounded to single precision", parameters=_all_single,
+                inputs=lambda inputs: {name: _single(value) if isinstance(value, float) else value
+                                       for name, value in inputs.items()}),
+    *(
+        Alternative(f"inputs-{n}-decimals", f"state and Omega rounded to {n} decimals at the start",
+                    inputs=_decimals(n, ("Omega", "beta", "gamma", "v")))
+        for n in range(1, 9)
+    ),
+    *(
+        Alternative(f"angles-{n}-decimals", f"beta and gamma rounded to {n} decimals at the start",
+                    inputs=_decimals(n, ("beta", "gamma")))
+        for n in range(2, 9)
+    ),
+    Alternative("v-omega-exchanged", "v and Omega exchanged", inputs=lambda inputs: {
+        **inputs, **({"v": inputs["Omega"], "Omega": inputs["v"]} if "v" in inputs else {})}),
     Alternative("omega-sign", "the sign of Omega", inputs=lambda inputs: {
         name: -value if name == "Omega" else value for name, value in inputs.items()}),
     Alternative("omega-turns", "Omega taken as turns per second", inputs=lambda inputs: {
@@ -232,6 +300,9 @@ ALTERNATIVES: tuple[Alternative, ...] = (
         value / math.log(10) if q.startswith("log_") else value)),
     Alternative("other-side", "the state on the other side of the section, v > 0", output=lambda q, value: (
         -value if q in ("gamma_bar_0", "v_0", "dgamma_bar_0_domega", "dv_0_domega") else value)),
+    Alternative("mirror-image", "the mirror image of the orbit, (pi - beta, pi - gamma, -v)", output=lambda q, value: (
+        math.pi - value if q in ("beta", "gamma", "crossing_gamma") else -value
+        if q in ("v", "crossing_v") or q.startswith(("beta_bar", "v_", "dbeta_bar", "dv_top")) else value)),
     Alternative("v-sign", "the sign of v_0", output=_named_first("v_0")),
     Alternative("printed-form", "the paper's printed one-harmonic law where the consistent one is asked",
                 counterpart={"form": "printed"}),

@@ -1,28 +1,39 @@
 """What is wrong with answers that fail: the one mistake that predicts all of them, or nothing.
 
 At the first level that fails, each alternative predicts the answers given, right ones too. It is accepted only if the
-answers would have passed the level with it for the truth. Two mistakes at once, or one that is on no list, therefore
-stay unexplained.
+answers would have passed the level with it for the truth, and lie ten times as close to it as to the truth where it
+moves them. One free number and the answers' shape are tried likewise. Two mistakes at once therefore stay unexplained.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from functools import partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal, digits_between, scale_of
+from tippedisk_verify.conformance.factors import free_values, term_factors
+from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.predictions import predicted
+from tippedisk_verify.conformance.shapes import borne_out, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
+_ORBITS = 6  # the level of trajectories
+_OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
+_DURATION = 10.0  # s, of an orbit
+_EARLY = 12  # samples of an orbit that a parameter's slope must foretell
+_BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
+_SOLVED = 2  # digits beyond the level's that they must have by it
+_KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
 _EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
 
 
@@ -68,8 +79,13 @@ class Diagnosis:
         }
 
 
-def diagnosed(grades: Sequence[Grade], store: Store) -> list[Diagnosis]:
-    """A diagnosis for the first failing level of each parameter set and friction law, like ones put together."""
+def diagnosed(
+    grades: Sequence[Grade], store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
+) -> list[Diagnosis]:
+    """A diagnosis for the first failing level of each parameter set and friction law, like ones put together.
+
+    ``advance`` is told what is being tried.
+    """
     diagnoses: list[Diagnosis] = []
     for set_name in dict.fromkeys(store[grade.id].set for grade in grades):
         here = [grade for grade in grades if store[grade.id].set == set_name]
@@ -77,20 +93,22 @@ def diagnosed(grades: Sequence[Grade], store: Store) -> list[Diagnosis]:
         laws = [law for law in ("linear", "smooth") if any(store[grade.id].friction == law for grade in here)]
         for law in laws or ["both"]:
             group = [grade for grade in here if store[grade.id].friction in (law, "both")]
-            if (diagnosis := _first_failure(group, store, set_name, law)) is not None:
+            if (diagnosis := _first_failure(group, store, set_name, law, advance)) is not None:
                 _add(diagnoses, diagnosis)
     return diagnoses
 
 
 def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:
+    """Those of the same level that share a cause, or know none, are one; what only one of them allows goes."""
     for place, old in enumerate(diagnoses):
-        if (old.level, old.causes) == (new.level, new.causes):
+        common = tuple(cause for cause in old.causes if cause in new.causes)
+        if old.level == new.level and (common or not (old.causes or new.causes)):
             diagnoses[place] = Diagnosis(
                 old.level,
                 tuple(dict.fromkeys((*old.sets, *new.sets))),
                 tuple(dict.fromkeys((*old.frictions, *new.frictions))),
                 old.failed | new.failed,
-                old.causes,
+                common,
                 old.tried | new.tried,
                 old.no_numbers | new.no_numbers,
             )
@@ -98,7 +116,9 @@ def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:
     diagnoses.append(new)
 
 
-def _first_failure(group: list[Grade], store: Store, set_name: str, friction: str) -> Diagnosis | None:
+def _first_failure(
+    group: list[Grade], store: Store, set_name: str, friction: str, advance: Callable[[str, int], None]
+) -> Diagnosis | None:
     level = min((grade.level for grade in group if grade.failed), default=None)
     if level is None:
         return None
@@ -106,29 +126,80 @@ def _first_failure(group: list[Grade], store: Store, set_name: str, friction: st
     usable = [grade for grade in here if math.isfinite(grade.digits)]
     failed = frozenset(grade.id for grade in here if grade.failed)
     wrong = {grade.id for grade in usable if grade.failed}
-    causes, tried = _causes(usable, wrong, group, store, level) if wrong else ((), frozenset[str]())
+    causes, tried = _causes(usable, wrong, group, store, level, advance) if wrong else ((), frozenset[str]())
     return Diagnosis(level, (set_name,), (friction,), failed, causes, tried, failed - wrong)
 
 
 def _causes(
-    usable: list[Grade], wrong: set[str], group: list[Grade], store: Store, level: int
+    usable: list[Grade],
+    wrong: set[str],
+    group: list[Grade],
+    store: Store,
+    level: int,
+    advance: Callable[[str, int], None],
 ) -> tuple[Causes, frozenset[str]]:
+    """From what is cheap to try and plain to say to what is neither."""
     passed_rhs = sum(grade.level == 1 and not grade.failed for grade in group)
     outputs_only = level > 1 and passed_rhs >= _EQUATIONS_PROVED
     entries = _entries_to_try(usable, store, level)
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
-    fits = []
-    for alternative in ALTERNATIVES:
-        if outputs_only and alternative.of_the_model:
-            continue
-        fit = _fit(alternative, entries, answers, wrong, store, level)
-        if fit is not None:
-            fits.append((fit[0], fit[1], alternative))
-    # Mistakes whose predictions fit about as well as the best cannot be told apart.
-    best = max((least for least, _, _ in fits), default=0.0)
-    close = [(alternative, tried) for least, tried, alternative in fits if least > best - 2]
-    causes = tuple((alternative.name, alternative.cause) for alternative, _ in close)
-    return causes, frozenset().union(*(tried for _, tried in close))
+
+    def fitting(alternatives: Iterable[Alternative]) -> tuple[Causes, frozenset[str]] | None:
+        fits = []
+        for alternative in alternatives:
+            advance(f"level {level}: {alternative.name}", 1)
+            fit = _fit(alternative, entries, answers, wrong, store, level)
+            solved = fit is not None and len(fit[1]) >= _BORNE_OUT and fit[0] >= FAILS_BELOW[level] + _SOLVED
+            if fit is not None and (solved or alternative.name in _KNOWN):
+                fits.append((*fit, alternative))
+        # Mistakes whose predictions fit about as well as the best cannot be told apart.
+        best = max((digits for digits, _, _ in fits), default=0.0)
+        close = [(alternative, tried) for digits, tried, alternative in fits if digits > best - 2]
+        close = [(alternative, tried) for alternative, tried in close if alternative.name in _KNOWN] or close
+        causes = tuple(dict.fromkeys((alternative.name, alternative.cause) for alternative, _ in close))
+        return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
+
+    # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
+    models = [one for one in ALTERNATIVES if (one.inputs and level == _ORBITS if outputs_only else one.of_the_model)]
+    known = ("@",) if level == _ORBITS else _OF_MODELS
+    if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
+        models = []  # which would have changed other answers
+    outputs = [one for one in ALTERNATIVES if not one.of_the_model]
+    worst = _worst(usable, wrong, store)
+    values = partial(free_values, worst, answers, store, _early(worst, usable, store))
+    if level == 1:
+        found = fitting(models + outputs)
+        if found is None:
+            terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
+            plain = (term for term in terms if term.name.startswith("term"))
+            found = fitting([*values(), *plain]) or fitting(terms)
+        found = found or shape_of(usable, wrong, store)
+    else:
+        found = fitting(outputs) or shape_of(usable, wrong, store)
+        if found is None:
+            # An orbit may have been computed with another number than the right-hand side.
+            free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()
+            found = fitting(itertools.chain(models, free))
+    return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
+
+
+def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
+    """The wrong answer to solve for a free value: where all of the model shows, and early, if it is an orbit's."""
+
+    def rank(grade: Grade) -> tuple[float, float]:
+        name, place = placed(store[grade.id].name)
+        return (
+            float(place["t"]) if "t" in place else _DURATION if "n" in place else float(name != "v_rate")
+        ), grade.digits
+
+    return store[min((grade for grade in usable if grade.id in wrong), key=rank).id]
+
+
+def _early(worst: Quantity, usable: list[Grade], store: Store) -> list[Quantity]:
+    """The first samples of the same orbit."""
+    entry = [store[grade.id] for grade in usable if grade.id.startswith(worst.id.rsplit("/", 1)[0] + "/")]
+    samples = [quantity for quantity in entry if "@" in quantity.name]
+    return sorted(samples, key=lambda quantity: float(quantity.name.split("@")[1]))[:_EARLY]
 
 
 def _entries_to_try(usable: Iterable[Grade], store: Store, level: int) -> list[list[Quantity]]:
@@ -175,12 +246,8 @@ def _fit(
         for quantity in quantities:
             if quantity.id not in expected:
                 continue
-            digits = _digits(answers[quantity.id], expected[quantity.id], quantity)
-            if digits < FAILS_BELOW[level]:
-                return None
-            # A prediction that is the truth explains no wrong answer.
-            differs = _digits(Decimal(truth[quantity.id]), expected[quantity.id], quantity) < FAILS_BELOW[level]
-            if quantity.id in wrong and not differs:
+            digits = borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in wrong)
+            if digits is None:
                 return None
             if quantity.id in wrong:
                 tried.add(quantity.id)
@@ -191,12 +258,3 @@ def _fit(
 def near_float(answer: Decimal) -> float:
     """The nearest double, or infinity for what has none."""
     return float(answer) if not answer or abs(answer.adjusted()) < 300 else math.inf
-
-
-def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
-    """By the same measure as against the truth; a prediction has no more than sixteen."""
-    if not math.isfinite(expected):
-        return -99.0
-    prediction = Decimal(expected)
-    scale = max(scale_of(quantity, prediction), scale_of(quantity, Decimal(float(quantity))))
-    return digits_between(answer, prediction, scale, 16.0)

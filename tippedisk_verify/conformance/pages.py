@@ -8,18 +8,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
-from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, LevelGrade
-from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
+from tippedisk_verify.conformance.sheet import Answers, looks_like
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 __all__ = ["Report", "html_page", "print_report"]
 
 # From here down a colour; the words in the table say the same.
 _SHADES = ((14.0, "full"), (10.0, "high"), (6.0, "middle"), (3.0, "low"), (-math.inf, "none"))
 _TERMINAL = {"full": "bold green", "high": "green", "middle": "yellow", "low": "dark_orange", "none": "red"}
+_VERDICTS = {"not answered": "dim", "agrees": "green", "too few digits": "yellow", "fails": "bold red"}
 _WORST = 12
+_MOSTLY = 0.9  # of the answers unreadable: the way they are written is at fault
 _MOST_ROWS = 4_000  # on a page; the JSON has all
 
 
@@ -32,6 +35,8 @@ class Report:
     grades: Sequence[Grade]
     levels: Sequence[LevelGrade]
     diagnoses: Sequence[Diagnosis]
+    shortcomings: Sequence[str] = ()  #: what keeps it from passing, where levels are required
+    mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -52,7 +57,15 @@ class Report:
             said = f"{answers}, the least with {least:.1f} digits"
             return said + (f"; {counted(rounded, 'is', 'are')} off by what rounding the inputs does" if rounded else "")
         answers = counted(first.answered, "answer", "answers")
-        return f"level {first.level}, {first.name}, is the first that fails: {first.failed} of {answers}"
+        how = "is the first with too few digits" if first.few == first.failed else "is the first that fails"
+        few = f", {first.few} of them with too few digits only" if 0 < first.few < first.failed else ""
+        return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
+
+    @property
+    def quantities(self) -> list[QuantityGrade]:
+        """By quantity, at the levels that fail."""
+        failing = {level.level for level in self.levels if level.failed}
+        return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
         """What was noticed about the sheet itself."""
@@ -75,6 +88,21 @@ class Report:
             said.append(
                 f"{rows} not ask what the id stands for, such as {self.answers.altered[0]}: is the sheet damaged?"
             )
+        if self.answers.missing:
+            entries = counted(len(self.answers.missing), "entry has", "entries have")
+            said.append(f"{entries} NaN or NA only, such as {self.answers.missing[0]}: counted as not answered")
+        unreadable = [grade for grade in self.grades if grade.verdict == "unreadable"]
+        if unreadable and len(unreadable) >= _MOSTLY * len(self.grades):
+            first = unreadable[0]
+            looks = looks_like(first.answer)
+            said.append(
+                f"{len(unreadable)} of {counted(len(self.grades), 'answer is', 'answers are')} no decimal number; the"
+                f" first is {first.answer[:60]!r} at {first.id}" + (f", which looks like {looks}" if looks else "")
+            )
+        said += self._tolerance()
+        if self.mended:
+            answers = counted(len(self.mended), "answer passes", "answers pass")
+            said.append(f"{answers} though expected to fail, such as {self.mended[0]}: mend the list")
         if self.answers.short:
             said.append(f"{counted(self.answers.short, 'row ends', 'rows end')} before the column answer")
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
@@ -88,6 +116,22 @@ class Report:
             )
         return said
 
+    def _tolerance(self) -> list[str]:
+        """Where an integrator's tolerance shows: answers that are not wrong, but off by more than `TOLERANCES`."""
+        said = []
+        for level in self.levels:
+            if level.level < 6 or level.failed > level.few:
+                continue
+            here = [grade for grade in self.grades if grade.level == level.level]
+            off = [grade for grade in here if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"]
+            if off:
+                most = max(off, key=lambda grade: grade.off)
+                said.append(
+                    f"level {level.level}: a tolerance shows, at {counted(len(off), 'answer', 'answers')} of"
+                    f" {len(here)}, the most at {most.id}, off as if all inputs were changed by {most.off:.0e}"
+                )
+        return said
+
     def json(self) -> dict[str, Any]:
         first = self.first_failure
         return {
@@ -95,7 +139,9 @@ class Report:
             "headline": self.headline(),
             "first_failing_level": None if first is None else first.level,
             "levels": [level.json() for level in self.levels],
+            "quantities": [row.json() for row in by_quantity(self.grades)],
             "diagnoses": [diagnosis.json() for diagnosis in self.diagnoses],
+            "shortcomings": list(self.shortcomings),
             "remarks": self.remarks(),
             "unknown": self.answers.unknown,
             "repeated": self.answers.repeated,
@@ -141,7 +187,7 @@ def print_report(report: Report, console: Console) -> None:
 
     table = Table(title=escape(f"{report.source}: {report.headline()}"), title_justify="left")
     table.add_column("level")
-    for heading in ("answered", "least digits", "median", "needs", "wrong"):
+    for heading in ("answered", "least digits", "median", "needs", "wrong", "too few"):
         table.add_column(heading, justify="right")
     table.add_column("verdict")
     for level in report.levels:
@@ -152,14 +198,13 @@ def print_report(report: Report, console: Console) -> None:
             Text(shown_digits(level.least), style=colour),
             Text(shown_digits(level.middle), style=_TERMINAL[shade(level.middle)]),
             str(FAILS_BELOW[level.level]),
-            str(level.failed or ""),
-            Text("not answered", style="dim")
-            if not level.answered
-            else Text("fails", style="bold red")
-            if level.failed
-            else Text("agrees", style="green"),
+            str(level.failed - level.few or ""),
+            str(level.few or ""),
+            Text(level.verdict, style=_VERDICTS[level.verdict]),
         )
     console.print(table)
+    if report.quantities:
+        console.print(_quantity_table(report.quantities))
     worst = Table(title="least digits", title_justify="left")
     for heading in ("id", "answer", "truth", "digits", "verdict"):
         worst.add_column(heading, overflow="fold")
@@ -176,6 +221,24 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text(f"note: {remark}"))
     for diagnosis in report.diagnoses:
         console.print(Text(diagnosis.says(), style="bold"))
+    for shortcoming in report.shortcomings:
+        console.print(Text(shortcoming, style="bold red"))
+
+
+def _quantity_table(rows: Sequence[QuantityGrade]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title="by quantity, at the levels that fail", title_justify="left")
+    for heading in ("level", "quantity", "law"):
+        table.add_column(heading)
+    for heading in ("answered", "least digits", "wrong", "too few"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        cells = (str(row.level), row.quantity, row.friction, str(row.answered))
+        counts = (str(row.failed - row.few or ""), str(row.few or ""))
+        table.add_row(*cells, Text(shown_digits(row.least), style=_TERMINAL[shade(row.least)]), *counts)
+    return table
 
 
 def html_page(report: Report) -> str:
@@ -199,6 +262,8 @@ def html_page(report: Report) -> str:
         digits=shown_digits,
         report=report,
         levels=levels,
+        quantities=report.quantities,
+        shade=shade,
         rows=rows,
         hidden=len(report.grades) - len(shown),
         needs=FAILS_BELOW,

@@ -14,7 +14,7 @@ from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["predicted"]
+__all__ = ["Model", "predicted"]
 
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _TOLERANCE = 1e-12
@@ -24,7 +24,7 @@ _SOLVED = 1e-8  # what the smooth law's kink leaves of the tolerance
 _START = 0.01  # s; a crossing before this is the start itself
 
 
-class _Model:
+class Model:
     """The equations as the alternative has them, for one set and law."""
 
     def __init__(self, alternative: Alternative, set_name: str, friction: str) -> None:
@@ -97,7 +97,7 @@ def predicted(
     if compute is None and first.kind != "limit-cycle":
         return {}
     try:
-        model = _Model(alternative, first.set, first.friction)
+        model = Model(alternative, first.set, first.friction)
         numbers = _cycle(model, quantities, answers or {}) if compute is None else compute(model, quantities)
     except (ArithmeticError, ValueError, RuntimeError):  # the mistaken model has no such thing
         return {}
@@ -123,7 +123,7 @@ def _counterparts(
 
 
 # ------------------------------------------------------------------------------------------ by kind
-def _rhs(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _rhs(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
     omega, state = given["Omega"], [given[name] for name in ("beta", "gamma", "v")]
     values = {name: float(value) for name, value in model.parts(math, omega, state).items()}
@@ -131,7 +131,7 @@ def _rhs(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     return values | dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True))
 
 
-def _eigenvalues(model: _Model, omega: float, gamma: float) -> list[complex]:
+def _eigenvalues(model: Model, omega: float, gamma: float) -> list[complex]:
     import numpy
 
     rows = model.jacobian(omega, (math.pi / 2, gamma, 0.0))
@@ -139,7 +139,7 @@ def _eigenvalues(model: _Model, omega: float, gamma: float) -> list[complex]:
     return sorted(values, key=lambda value: (-round(value.real, 7), -value.imag))
 
 
-def _equilibrium(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _equilibrium(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
     side = 1 if given["equilibrium"] == "inverted" else -1
     values = _eigenvalues(model, given["Omega"], side * math.pi / 2)
@@ -150,7 +150,7 @@ def _equilibrium(model: _Model, quantities: Sequence[Quantity]) -> dict[str, flo
     }
 
 
-def _hopf(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _hopf(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     """Where the pair crosses, searched within a factor of two of 30 rad/s."""
     from scipy.optimize import brentq
 
@@ -164,7 +164,7 @@ def _hopf(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     return {"omega_crit": omega, "period": 2 * math.pi / frequency, "transversality": slope}
 
 
-def _balance(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _balance(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     from tippedisk_verify.theory.harmonic_balance import amplitude_squared, delta
 
     if model.alternative.spelling != CORRECT:
@@ -175,7 +175,7 @@ def _balance(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     return {"amplitude": math.sqrt(square), "frequency": frequency, "period": 2 * math.pi / frequency}
 
 
-def _manifold(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _manifold(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     from tippedisk_verify.theory.slow_manifold import invariance_residuals, orders
 
     if model.alternative.spelling != CORRECT:
@@ -188,7 +188,7 @@ def _manifold(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]
     }
 
 
-def _trajectory(model: _Model, quantities: Sequence[Quantity]) -> dict[str, float]:
+def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     from scipy.integrate import solve_ivp
 
     given = model.inputs(quantities[0])
@@ -230,7 +230,7 @@ def _trajectory(model: _Model, quantities: Sequence[Quantity]) -> dict[str, floa
     return numbers
 
 
-def _cycle(model: _Model, quantities: Sequence[Quantity], near: Mapping[str, float]) -> dict[str, float]:
+def _cycle(model: Model, quantities: Sequence[Quantity], near: Mapping[str, float]) -> dict[str, float]:
     """Half-period shooting from the state that was answered; the symmetry survives all the mistakes that are listed.
 
     A model that does not bring that state back to itself, nearly, is not the one that answered: nothing is predicted.
@@ -269,7 +269,7 @@ def _cycle(model: _Model, quantities: Sequence[Quantity], near: Mapping[str, flo
     return {"period": 2 * time, "gamma_bar_0": float(state[0]), "v_0": float(state[1])}
 
 
-_BY_KIND: dict[str, Callable[[_Model, Sequence[Quantity]], dict[str, float]]] = {
+_BY_KIND: dict[str, Callable[[Model, Sequence[Quantity]], dict[str, float]]] = {
     "rhs": _rhs,
     "equilibrium": _equilibrium,
     "hopf": _hopf,

@@ -30,17 +30,19 @@ def tippedisk_reference() -> Callable[[str], Quantity]:
 def tippedisk_agrees() -> Callable[..., Grade]:
     """The function (id, answer, digits=..., reading="doubles") that fails the test unless the answer has the digits.
 
-    ``digits`` is what the level needs if it is not given. Returns the grade.
+    ``digits`` is what the question needs if it is not given. Returns the grade.
     """
-    from tippedisk_verify.conformance.grading import FAILS_BELOW, compare
+    from tippedisk_verify.conformance.grading import compare
 
     def agrees(id_: str, answer: Any, *, digits: float | None = None, reading: Reading = "doubles") -> Grade:
         __tracebackhide__ = True
         grade = compare(id_, answer, reading=reading)
-        wanted = FAILS_BELOW[grade.level] if digits is None else digits
+        wanted = grade.needs if digits is None else digits
         # An answer that is right to the reference's own digits has as many as anyone can ask for.
         if not (grade.digits >= wanted or grade.verdict == "exact"):
-            pytest.fail(f"{id_} = {grade.answer}: {grade.digits:.1f} digits, not {wanted}; the truth is {grade.truth}")
+            pytest.fail(
+                f"{id_} = {grade.answer}: {grade.digits:.1f} digits, not {wanted:g}; the truth is {grade.truth}"
+            )
         return grade
 
     return agrees

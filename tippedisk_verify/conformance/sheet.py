@@ -1,7 +1,8 @@
 """Answer sheets: the questions of the reference data without the answers, as CSV or JSON, and back again.
 
 In CSV every row stands for itself, parameters included, and no field needs quotes, so that a sheet can be read with
-``strtok``. In JSON the same questions, or simply ``{"from": "doubles", "answers": {id: number}}``.
+``strtok``; what comes back may be separated by tabs or semicolons as well. In JSON the same questions, or simply
+``{"from": "doubles", "answers": {id: number}}``, or ``{id: number}``, or one question to a line.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["COLUMNS", "Answers", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
+__all__ = ["COLUMNS", "Answers", "looks_like", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")
 COLUMNS = (
@@ -35,6 +36,22 @@ _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits eac
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
 _READINGS = ("decimals", "doubles")
+_MISSING = re.compile(r"[+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n/?a|null|none|missing|<na>", re.I)
+_NUMERAL = r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?"
+_LOOKS = (
+    (rf"(['\"`]).*{_NUMERAL}.*\1", "a number in quotes: write it without"),
+    (
+        rf"[A-Za-z_.]+\d*\(['\"]?{_NUMERAL}.*\)",
+        "how a language shows a number: print the number alone, as repr(float(x))",
+    ),
+    (r"[+-]?\d+,\d+([eEdD][+-]?\d+)?", "a decimal comma: write a point"),
+    (r"[+-]?\d{1,3}([,' ]\d{3})+(\.\d+)?", "a number with its thousands separated: write the digits alone"),
+    (rf"\[.*{_NUMERAL}.*\]", "a list or an array of one element: write the element"),
+    (rf"\(?{_NUMERAL}\s*[+-]\s*{_NUMERAL}\s*\*?[ij]\)?", "a complex number: write its real part"),
+    (r"[+-]?0x[0-9a-f.]+(p[+-]?\d+)?", "a hexadecimal number: write a decimal one"),
+    (rf"{_NUMERAL}\s*(±|\+/-|\+-).*", "a number with its uncertainty: write the number alone"),
+    (rf"{_NUMERAL}\s*[^\d\s].*", "a number with its unit: write the number alone"),
+)
 
 
 @dataclass
@@ -48,6 +65,12 @@ class Answers:
     altered: list[str] = field(default_factory=list)  #: rows whose columns are not those of the question: id, column
     undeclared: int = 0  #: answers that do not say what they were computed from; taken as from doubles
     short: int = 0  #: rows that end before the column answer
+    missing: list[str] = field(default_factory=list)  #: entries all of whose answers are NaN or NA; not answered
+
+
+def looks_like(text: str) -> str | None:
+    """What an answer that is no decimal number looks like, and how to write it; None for what is not known."""
+    return next((said for pattern, said in _LOOKS if re.fullmatch(pattern, text.strip(), re.I)), None)
 
 
 def placed(name: str) -> tuple[str, dict[str, str]]:
@@ -133,7 +156,7 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     answers = Answers()
     try:
         rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
-        return _collected(rows, store, default_reading, answers)
+        return _without_missing(_collected(rows, store, default_reading, answers))
     except InputError as fault:
         raise InputError(f"{printable(path.name)}: {fault}") from None
 
@@ -148,22 +171,30 @@ def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
                 unique[name] = value
         return unique
 
-    try:
+    def loaded(part: str) -> Any:
         # Numbers stay text: a double would lose digits of a fifty-digit answer.
-        content = json.loads(text, parse_float=str, parse_int=str, parse_constant=str, object_pairs_hook=first_of_each)
+        return json.loads(part, parse_float=str, parse_int=str, parse_constant=str, object_pairs_hook=first_of_each)
+
+    first, _, rest = text.strip().partition("\n")
+    try:
+        lines = first.rstrip().endswith("}") and rest.lstrip()[:1] == "{"
+        content = [loaded(line) for line in text.splitlines() if line.strip()] if lines else loaded(text)
     except (ValueError, RecursionError) as fault:
         reason = str(fault).splitlines()[0][:120]
         raise InputError(f"neither a CSV nor a JSON sheet: {reason}") from None
-    if not isinstance(content, dict):
-        raise InputError('a JSON sheet is an object with "questions" or "answers"')
-    everywhere = content.get("from", "")
-    if isinstance(content.get("answers"), dict):
-        for id_, answer in content["answers"].items():
+    if isinstance(content, dict) and "id" in content:
+        content = [content]
+    named = content if isinstance(content, dict) else {"questions": content}
+    everywhere = named.get("from", "")
+    flat = "questions" not in named and any("/" in name for name in named)
+    given = {name: value for name, value in named.items() if name != "from"} if flat else named.get("answers")
+    if isinstance(given, dict):
+        for id_, answer in given.items():
             yield id_, _said(everywhere), _said(answer), {}
         return
-    rows = content.get("questions")
+    rows = named.get("questions")
     if not isinstance(rows, list):
-        raise InputError('a JSON sheet has either "questions" or "answers"')
+        raise InputError('a JSON sheet has "questions" or "answers", or is an object of ids and numbers')
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
             raise InputError('each question of a JSON sheet has an "id"')
@@ -178,13 +209,15 @@ def _said(value: Any) -> str:
 def _csv_rows(text: str, answers: Answers) -> Iterable[_Row]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
-    table = csv.reader(io.StringIO(text, newline=""), strict=True)
+    first = text.partition("\n")[0]
+    mark = next((mark for mark in "\t;" if mark in first and "," not in first), ",")
+    table = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
     try:
         header = [name.strip() for name in next(table, [])]
         if "id" not in header or "answer" not in header:
             raise InputError(
                 "neither a CSV nor a JSON sheet: the first line must name the columns id and answer, "
-                "separated by commas"
+                "separated by commas or tabs"
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None
@@ -227,6 +260,19 @@ def _collected(rows: Iterable[_Row], store: Store, default_reading: str | None, 
         if reading not in _READINGS:
             raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
         answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
+    return answers
+
+
+def _without_missing(answers: Answers) -> Answers:
+    """A program that says NaN throughout an entry has not answered it; one that says it here and there is wrong."""
+    by_entry: dict[str, list[str]] = {}
+    for id_ in answers.given:
+        by_entry.setdefault(id_.rsplit("/", 1)[0], []).append(id_)
+    for entry, ids in by_entry.items():
+        if all(_MISSING.fullmatch(answers.given[id_][1]) for id_ in ids):
+            answers.missing.append(entry)
+            for id_ in ids:
+                del answers.given[id_]
     return answers
 
 

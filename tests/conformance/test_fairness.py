@@ -1,0 +1,173 @@
+"""Fair grades: what correct programs in doubles leave passes, and a sheet's form is no reason to fail."""
+
+from __future__ import annotations
+
+import json
+import math
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.grading import FAILS_BELOW, Grade, by_quantity, compare, graded, levels_of, needed
+from tippedisk_verify.conformance.pages import Report
+from tippedisk_verify.conformance.sheet import Answers, looks_like, read_answers
+from tippedisk_verify.reference_values.store import Store, stored
+
+from .scipy_program import answered
+
+HET = "near-heteroclinic/het+1e-8"
+CRIT = "printed/linear/hopf/point/omega_crit"
+
+
+@pytest.fixture(scope="module")
+def store() -> Store:
+    return stored()
+
+
+def _grades(given: dict[str, str], store: Store) -> list[Grade]:
+    return graded(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store)
+
+
+def _report(given: dict[str, str], store: Store) -> Report:
+    grades = _grades(given, store)
+    return Report("a", Answers(), grades, levels_of(grades, store.values()), [])
+
+
+@pytest.mark.parametrize(("method", "tolerance"), [("DOP853", 1e-13), ("LSODA", 1e-12)])
+def test_a_tight_tolerance_passes_where_the_condition_is_worst(method: str, tolerance: float, store: Store) -> None:
+    given = answered(store, [f"printed/linear/{HET}", "printed/smooth/trajectory/d2"], method, tolerance)
+    assert not [grade.id for grade in _grades(given, store) if grade.failed]
+    assert _report(given, store).remarks() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["DOP853", "LSODA"])
+@pytest.mark.parametrize("tolerance", [1e-12, 1e-13])
+def test_a_tight_tolerance_passes_everywhere(method: str, tolerance: float, store: Store) -> None:
+    """All orbits and librating cycles of both laws. About a quarter of a minute each."""
+    kinds = ("trajectory", "limit-cycle", "near-heteroclinic")
+    prefixes = [f"printed/{law}/{kind}" for law in ("linear", "smooth") for kind in kinds]
+    grades = _grades(answered(store, prefixes, method, tolerance), store)
+    assert len(grades) == 2908
+    assert not [grade.id for grade in grades if grade.failed]
+
+
+@pytest.mark.slow
+def test_an_implicit_method_at_a_tight_tolerance_passes(store: Store) -> None:
+    """Radau, which takes a hundred times as many steps. About a minute and a half."""
+    prefixes = ["printed/linear/trajectory/d1", "printed/smooth/trajectory/d2", f"printed/linear/{HET}"]
+    assert not [grade.id for grade in _grades(answered(store, prefixes, "Radau", 1e-12), store) if grade.failed]
+
+
+def test_a_loose_tolerance_is_told_and_where(store: Store) -> None:
+    """The smooth law's kink makes an explicit method's tolerance visible; nothing is wrong with the answers."""
+    given = answered(store, ["printed/smooth/trajectory/f2"], "DOP853", 1e-9)
+    report = _report(given, store)
+    assert report.first_failure is None
+    (said,) = report.remarks()
+    assert said.startswith("level 6: a tolerance shows")
+    assert "printed/smooth/trajectory/f2/" in said
+
+
+def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
+    """By the definition: the error that a relative change of all inputs by the allowance makes, in digits."""
+    worst = store[f"printed/linear/{HET}/multiplier_slow"]
+    slopes = sum(abs(float(slope)) for slope in worst.condition.values())
+    assert needed(worst) == pytest.approx(-math.log10(slopes * 1e-10 / float(worst)), abs=1e-6)
+    assert needed(worst) < 0.5  # next to nothing can be asked for
+    period = store[f"printed/linear/{HET}/period"]
+    slopes = sum(abs(float(slope)) for slope in period.condition.values())
+    assert needed(period) == pytest.approx(-math.log10(slopes * 1e-10 / float(period)))
+    # Programs that keep all digits are asked for the level's, and well-conditioned questions ask for no less.
+    assert needed(store["printed/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
+    for quantity in store.values():
+        if quantity.level in (1, 2, 3, 6, 7, 8):
+            assert needed(quantity) == FAILS_BELOW[quantity.level], quantity.id
+
+
+def test_too_few_digits_are_not_wrong(store: Store) -> None:
+    truth = float(store[CRIT])
+    verdicts = [compare(CRIT, truth * (1 + error)).verdict for error in (1e-7, 1e-5, 1e-3)]
+    assert verdicts == ["few-digits", "few-digits", "wrong"]  # eight digits are asked for, four of them suffice
+    report = _report({CRIT: repr(truth * (1 + 1e-6))}, store)
+    assert "too few digits: 1 of 1 answer" in report.headline()
+    (level,) = [level for level in report.levels if level.answered]
+    assert (level.verdict, level.failed, level.few) == ("too few digits", 1, 1)
+    assert report.json()["grades"][0]["needs"] == 8
+
+
+def test_failures_are_counted_by_quantity(store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """All states right, all crossing times wrong."""
+    entry = store.matching("printed/linear/trajectory/d1/")
+    given = {q.id: repr(float(q) + ("crossing_time" in q.name)) for q in entry}
+    rows = {row.quantity: row for row in by_quantity(_grades(given, store))}
+    assert set(rows) == {"beta", "gamma", "v", "crossing_time", "crossing_gamma", "crossing_v"}
+    assert [name for name, row in rows.items() if row.failed] == ["crossing_time"]
+    assert rows["crossing_time"].failed == rows["crossing_time"].answered > 5
+    sheet = tmp_path / "a.csv"
+    sheet.write_text("id,answer\n" + "".join(f"{id_},{answer}\n" for id_, answer in given.items()))
+    assert main(["conformance", "grade", str(sheet), "--html", str(tmp_path / "a.html")]) == 0
+    assert "by quantity" in capsys.readouterr().out
+    assert "<h2>By quantity</h2>" in (tmp_path / "a.html").read_text()
+    assert main(["conformance", "grade", str(sheet), "--json"]) == 0
+    told = {row["quantity"]: row["failed"] for row in json.loads(capsys.readouterr().out)["quantities"]}
+    assert told == {name: row.failed for name, row in rows.items()}
+
+
+# ------------------------------------------------------------------------------------------ forms of a sheet
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"id\tanswer\n{CRIT}\t30.9\n",
+        f"id;answer\n{CRIT};30.9\n",
+        f'{{"{CRIT}": 30.9}}',
+        f'{{"from": "doubles", "{CRIT}": 30.9}}',
+        f'[{{"id": "{CRIT}", "answer": 30.9}}]',
+        f'{{"id": "{CRIT}", "answer": 30.9}}\n{{"id": "printed/linear/hopf/point/period", "answer": null}}\n',
+        f'\n{{"id": "{CRIT}", "answer": "30.9"}}\n',
+    ],
+)
+def test_other_forms_of_a_sheet(text: str, store: Store, tmp_path: Path) -> None:
+    path = tmp_path / "answers"
+    path.write_text(text)
+    assert read_answers(path, store).given == {CRIT: ("doubles", "30.9")}
+
+
+def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Path) -> None:
+    rows = ["printed/linear/hopf/point/period,NaN", f"{CRIT},NA"]
+    other = "printed/linear/limit-cycle/crit-0.5"
+    rows += [f"{other}/period,nan", f"{other}/v_0,{float(store[f'{other}/v_0'])!r}"]
+    path = tmp_path / "a.csv"
+    path.write_text("id,answer\n" + "\n".join(rows) + "\n")
+    answers = read_answers(path, store)
+    assert answers.missing == ["printed/linear/hopf/point"]
+    verdicts = {grade.id.rsplit("/", 1)[1]: grade.verdict for grade in graded(answers, store)}
+    assert verdicts == {"period": "not-a-number", "v_0": "exact"}
+    assert any("not answered" in said for said in Report("a", answers, [], [], []).remarks())
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("'30.9'", "quotes"), ("np.float64(30.9)", "language"), ("mpf('30.9')", "language"), ("30,9", "comma"),
+        ("1,234.5", "thousands"), ("30.9 rad/s", "unit"), ("30.9%", "unit"), ("[30.9]", "list"),
+        ("(30.9+0j)", "complex"), ("30.9 - 1e-3i", "complex"), ("0x1.8p3", "hexadecimal"),
+        ("30.9 ± 0.1", "uncertainty"),
+    ],
+)  # fmt: skip
+def test_what_an_unreadable_answer_looks_like(text: str, says: str, store: Store) -> None:
+    assert says in str(looks_like(text))
+    (said,) = _report({CRIT: text}, store).remarks()
+    assert says in said
+    assert CRIT in said
+
+
+def test_what_looks_like_nothing_known_is_shown_only(store: Store) -> None:
+    assert looks_like("thirty") is None
+    (said,) = _report({CRIT: "thirty"}, store).remarks()
+    assert said.endswith(f"the first is 'thirty' at {CRIT}")
+    # One unreadable answer among many is that answer's matter.
+    many = {quantity.id: str(Decimal(float(quantity))) for quantity in store.matching("printed/both/rhs/00")}
+    assert _report(many | {CRIT: "thirty"}, store).remarks() == []

@@ -1,0 +1,86 @@
+"""Planted faults: most are named, none is named wrongly. `planted` and `planted_later` have the list."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections import Counter
+
+import pytest
+
+from tests.conformance.planted import FAULTS, Fault, Program, outputs, rhs, right
+from tests.conformance.planted_later import LATER, tight
+from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnosed
+from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.reference_values.store import Quantity, Store, stored
+
+EVERY = (*FAULTS, *LATER)
+#: Beyond what a diagnosis knows: two numbers at once, a sum of squares of two answers, and integrators whose errors are
+#: as large as those of wrong equations.
+UNNAMED = {"h5-bracket", "eig-modulus", "fly-1e-3", "fly-euler"}
+
+
+def _small_term(q: Quantity, store: Store) -> float | None:
+    return right(q) * (1 + 1e-4 * math.sin(float(q.inputs["gamma"]))) if q.name == "dv_rate_dgamma" else None
+
+
+def _noise(q: Quantity, store: Store) -> float | None:
+    return right(q) * (1 + 1e-3 * random.Random(q.id).gauss(0, 1))
+
+
+def _wandering(q: Quantity, store: Store) -> float | None:
+    return right(q) + 0.01 * math.sin(float(q.name.split("#")[1])) if "crossing_time#" in q.name else None
+
+
+_RHS = ("printed/both/rhs/0", "printed/linear/rhs/0")
+_FLY = ("printed/linear/trajectory/d1/", "printed/linear/trajectory/e1/")
+#: Looks like something that has a name, and is not.
+OTHERS = (
+    Fault("mu-and-g", "", rhs(Program(mu=0.31, g=9.8))), Fault("rho-beta", "", rhs(Program(("e*sg", "e*sb")))),
+    Fault("h1-and-h4", "", rhs(Program(("h1 - h2", "-h1 - h2"), ("+ h4", "- h4")))),
+    Fault("squared-size", "", rhs(Program(("(size + eps)", "(size*size + eps)")))),
+    Fault("noise", "", outputs(_noise, *_RHS)), Fault("one-derivative", "", outputs(_small_term, *_RHS)),
+    Fault("crossing-times-wander", "", outputs(_wandering, *_FLY)),
+    Fault("orbits-of-another-disk", "", tight(mu=0.3002, g=9.8101)),
+    Fault("cycles-of-noise", "", outputs(_noise, "printed/linear/limit-cycle/")),
+)  # fmt: skip
+SAMPLE = [fault for fault in EVERY[::9] if not fault.name.startswith("fly-")]
+
+
+def _diagnosed(fault: Fault, store: Store) -> list[Diagnosis]:
+    given = {id_: ("doubles", answer) for id_, answer in fault.answers(store).items()}
+    return diagnosed(graded(Answers(given), store), store)
+
+
+def _judged(fault: Fault, diagnoses: list[Diagnosis]) -> str:
+    """Wrong as soon as one of the diagnoses names something else."""
+    assert diagnoses, f"{fault.name} changes nothing"
+    named = [" or ".join(cause for _, cause in one.causes).lower() for one in diagnoses if one.causes]
+    if not named:
+        return "unexplained"
+    return "named" if all(fault.named_by(said) for said in named) else "wrong"
+
+
+def test_the_list_is_one_of_different_faults() -> None:
+    assert len({fault.name for fault in EVERY}) == len(EVERY) >= 150
+
+
+@pytest.mark.parametrize("fault", SAMPLE, ids=lambda fault: fault.name)
+def test_a_planted_fault_is_named(fault: Fault) -> None:
+    assert _judged(fault, _diagnosed(fault, stored())) == ("unexplained" if fault.name in UNNAMED else "named")
+
+
+@pytest.mark.parametrize("fault", OTHERS, ids=lambda fault: fault.name)
+def test_what_only_looks_like_a_known_mistake_stays_unexplained(fault: Fault) -> None:
+    assert _judged(fault, _diagnosed(fault, stored())) == "unexplained"
+
+
+@pytest.mark.slow(minutes=4)
+def test_most_planted_faults_are_named_and_none_wrongly() -> None:
+    """All of the list: about four minutes, most of them for orbits."""
+    store = stored()
+    judged = {fault.name: _judged(fault, _diagnosed(fault, store)) for fault in EVERY}
+    assert [name for name, verdict in judged.items() if verdict == "wrong"] == []
+    assert {name for name, verdict in judged.items() if verdict == "unexplained"} <= UNNAMED
+    assert Counter(judged.values())["named"] > 0.85 * len(EVERY)

@@ -1,0 +1,138 @@
+"""Grades as a gate: required levels, expected failures, two sheets compared, a badge, and workflow files that run."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.grading import LevelGrade, compare
+from tippedisk_verify.conformance.regression import badge, changes, expected_failures
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.reference_values.store import stored
+
+RHS = "printed/both/rhs/001"
+CRIT = "printed/linear/hopf/point/omega_crit"
+CROSSING = "printed/linear/trajectory/d1/crossing_time#3"
+WORKFLOWS = sorted((Path(__file__).parents[2] / "examples" / "ci").iterdir())
+
+
+def _sheet(path: Path, **factors: float) -> str:
+    """Right answers at levels 1 and 3, some of them times a factor; the name is the quantity's."""
+    rows = [*stored().matching(f"{RHS}/"), stored()[CRIT]]
+    lines = [f"{q.id},{float(q) * factors.get(q.name, 1)!r}" for q in rows if factors.get(q.name) != 0]
+    path.write_text("id,answer\n" + "\n".join(lines) + "\n")
+    return str(path)
+
+
+def _grade(*arguments: str) -> int:
+    return main(["conformance", "grade", *arguments, "--quiet"])
+
+
+def test_required_levels_decide_the_exit_status(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    right, wrong = _sheet(tmp_path / "a.csv"), _sheet(tmp_path / "b.csv", omega_crit=1.1)
+    assert _grade(right) == _grade(wrong) == 0  # a poor grade is a result
+    assert _grade(right, "--require", "1") == _grade(wrong, "--require", "1") == _grade(right, "--require", "3") == 0
+    assert _grade(wrong, "--require", "3") == 1
+    assert _grade(right, "--require", "1-3") == 1  # level 2 was not answered
+    assert main(["conformance", "grade", wrong, "--require", "1-3", "--json"]) == 1
+    short = json.loads(capsys.readouterr().out)["shortcomings"]
+    assert [line.split(",")[0] for line in short] == ["level 2 is required", "level 3"]
+    assert CRIT in short[1]
+    assert _grade(right, "--require", "0-3") == 2
+
+
+def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = _sheet(tmp_path / "b.csv", omega_crit=1.1, M=2)
+    known = tmp_path / "known.txt"
+    known.write_text(f"# what we know of\n{CRIT}  # see the tracker\n\n{RHS}/M\n")
+    assert _grade(wrong, "--expected-failures", str(known)) == 0
+    assert _grade(wrong, "--require", "1-2", "--expected-failures", str(known)) == 1
+    known.write_text(f"{CRIT}\n")
+    assert _grade(wrong, "--expected-failures", str(known)) == 1
+    assert _grade(wrong, "--expected-failures", str(known), "--require", "3") == 0
+    known.write_text(f"{RHS}/*\n{CRIT}\n")
+    assert main(["conformance", "grade", wrong, "--expected-failures", str(known)]) == 0
+    assert "5 answers pass though expected to fail" in " ".join(capsys.readouterr().out.split())
+    known.write_text("printed/both/rhs/001/N\n")
+    assert _grade(wrong, "--expected-failures", str(known)) == 2
+    assert "no question is" in capsys.readouterr().err
+
+
+def test_a_comment_is_no_crossings_number(tmp_path: Path) -> None:
+    path = tmp_path / "known.txt"
+    path.write_text(f"{CROSSING} # three\n#nothing\n")
+    assert expected_failures(path, stored()) == {CROSSING}
+    path.write_text("printed/linear/trajectory/d1/crossing_time#*\n")
+    assert len(expected_failures(path, stored())) > 5
+    path.write_text("nothing\n")
+    with pytest.raises(InputError, match="no question"):
+        expected_failures(path, stored())
+
+
+def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    old = _sheet(tmp_path / "old.csv", h=1 + 1e-11, f_G=2)
+    new = _sheet(tmp_path / "new.csv", omega_crit=1.1, M=0, w_y=1 + 1e-12)  # 0 leaves an answer out
+    assert main(["conformance", "compare", old, new, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    kinds = {change["id"].rsplit("/", 1)[1]: change["change"] for change in told["changes"]}
+    assert kinds == {"omega_crit": "broken", "M": "gone", "w_y": "lost", "h": "gained", "f_G": "mended"}
+    assert [change["change"] for change in told["changes"]][:3] == ["broken", "gone", "lost"]
+    assert main(["conformance", "compare", old, old]) == 0
+    assert "0 broken, 0 gone, 0 lost, 0 gained" in capsys.readouterr().out
+
+
+def test_rounding_is_no_loss() -> None:
+    """From sixteen digits to fourteen and a half: an ulp or ten of a double."""
+    truth = float(stored()[CRIT])
+    assert changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
+    (change,) = changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-13))])
+    assert change.kind == "lost"
+
+
+def _level(number: int, answered: int = 5, failed: int = 0) -> LevelGrade:
+    return LevelGrade(number, 5, answered, 12.0, 13.0, failed)
+
+
+@pytest.mark.parametrize(
+    ("levels", "says"),
+    [
+        ([_level(n) for n in range(1, 8)], "levels 1-7 agree"), ([_level(1), _level(2, 0)], "level 1 agrees"),
+        ([_level(1), _level(2), _level(3, failed=1)], "levels 1-2 agree"), ([_level(1, 0)], "not answered"),
+        ([_level(1, failed=2), _level(2)], "fails at level 1"),
+    ],
+)  # fmt: skip
+def test_the_badge(levels: list[LevelGrade], says: str) -> None:
+    root = ElementTree.fromstring(badge(levels))
+    assert root.tag.endswith("svg")
+    assert [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")] == ["tippedisk", says]
+
+
+def test_a_badge_is_written_over_no_other_file(tmp_path: Path) -> None:
+    sheet = _sheet(tmp_path / "a.csv")
+    assert _grade(sheet, "--badge", str(tmp_path / "a.svg")) == 0
+    assert "levels 1-3 agree" in (tmp_path / "a.svg").read_text()
+    assert _grade(sheet, "--badge", sheet) == 2
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_a_workflows_commands_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each in turn, with a program between that answers nothing: the gate then stays shut."""
+    monkeypatch.chdir(tmp_path)
+    lines = re.findall(r"(?:tippedisk-verify|\./your_program) .*", path.read_text(encoding="utf-8"))
+    assert len(lines) == 3
+    statuses = []
+    for line in lines:
+        command, *arguments = shlex.split(line, comments=True)
+        if command == "tippedisk-verify":
+            statuses.append(main([*arguments, "--quiet"]))
+        else:
+            Path(arguments[1]).write_text(Path(arguments[0]).read_text())
+    assert statuses == [0, 1]
+    assert Path("grades.html").is_file()
+    assert Path("tippedisk.svg").is_file()

@@ -1,0 +1,235 @@
+"""One free factor on each parameter, input and term, solved for from the answers at level 1.
+
+A mistake that is on no list is often one number or one factor: ``mu = 0.31``, a missing term, cos for sin in M. Where
+M, h, f_G, w_y, gamma_y, gamma', lambda_Ty or v' are answered wrong, each of their terms T may carry the blame: the
+answer wants T + (answer - truth) in its place. If that is T times c x^a y^b ... with whole powers of rho, the sines and
+cosines, Omega, v and M, the powers follow from a linear fit of logarithms, and c from the rest. A parameter's or an
+input's value is a root of one answer's error. What is found so is a guess: the diagnosis tries it on all answers, with
+what follows from it for the quantities further on.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from decimal import Decimal
+from functools import partial
+
+from tippedisk_verify.conformance.alternatives import CORRECT, Alternative
+from tippedisk_verify.conformance.predictions import Model, predicted
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["free_values", "term_factors"]
+
+_TERMS = {
+    "M": {"M 1": "A cos^2 gamma", "M 2": "Bbar sin^2 gamma", "M 3": "m rho^2 cos^2 beta"},
+    "h": {
+        "h 1": "(A cos^2 gamma + Bbar sin^2 gamma) Omega^2 sin beta cos beta",
+        "h 1, A": "A cos^2 gamma Omega^2 sin beta cos beta",
+        "h 1, Bbar": "Bbar sin^2 gamma Omega^2 sin beta cos beta",
+        "h 2": "2 (A - Bbar) Omega v cos beta sin gamma cos gamma",
+        "h 3": "m rho^2 v^2 sin beta cos beta",
+        "h 4": "m e rho Omega^2 sin beta cos^3 beta sin gamma",
+        "h 5": "m e rho (3 sin^2 beta - 2) Omega v cos beta cos gamma",
+        "h 5, 3": "m e rho 3 sin^2 beta Omega v cos beta cos gamma",
+        "h 5, 2": "m e rho 2 Omega v cos beta cos gamma",
+    },
+    "f_G": {"f_G": ""},
+    "w_y": {"w_y": ""},
+    "gamma_y": {"gamma_y 1": "rho v sin beta", "gamma_y 2": "e Omega sin^2 beta cos gamma"},
+    "gamma_rate": {"gamma_rate": ""},
+    "lambda_Ty": {"lambda_Ty": ""},
+    "v_rate": {"v_rate": "", "v_rate h": "h", "v_rate f_G": "f_G", "v_rate friction": "w_y lambda_Ty"},
+}
+_FACTORS = ("rho", "sin beta", "cos beta", "sin gamma", "cos gamma", "Omega", "v", "M")
+_SOME_SIZE = 1e-3  # of the quantity's scale; a smaller term says little about its factor
+_WHOLE = 0.02  # how far a fitted power may be from a whole number
+_CONSTANT = 1e-6  # relative: the spread of what is left; the terms keep nine digits of their answers' fifteen
+_LEAST_STATES = 12  # for at most nine unknowns
+_ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
+_NEAR = 0.2  # relative: so far the slope of an orbit's answer is a guide
+_ALIKE = 0.3  # relative: how well slopes foretell errors so far
+_MOST = 0.7  # of the answers beside the one that is solved for
+_GRID = sorted(
+    {sign * 10 ** (k / 6) for k in range(-24, 25) for sign in (-1, 1)} | {0.0} | {1 + k / 40 for k in range(-20, 21)}
+)
+
+
+def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> Iterator[Alternative]:
+    """Alternatives with one term changed by a factor, one for each term that the wrong answers allow."""
+    none = Alternative("", "")
+    for component, terms in _TERMS.items():
+        samples: dict[str, list[tuple[float, list[float]]]] = {name: [] for name in terms}
+        for quantity in wrong:
+            if quantity.name != component:
+                continue
+            model = Model(none, quantity.set, quantity.friction)
+            given = model.inputs(quantity)
+            parts = model.parts(math, given["Omega"], [given[name] for name in ("beta", "gamma", "v")])
+            sines = [f(given[name]) for name in ("beta", "gamma") for f in (math.sin, math.cos)]
+            rho = model.p.r + model.p.e * sines[2]
+            places = [rho, *sines, given["Omega"], given["v"], parts["M"]]
+            missing = float(answers[quantity.id]) - parts[component]
+            for name in terms:
+                if abs(parts[name]) > _SOME_SIZE * max(abs(missing), abs(parts[component])) and all(places):
+                    samples[name].append((1 + missing / parts[name], places))
+        for name, found in samples.items():
+            if len(found) < _LEAST_STATES:
+                continue
+            basis = _FACTORS if component == "v_rate" else _FACTORS[:-1]
+            fit = _monomial([(factor, places[: len(basis)]) for factor, places in found])
+            if fit is None:
+                continue
+            constant, powers = fit
+            factors = tuple((label, power) for label, power in zip(basis, powers, strict=True) if power)
+            number, _, what = name.partition(" ")
+            label = f"{number}'s term {what}, {terms[name]}," if terms[name] and what[:1].isdigit() else number
+            if terms[name] and not what[:1].isdigit():
+                label = f"{terms[name]} in {number}"
+            said, plain = _said(constant, factors, _values(wrong[0].set))
+            yield Alternative(
+                f"{'number' if plain else 'term'}-{name}",
+                f"{label} {said}",
+                replace(CORRECT, extra=(name, constant, factors)),
+            )
+
+
+def _values(set_name: str) -> dict[str, float]:
+    """The parameters that a term's factor may be made of."""
+    p = Parameters.named(set_name)
+    return {name: float(getattr(p, name)) for name in ("r", "e", "m", "g", "mu", "epsilon", "A", "B")}
+
+
+def _monomial(found: Sequence[tuple[float, list[float]]]) -> tuple[float, list[int]] | None:
+    """c and whole powers with factor = c x^a y^b ... at all places, if there are such; 0 if the factor vanishes."""
+    import numpy
+
+    factors = numpy.array([factor for factor, _ in found])
+    places = numpy.array([place for _, place in found])
+    if max(abs(factors)) < _CONSTANT:
+        return 0.0, [0] * places.shape[1]
+    if not all(factors):
+        return None
+    table = numpy.column_stack([numpy.ones(len(found)), numpy.log(abs(places))])
+    fitted = numpy.linalg.lstsq(table, numpy.log(abs(factors)), rcond=None)[0][1:]
+    powers = numpy.round(fitted)
+    if max(abs(fitted - powers)) > _WHOLE or max(abs(powers)) > 4:
+        return None
+    rest = factors / numpy.prod(places**powers, axis=1)
+    constant = float(numpy.median(rest))
+    if max(abs(rest - constant)) > _CONSTANT * abs(constant):
+        return None
+    return constant, [int(power) for power in powers]
+
+
+def _said(constant: float, factors: tuple[tuple[str, int], ...], values: Mapping[str, float]) -> tuple[str, bool]:
+    """The factor in words, and whether it is a number that nothing is known of."""
+    if constant == 0:
+        return "is missing", False
+    if not factors and abs(constant + 1) < _CONSTANT:
+        return "has the wrong sign", False
+    powers = [label if power == 1 else f"{label}^{power}" for label, power in factors]
+    number = _constant(constant, values)
+    said = " ".join((*([f"{constant:.8g}"] if number is None else number.split()), *powers))
+    return f"has the extra factor {said}", number is None and not factors
+
+
+def _constant(constant: float, values: Mapping[str, float]) -> str | None:
+    """A number as a small one, or a product of at most two powers of parameters, if it is one."""
+    powers = [(name, power) for name in values for power in (1, -1, 2, -2)]
+    products: list[tuple[tuple[str, int], ...]] = [(), *((one,) for one in powers), *itertools.combinations(powers, 2)]
+    for product in products:
+        size = math.prod(values[name] ** power for name, power in product)
+        for simple, text in ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2")):
+            if abs(constant / (size * simple) - 1) < _CONSTANT and (len(product) < 2 or simple == 1):
+                names = [name if power == 1 else f"{name}^{power}" for name, power in product]
+                return " ".join(part for part in (text, *names) if part)
+    return None
+
+
+def free_values(
+    worst: Quantity, answers: Mapping[str, Decimal], store: Store, beside: Sequence[Quantity] = ()
+) -> Iterator[Alternative]:
+    """Alternatives with another value of one parameter or input, which all predict the answer to ``worst``.
+
+    An orbit's prediction takes an integration. There a value is only tried if the slopes that the reference knows say
+    that it moves most of the answers ``beside`` as far as they are off.
+    """
+    answer = float(answers[worst.id])
+    exact = Parameters.named(worst.set)
+    known = {name: float(getattr(exact, name)) for name in SYMBOLS}
+    known["Bbar"] = known["B"] - known["m"] * known["e"] ** 2
+    if worst.level >= 6:  # each prediction is an orbit: from the slopes that the reference knows
+        makes: list[tuple[Callable[[float], Alternative], Sequence[float]]] = []
+        for name, slope in worst.condition.items():
+            shift = (answer - float(worst)) / float(slope) if float(slope) else math.inf
+            moved = [(float(answers[q.id]) - float(q), shift * float(q.condition.get(name, 0))) for q in beside]
+            alike = sum(abs(error - move) <= _ALIKE * abs(move) for error, move in moved)
+            if abs(shift) < _NEAR and alike >= _MOST * len(moved):
+                near = [1 + share * shift for share in (0.6, 1.0, 1.6)]
+                makes.append((partial(_parameter, name, known[name]), [c * known[name] for c in near])
+                             if name in known else (partial(_scaled, name), near))  # fmt: skip
+    else:
+        makes = [(partial(_parameter, name, x), [c * x for c in _GRID]) for name, x in known.items()]
+    if worst.level == 1:
+        turns = [k * math.pi / 12 + 0.01 for k in range(-13, 13)]  # one turn, its end within
+        makes += [(partial(_scaled, name), _GRID) for name in ("Omega", "v")]
+        makes += [(partial(_moved, name, sign), turns) for name in ("beta", "gamma") for sign in (1, -1)]
+        makes.append((_eccentric, _GRID))
+        makes.append((partial(_fixed, "Omega"), [30 * c for c in _GRID]))
+    for make, grid in makes:
+        for root in _roots(partial(_error, make, worst, answer, store), grid):
+            yield make(root)
+
+
+def _error(make: Callable[[float], Alternative], quantity: Quantity, answer: float, store: Store, c: float) -> float:
+    return predicted(make(c), [quantity], store, {}).get(quantity.id, math.nan) - answer
+
+
+def _roots(error: Callable[[float], float], grid: Sequence[float]) -> Iterator[float]:
+    from scipy.optimize import brentq
+
+    errors = [error(c) for c in grid]
+    scale = max((abs(e) for e in errors if math.isfinite(e)), default=0.0)
+    for n, (c, e) in enumerate(zip(grid, errors, strict=True)):
+        if abs(e) <= _ROOT * scale:
+            yield c
+        elif n and errors[n - 1] * e < 0:
+            with suppress(ValueError):  # where the mistaken model says nothing
+                yield float(brentq(error, grid[n - 1], c, xtol=1e-300, rtol=1e-15))
+
+
+def _parameter(name: str, right: float, value: float) -> Alternative:
+    return Alternative(
+        f"{name}-value", f"{name} = {value:.9g} instead of {right:.9g}", parameters=lambda p: {name: value}
+    )
+
+
+def _eccentric(factor: float) -> Alternative:
+    return Alternative("rho-factor", f"rho = r + {factor:.9g} e sin gamma", replace(CORRECT, eccentricity=factor))
+
+
+def _changed(name: str, cause: str, label: str, change: Callable[[float], float]) -> Alternative:
+    return Alternative(label, cause, inputs=lambda inputs: {
+        key: change(value) if key == name else value for key, value in inputs.items()})  # fmt: skip
+
+
+def _scaled(name: str, factor: float) -> Alternative:
+    cause = f"the sign of {name}" if abs(factor + 1) < 1e-9 else f"{name} taken {factor:.9g} times as large"
+    return _changed(name, cause, f"{name}-factor", lambda value: factor * value)
+
+
+def _moved(name: str, sign: int, by: float) -> Alternative:
+    turns = round(math.remainder(by, 2 * math.pi) / math.pi * 2, 8)
+    amounts = {0.0: "", 1.0: "pi/2", -1.0: "-pi/2", 2.0: "pi", -2.0: "pi"}
+    amount = amounts.get(turns, f"{turns * math.pi / 2:.9g}")
+    cause = f"{amount} {'-' if sign < 0 else '+'} {name} taken for {name}".strip()
+    return _changed(name, cause, f"{name}-offset", lambda value: by + sign * value)
+
+
+def _fixed(name: str, value: float) -> Alternative:
+    return _changed(name, f"{name} = {value:.9g} throughout", f"{name}-fixed", lambda _: value)

@@ -1,0 +1,356 @@
+"""What wrong answers have in common, where no model is needed: a factor, an offset, another question's answer.
+
+A shape is a function from right answers to given ones. It is looked for by quantity, among the questions of one level,
+and accepted only if it gives every answer to that quantity, with the digits that each needs, and comes much closer to
+each wrong one than the truth does. Errors that only their size tells (a tolerance, finite differences, crude crossings,
+single precision) come last; they are named where everything that they must leave right is right.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+from statistics import median
+
+from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
+from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["borne_out", "shape_of", "size_of"]
+
+Found = tuple[tuple[tuple[str, str], ...], frozenset[str]]  # causes, and the wrong answers that they were tried on
+_CLOSER = 1.0  # digits by which what a cause expects must be nearer to an answer than the truth is
+_BEYOND = 2.0  # digits beyond those needed that a right answer's error may have, whatever the cause
+_LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a shape
+_FREE = 4  # answers that must bear out a number that was read off one of them
+_MOST = 3  # different shapes at a level; more are several mistakes
+_HUGE = 1e15  # answers beyond are no value's, whatever the function; sums with them lose all digits
+_LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
+_COVERED = 0.75  # of a quantity's wrong answers must have a counterpart, where the shape is another question's answer
+_SINGLE = 2.0**-24
+_CRUDE = 0.005  # s; a step that brings the samples in time out right is no longer
+#: Errors as relative changes of all inputs together: SciPy's methods stay below at tolerances up to 1e-3 (RK45) or 1e-4
+#: (LSODA, BDF), equations with one sign, power or moment of inertia wrong are above it on the scenes' orbits.
+_INTEGRATED = 1.5e-4
+_INSTEAD = "the answer for "
+_NUMBERS = {
+    "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "-2": -2.0, "-1/2": -0.5, "2 pi": 2 * math.pi,
+    "1/(2 pi)": 0.5 / math.pi, "pi": math.pi, "1/pi": 1 / math.pi, "180/pi (degrees)": 180 / math.pi,
+    "pi/180": math.pi / 180, "1000": 1e3, "1/1000": 1e-3, "1e6": 1e6, "60": 60.0, "1/60": 1 / 60,
+    "30/pi (turns per minute)": 30 / math.pi, "1/ln 10 (common logarithms)": 1 / math.log(10), "ln 10": math.log(10),
+    "sqrt 2": math.sqrt(2), "1/sqrt 2": math.sqrt(0.5), "0": 0.0,
+}  # fmt: skip
+_OFFSETS = {
+    "pi/2": math.pi / 2, "-pi/2": -math.pi / 2, "pi": math.pi, "-pi": -math.pi, "2 pi": 2 * math.pi,
+    "-2 pi": -2 * math.pi,
+}  # fmt: skip
+_WEIGHTS: dict[str, Callable[[int], float]] = {
+    "n! (a factorial)": math.factorial, "1/n!": lambda n: 1 / math.factorial(n), "epsilon^n": lambda n: 0.1**n,
+    "(-1)^n (a sign)": lambda n: (-1.0) ** n,
+}  # fmt: skip
+_PAIRS = (
+    ("inverted-", "noninverted-", "equilibrium"), ("linear", "smooth", "friction law"),
+    ("printed-", "consistent-", "law, printed one-harmonic and consistent one exchanged,"),
+    ("stable-", "unstable-", "cycle, stable and unstable exchanged,"),
+)  # fmt: skip
+_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "the square root of the right value, as of a half map for a whole one,": lambda x: math.copysign(
+        math.sqrt(abs(x)), x
+    ),
+    "the square of the right value": lambda x: x * x,
+    "the reciprocal of the right value": lambda x: 1 / x,
+    "2 pi divided by the right value, frequency for period,": lambda x: 2 * math.pi / x,
+    "the absolute value": abs,
+    "minus the absolute value": lambda x: -abs(x),
+    "the natural logarithm of the right value": math.log,
+    "the exponential of the right value": math.exp,
+    "pi minus the right value": lambda x: math.pi - x,
+    "pi/2 minus the right value": lambda x: math.pi / 2 - x,
+}
+
+
+def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    """The causes that explain all wrong answers of a level by their shape, or None.
+
+    ``usable`` are the level's answers that are numbers.
+    """
+    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
+    if any(abs(answer) > _HUGE for answer in answers.values()):
+        return None
+    if (text := _rounded([store[grade.id] for grade in usable], answers)) is not None:
+        return (("rounded", f"the answers are {text}"),), frozenset(wrong)
+    groups: dict[str, list[Quantity]] = {}
+    for grade in usable:
+        groups.setdefault(_stem(store[grade.id]), []).append(store[grade.id])
+    phrases: dict[str, list[str]] = {}
+    tried: set[str] = set()
+    for name, here in groups.items():
+        if not any(quantity.id in wrong for quantity in here):
+            continue
+        if len(here) >= _FREE and (text := _rounded(here, answers)) is not None:
+            phrases.setdefault(text, []).append(name)
+            tried |= {quantity.id for quantity in here if quantity.id in wrong}
+            continue
+        for phrase, expected in _shapes(here, answers, wrong, store):
+            explained = _explained(expected, here, answers, wrong)
+            if explained and (not phrase.startswith("~") or len(explained) >= _FREE):
+                phrases.setdefault(phrase.removeprefix("~"), []).append(name)
+                tried |= explained
+                break
+        else:
+            return None
+    said = _named(phrases)
+    return ((("shape", "; ".join(said)),), frozenset(tried)) if 0 < len(said) <= _MOST else None
+
+
+def _stem(quantity: Quantity) -> str:
+    plain, place = placed(quantity.name)
+    return plain.rsplit("_", 1)[0] + "_n" if "order" in place else plain
+
+
+def _named(phrases: Mapping[str, list[str]]) -> list[str]:
+    """What each quantity's answers are instead of right; two that stand for each other are exchanged."""
+    groups: dict[str, list[str]] = {}
+    for phrase, names in phrases.items():
+        groups.setdefault(_whole(phrase), []).extend(names)
+    for phrase, names in groups.items():
+        parts = {name[-3:] for name in names}
+        if parts == {"_re", "_im"}:
+            groups[phrase] = list(dict.fromkeys(map(_whole, names)))
+    other = {
+        names[0]: phrase.removeprefix(_INSTEAD)
+        for phrase, names in groups.items()
+        if len(names) == 1 and phrase.startswith(_INSTEAD)
+    }
+    said = []
+    for phrase, names in groups.items():
+        mine = names[0]
+        if len(names) == 1 and other.get(other.get(mine, "")) == mine:
+            text = " and ".join(sorted((mine, other[mine]))) + " are exchanged"
+        else:
+            text = f"{', '.join(names)}: the answers are {phrase.rstrip(',')}"
+        if text not in said:
+            said.append(text)
+    return said
+
+
+def _whole(text: str) -> str:
+    """What ends in an eigenvalue's name, without the part that was asked for."""
+    return re.sub(r"(lambda_\d)_(re|im)$", r"\1", text)
+
+
+def _explained(
+    expected: Mapping[str, float], here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]
+) -> set[str]:
+    """The wrong answers that are as expected; none if one is not, or too many have nothing to be held against."""
+    explained: set[str] = set()
+    mine = [quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS]
+    for quantity in mine:
+        if quantity.id not in expected:
+            continue
+        if borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in wrong) is None:
+            return set()
+        if quantity.id in wrong:
+            explained.add(quantity.id)
+    return explained if len(explained) >= _COVERED * sum(quantity.id in wrong for quantity in mine) else set()
+
+
+def borne_out(answer: Decimal, expected: float, quantity: Quantity, wrong: bool) -> float | None:
+    """The digits by which an answer is as a cause expects, or None if the answer speaks against the cause.
+
+    It has to have the digits that its question needs. A wrong one has to be much closer to what is expected than to the
+    truth, and so has a right one where the cause moves the value by more than the last digits that matter.
+    """
+    right, digits = float(quantity), _digits(answer, expected, quantity)
+    moved = _digits(Decimal(right), expected, quantity) + _CLOSER
+    if digits < max(needed(quantity), min(moved, needed(quantity) + _BEYOND)):
+        return None
+    return None if wrong and digits < _digits(answer, right, quantity) + _CLOSER else digits
+
+
+def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
+    """By the same measure as against the truth; what is expected has no more than sixteen digits."""
+    if not math.isfinite(expected):
+        return -99.0
+    scale = max(scale_of(quantity, Decimal(expected)), scale_of(quantity, Decimal(float(quantity))))
+    return digits_between(answer, Decimal(expected), scale, 16.0)
+
+
+def _shapes(
+    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
+) -> Iterator[tuple[str, dict[str, float]]]:
+    """(What the answers are, these answers); a number that was read off an answer is marked by ~."""
+    right = {quantity.id: float(quantity) for quantity in here}
+    given = {id_: float(answers[id_]) for id_ in right}
+    worst = max((id_ for id_ in right if id_ in wrong), key=lambda id_: abs(right[id_]))
+    yield "of the wrong sign", {id_: -x for id_, x in right.items()}
+    for text, number in _NUMBERS.items():
+        yield f"{text} times the right value", {id_: number * x for id_, x in right.items()}
+    for text, number in _OFFSETS.items():
+        yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
+    for text, function in _FUNCTIONS.items():
+        yield text, _mapped(function, right)
+    turns = {id_: x + 2 * math.pi * round((given[id_] - x) / (2 * math.pi)) for id_, x in right.items()}
+    if here[0].unit == "rad" and len(right) >= _FREE:
+        yield "off by whole turns, an angle modulo 2 pi,", turns
+    yield from _relations(here, store)
+    if right[worst]:
+        factor = given[worst] / right[worst]
+        yield f"~{factor:.8g} times the right value", {id_: factor * x for id_, x in right.items()}
+    offset = given[worst] - right[worst]
+    yield f"~the right value plus {offset:.8g}", {id_: offset + x for id_, x in right.items()}
+
+
+def _mapped(function: Callable[[float], float], right: Mapping[str, float]) -> dict[str, float]:
+    found = {}
+    for id_, x in right.items():
+        try:
+            found[id_] = function(x)
+        except (ArithmeticError, ValueError):
+            found[id_] = math.nan
+    return found
+
+
+def _relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dict[str, float]]]:
+    """The answers to other questions: another place, another entry, another quantity of the same entry."""
+    kind = here[0].id.rsplit("/", 2)[0]
+    entries = list(dict.fromkeys(q.id.rsplit("/", 1)[0] for q in store.matching(kind + "/")))
+    times = sorted({place["t"] for q in here if "t" in (place := placed(q.name)[1])}, key=float)
+
+    def at(rename: Callable[[str], str]) -> dict[str, float]:
+        other = {q.id: store.get(rename(q.id)) for q in here}
+        return {id_: float(found) for id_, found in other.items() if found is not None and found.id != id_}
+
+    def numbered(mark: str, by: int, factor: int = 1) -> Callable[[str], str]:
+        return lambda id_: re.sub(rf"(?<={mark})\d+$", lambda n: str(factor * int(n[0]) + by), id_)
+
+    def listed(items: Sequence[str], by: int) -> Callable[[str], str]:
+        moved = {items[n - by]: items[n] for n in range(max(0, by), min(len(items), len(items) + by))}
+        # What has no neighbour has no other answer either.
+        return lambda id_: re.sub(r"(?<=@)[\d.]+$|^.*(?=/)", lambda item: moved.get(item[0], item[0]), id_)
+
+    for by, word in ((-1, "previous"), (1, "next"), (-2, "last but one"), (2, "next but one")):
+        yield f"those to the {word} crossing", at(numbered("#", by))
+        yield f"those to the {word} order", at(numbered("_", by)) if _stem(here[0]).endswith("_n") else {}
+        yield f"those to the {word} sample in time", at(listed(times, by))
+        yield f"those to the {word} entry of its kind", at(listed(entries, by))
+    yield "those to every second crossing", at(numbered("#", 0, 2))
+    for one, two, text in _PAIRS:
+        yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
+    before = at(numbered("#", -1))
+    yield "counted from the previous crossing, an interval,", {q.id: float(q) - before.get(q.id, 0.0) for q in here}
+    mine = _stem(here[0])
+    for name in dict.fromkeys(_stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
+        other = at(partial(_renamed, f"/{mine}", f"/{name}"))
+        yield f"{_INSTEAD}{name}", other
+        yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
+        if name == "period":
+            rates = {q.id: float(q) / other[q.id] for q in here if q.id in other}
+            yield "those per unit of time, divided by the period,", rates
+    if mine.endswith("_n"):
+        for text, weight in _WEIGHTS.items():
+            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * float(q) for q in here}
+
+
+def _exchanged(one: str, two: str, id_: str) -> str:
+    return id_.replace(one, two) if one in id_ else id_.replace(two, one)
+
+
+def _renamed(old: str, new: str, id_: str) -> str:
+    return new.join(id_.rsplit(old, 1))
+
+
+# ------------------------------------------------------------------------------------------ sizes
+def _rounded(asked: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str | None:
+    """How all answers are rounded alike: to so many digits or decimals, or to single precision."""
+    import struct
+
+    pairs = [(answers[quantity.id], float(quantity)) for quantity in asked]
+    if not any(answer for answer, _ in pairs):
+        return None
+    for digits in range(2, 13):
+        for what in ("significant digits", "decimals"):
+            for answer, right in pairs:
+                places = answer.adjusted() + 1 - digits if what[0] == "s" and answer else -digits
+                step = Decimal(1).scaleb(places)
+                # A unit's half, and what a program in doubles may be off beside it.
+                near = Decimal("0.5001") * step + Decimal("1e-9") * abs(answer)
+                if answer % step or abs(answer - Decimal(right)) > near:
+                    break
+            else:
+                return f"rounded to {digits} {what}"
+    for answer, right in pairs:
+        x = float(answer)
+        kept = abs(x) < 1e38 and struct.unpack("f", struct.pack("f", x))[0] == x
+        if not kept or abs(x - right) > 2 * _SINGLE * abs(x):
+            return None
+    return "rounded to single precision" if len(pairs) >= _FREE else None
+
+
+def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_right: bool) -> Found | None:
+    """Errors that their size and place tell; ``equations_right`` says that level 1 was passed."""
+    failing = {_stem(store[id_]) for id_ in wrong}
+    passing = {_stem(store[grade.id]) for grade in usable if not grade.failed} - failing
+    digits = [grade.digits for grade in usable if grade.id in wrong]
+    level = usable[0].level
+    derivative = {name for name in failing if name.startswith("d") or name == "transversality"}
+    several = len(derivative) > 1 and len(wrong) >= _FREE  # one alone may be a wrong formula's
+    if failing == derivative and passing and several and min(digits) >= _LEAST_DIGITS:
+        return (
+            ("differences", "finite differences: only derivatives are off, by a few of their last digits"),
+        ), frozenset(wrong)
+    if failing == {"log_multiplier_fast"}:
+        bad = [float(as_decimal(grade.answer)) for grade in usable if grade.id in wrong]
+        # An eigenvalue below 1e-16 of the largest is rounding in doubles, exp(-36.7), or what an integrator leaves.
+        if all(-45 < x < -20 for x in bad) and all(float(store[id_]) < -50 for id_ in wrong):
+            text = "log_multiplier_fast: rounding, as of a monodromy matrix's eigenvalue; integrate the divergence"
+            return (("rounding", text),), frozenset(wrong)
+    if level == 1:
+        off = [grade.off for grade in usable if math.isfinite(grade.off)]
+        if off and max(off) < 64 * _SINGLE and median(off) > _SINGLE / 64:
+            return (("single", "errors of the size of single precision"),), frozenset(wrong)
+        return None
+    if level != 6 or not equations_right:
+        return None
+    return _motion(usable, wrong, failing, passing, store)
+
+
+def _motion(
+    usable: Sequence[Grade], wrong: set[str], failing: set[str], passing: set[str], store: Store
+) -> Found | None:
+    """Trajectories by right equations: crossings located badly, or errors smaller than those of any wrong equation."""
+    if all(name.startswith("crossing_") for name in failing) and {"beta", "gamma", "v"} <= passing:
+        times = [
+            abs(float(as_decimal(grade.answer)) - float(store[grade.id]))
+            for grade in usable
+            if store[grade.id].name.startswith("crossing_time")
+        ]
+        if times and max(times) < _CRUDE:
+            text = "crossings are located crudely, by straight lines or at steps: samples in time are right"
+            return (("crossings", text),), frozenset(wrong)
+        return None
+    samples = [grade for grade in usable if "@" in grade.id]
+    if len(samples) < _FREE or max(grade.off for grade in usable) > _INTEGRATED or _smooth(samples, store):
+        return None
+    text = "the integrator's errors: a loose tolerance, too long a step, or single precision"
+    return (("tolerance", text),), frozenset(wrong)
+
+
+def _smooth(samples: Sequence[Grade], store: Store) -> bool:
+    """Whether slightly other parameters, speeds and starts give these errors: by the slopes that the reference knows.
+
+    An integrator's errors are of all directions on the way, those of another model are the same ones on each orbit.
+    """
+    import numpy
+
+    asked = [store[grade.id] for grade in samples]
+    names = sorted({name for quantity in asked for name in quantity.condition})
+    table = numpy.array([[float(quantity.condition.get(name, 0)) for name in names] for quantity in asked])
+    errors = numpy.array([float(as_decimal(grade.answer)) - float(store[grade.id]) for grade in samples])
+    weights = 1 / numpy.maximum(abs(table).sum(axis=1), 1e-300)
+    shifts = numpy.linalg.lstsq(table * weights[:, None], errors * weights, rcond=1e-6)[0]
+    left = (errors - table @ shifts) * weights
+    return bool(numpy.linalg.norm(left) < _LEFT * numpy.linalg.norm(errors * weights))
