@@ -76,7 +76,7 @@ DECIDED: dict[str, Callable[[list[Any], Claim], bool | None]] = {
     "supercritical": lambda told, claim: told[0]["criticality"] == "supercritical",
     "omega_h": _omega_h,
     "infinite_period": _said("a in (0, pi)", "the period tends to infinity"),
-    "only_above_omega_h": _said("each Omega with Omega_h < Omega < Omega_crit", "at none up to Omega_h it has one"),
+    "only_above_omega_h": _said("each Omega with Omega_h < Omega < Omega_crit", "none but these cycles'"),
     "stable_branch": _said(
         "asymptotically stable", "Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly"
     ),

@@ -154,8 +154,8 @@ class BranchProof:
             return ""
         low, high, gamma, v = map(exact_text, (self.end.low, self.end.high, self.end.gamma, self.end.v))
         return (
-            f" At no Omega from {low} to {high} rad/s P has another fixed point with 3 pi/2 - {gamma} <= gamma < "
-            f"3 pi/2 and -{v} rad/s <= v < 0, and at none up to Omega_h it has one."
+            f" P has no fixed point with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0 for any Omega from "
+            f"{low} rad/s to Omega_h, and none but these cycles' for any Omega from there to {high} rad/s."
         )
 
     @property
