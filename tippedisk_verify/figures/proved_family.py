@@ -66,7 +66,7 @@ def _widths(axis: Any, proof: BranchProof) -> None:
             axis.stairs(sizes, edges, baseline=None, color=colour, ls=style, lw=1.5, label=f"{manner}: {unit}")
     axis.set_yscale("log")
     low, high = axis.get_ylim()
-    axis.set_ylim(low, high**1.9 / low**0.9)
+    axis.set_ylim(low, high**1.6 / low**0.6)
     axis.set(xlabel=r"$\bar{\gamma}_0$ [rad]", title="How wide the proved tube is")
     axis.legend(loc="upper center", frameon=False)
 
@@ -101,6 +101,6 @@ def _connection_end(axis: Any, proof: BranchProof, omega_h: float) -> None:
     axis.set(xscale="log", yscale="log", xlim=(_LEAST, 0.8), ylim=(_LEAST / 10, None))
     axis.set(xlabel=r"$\pi - \bar{\gamma}_0$ [rad]", ylabel=r"$\Omega - \Omega_h$ [rad/s]")
     closed = "the set Q holds the rest" if proof.end_closed else "open"
-    axis.set_title(f"The end at the heteroclinic cycle: {closed}")
+    axis.set_title(f"The heteroclinic end: {closed}")
     if proof.end_closed:
         axis.legend(loc="upper left", frameon=False)
