@@ -31,7 +31,7 @@ ALLOWED = {
         *("model", "theory", "flow", "orbits", "bench"),
     },
     "stress": {"errors", "model", "theory", "flow", "orbits", "stress"},
-    "figures": {"errors", "files", "model", "theory", "flow", "orbits", "audit", "bench", "figures"},
+    "figures": {"errors", "files", "model", "theory", "flow", "orbits", "certified", "audit", "bench", "figures"},
     "report": {
         *("errors", "files", "cache", "fingerprint", "web", "__version__"),
         *("model", "theory", "flow", "orbits", "audit", "bench", "figures", "report"),

@@ -239,6 +239,7 @@ def test_a_box_beside_the_family_is_not_proved() -> None:
         assert not beside.proved
 
 
+@pytest.mark.slow
 def test_the_amplitude_as_the_parameter() -> None:
     """For each gamma_bar of an interval one pair of v and Omega; the cycle that is known lies where it should."""
     with working_precision(64):

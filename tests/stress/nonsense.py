@@ -192,6 +192,15 @@ SHAPES: dict[str, Shape] = {
     "certify branch": Shape(
         ("certify", "branch"), {**_COMMON, **_JOBS, "--at": ("A^in", st.one_of(NOT_SOURCES, NOT_NAMES))}
     ),
+    "certify branch as one curve": Shape(
+        ("certify", "branch"),
+        {
+            **_JOBS,
+            "--to": ("3", st.one_of(NOT_ANGLES, st.sampled_from(["0", "-1", "3.1416"]))),
+            "--arcs": ("arcs", NOT_TARGETS),
+            "--out": ("out", NOT_FOLDERS),
+        },
+    ),
     "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(
@@ -222,8 +231,19 @@ SHAPES: dict[str, Shape] = {
     ),
     "conformance grade": Shape(
         ("conformance", "grade"),
-        {"--from": ("doubles", NOT_NAMES), "--html": ("o.html", NOT_TARGETS)},
+        {
+            "--from": ("doubles", NOT_NAMES),
+            "--html": ("o.html", NOT_TARGETS),
+            "--badge": ("o.svg", NOT_TARGETS),
+            "--require": ("4", NOT_COUNTS),
+            "--expected-failures": ("expected", NOT_SOURCES),
+        },
         (("answered.csv", NOT_SOURCES),),
+    ),
+    "conformance compare": Shape(
+        ("conformance", "compare"),
+        {"--from": ("doubles", NOT_NAMES)},
+        (("answered.csv", NOT_SOURCES), ("answered.csv", NOT_SOURCES)),
     ),
     "sweep": Shape(
         ("sweep",),
@@ -290,6 +310,7 @@ def furnished(folder: Path) -> Path:
     (folder / "file").write_text("mine")
     (folder / "file.csv").write_text("mine,too\n1,2\n")
     (folder / "answered.csv").write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.9\n")
+    (folder / "expected").write_text("printed/linear/hopf/*\n")
     (folder / "loop").symlink_to(folder / "loop")
     (folder / "link.toml").symlink_to("/etc/passwd")
     os.mkfifo(folder / "pipe")

@@ -164,7 +164,7 @@ def test_an_estimate_that_is_too_small_is_seen() -> None:
 
 
 #: Terms that take their draws ten seconds and more to miss.
-LONG = ("truncation between the nodes", "the distance", "the spread", "the shift of the zero")
+LONG = ("truncation between the nodes", "the distance", "the spread", "most of the spread", "the shift of the zero")
 
 
 @pytest.mark.parametrize(
