@@ -255,6 +255,44 @@ def test_neighbours_are_one_curve_and_a_shifted_box_is_not() -> None:
     assert on_curve(b, *numbers(known("0.0028")))
 
 
+def test_pieces_are_joined_as_far_as_a_box_reaches_and_no_further() -> None:
+    near, room = (Fraction(1, 1000),) * 2, (Fraction(3, 1000),) * 2
+    one = replace(_flat("0", "1", True), within=near, unique_within=room)
+    for off, together in (("0.002", True), ("0.0021", False)):
+        for k in (0, 1):
+            rows = [(Fraction(0),), (Fraction(30),)]
+            rows[k] = (rows[k][0] + Fraction(off),)
+            other = Piece(Fraction(1), Fraction(2), False, (rows[0], rows[1]), room, near)
+            assert joined(one, other, Fraction(1)) is together
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("quick")
+def test_a_box_inside_the_first_one_shows_no_uniqueness(monkeypatch) -> None:
+    """What a second, narrower test would prove says nothing of the zero that the first one encloses."""
+    monkeypatch.setattr(pieces, "_WIDE_SHARES", (Fraction(1, 10**9),))
+    assert prove_piece(PRINTED, Fraction(0), HIGH, cover.hopf_guess(PRINTED), scaled=True) == first(PRINTED)
+
+
+@pytest.mark.usefixtures("quick")
+def test_what_is_rounded_is_rounded_to_the_safe_side() -> None:
+    proof = BranchProof(PRINTED, (piece(), second()))
+    highest = second().speeds(NEXT)[1]
+    assert highest <= proof.omega_end < highest + Fraction(1, 10**9)
+    rooms = [part.unique_within[1] - part.within[1] for part in proof.pieces]
+    assert proof.unique_within()[2] == min(rooms)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_gap_between_pieces_leaves_nothing_proved() -> None:
+    late = replace(second(), low=second().low + Fraction(1, 1000))
+    holed = BranchProof(PRINTED, (piece(), late), end=_end(PRINTED, "30", "30.8850", "3.05"))
+    assert holed.end_closed
+    assert not holed.hopf_closed
+    assert not holed.proved
+    assert holed.statement.startswith("nothing is proved")
+
+
 # ----------------------------------------------------------------------------------------------- what is said, and kept
 @lru_cache(maxsize=1)
 def connected() -> ProvedConnection:

@@ -3,10 +3,11 @@
 It is put together from the pieces of `pieces`. The first one begins at the Hopf point, gamma_bar_0 = 0; each next one
 begins where the last one ends, and both are proved to have the same cycle there. So over (0, a_end] the family is one
 analytic curve, and what falls or grows strictly on each piece does so on all of it: for each Omega of [Omega_end,
-Omega_crit) exactly one cycle of the curve has this speed. At gamma_bar_0 = 0 the scaled flow is linear and has a
-periodic orbit. So Omega is Omega_crit there, the only speed at which a pair of eigenvalues is imaginary
-(`closed_forms`), and the period is that of the pair. The enclosures are checked to hold the closed form's Omega_crit
-all the same.
+Omega_crit) exactly one cycle of the curve has this speed. At gamma_bar_0 = 0 the scaled flow is linear, exp(A t), and
+takes a state x to -x in half a period t. So A has an eigenvalue i (2 k + 1) pi / t; no real one does that. A pair is
+imaginary at Omega_crit only (`closed_forms`), so Omega is Omega_crit there, and x is in the pair's plane. Its b is a
+sinusoid, and the flight shows that it has no zero inside the half period: k = 0, and the period is that of the pair.
+The enclosures are checked to hold the closed form's Omega_crit all the same.
 
 **The other end.** `connection_end` proves of every Omega in (Omega_h, Omega_1] that P has exactly one fixed point in a
 set Q next to the saddle. Let the last piece's cycle at a_end lie in Q at a speed below Omega_1 (`ProvedEnd.meets`).
@@ -23,11 +24,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from itertools import pairwise
 
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
 from tippedisk_verify.certified.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
-from tippedisk_verify.certified.pieces import Piece, Status
+from tippedisk_verify.certified.pieces import Piece, Status, joined
 from tippedisk_verify.certified.proved_end import ProvedEnd
 from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
@@ -50,8 +52,9 @@ class BranchProof:
 
     @property
     def hopf_closed(self) -> bool:
-        """Whether the curve is proved to begin at the Hopf point."""
-        return bool(self.pieces) and hopf_closed(self.parameters, self.pieces[0])
+        """Whether the pieces are one curve that is proved to begin at the Hopf point."""
+        glued = all(a.high == b.low and joined(a, b, b.low) for a, b in pairwise(self.pieces))
+        return bool(self.pieces) and glued and hopf_closed(self.parameters, self.pieces[0])
 
     @cached_property
     def end_closed(self) -> bool:
@@ -119,18 +122,19 @@ class BranchProof:
                 "Omega_crit"
             )
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law there are analytic "
-            f"functions v_0(a) < 0 and Omega(a) of a in {amplitudes} such that at the speed Omega(a) "
-            "the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an asymptotically stable limit "
-            "cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to itself, which crosses beta = "
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a real "
+            f"number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} such "
+            "that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
+            "asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to "
+            "itself, which crosses beta = "
             "pi/2 exactly twice a period, and on which |beta - pi/2| is less than pi/2; as a grows Omega falls "
             "strictly, and the period and the largest |beta - pi/2| grow strictly; as a tends to 0 the cycle "
             f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit} rad/s, where a pair of eigenvalues "
             f"crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; {other} is the "
             "speed of exactly one of these cycles. Let P be the half-period map, along the flow at the speed Omega "
             "from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, and then "
-            "by S. For no a up to "
-            f"{last} rad there is another (v, Omega), v < 0, for which P has the fixed point gamma = pi/2 + a, v, with "
+            f"by S. For no a with 0 < a <= {last} rad there is another (v, Omega), v < 0, for which P has the fixed "
+            "point gamma = pi/2 + a, v, with "
             f"|Omega - Omega(a)| <= {speed} rad/s and, where a <= {first} rad, |v - v_0(a)| <= {ratio} a/s, where "
             f"a is larger, |v - v_0(a)| <= {v} rad/s.{self._alone}"
         )
@@ -143,8 +147,8 @@ class BranchProof:
         middle, half_width = self.end.connection.omega_h.decimals()
         return (
             f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) and "
-            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit on which gamma grows from one to the other, and "
-            "by its image under S; the period tends to infinity, and v_0 to 0"
+            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends to "
+            "infinity, and v_0 to 0"
         )
 
     @property

@@ -114,7 +114,7 @@ class Piece:
         first, second = (tuple(_decimal(part) for part in row) for row in entry["curve"])
         unique, near = ((_decimal(x), _decimal(y)) for x, y in (entry["unique_within"], entry["within"]))
         return cls(
-            _decimal(entry["low"]), _decimal(entry["high"]), bool(entry["scaled"]), (first, second), unique, near
+            _decimal(entry["low"]), _decimal(entry["high"]), entry["scaled"] is True, (first, second), unique, near
         )
 
 
@@ -190,7 +190,7 @@ def prove_piece(
             if not (arc.flight.proved and all(part.is_finite() for part in arc.within)):
                 return Status.NOT_FOLLOWED
             held = [decimal_above(abs(part)) for part in arc.within]
-            if arc.proved and all(a <= b for a, b in zip(held, radii, strict=True)):
+            if arc.proved and all(a < b for a, b in zip(held, radii, strict=True)):
                 if refusal := _refusal(arc):
                     # Derivatives over a smaller box may show what those over this one do not.
                     failed, smaller = refusal, [two_digits(part * 5 / 4) for part in held]
