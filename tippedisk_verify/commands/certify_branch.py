@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["MOST_DIGITS", "branch", "proofs_of"]
 
 MOST_DIGITS = 12  # what the ordinary road's guesses have
+_LARGEST = 2**24  # bytes of a file of speeds
 _SETS = ("A^in", "A^de", "A^in+A^de")
 Told = tuple[dict[str, object], str]
 _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
@@ -107,10 +108,12 @@ def _cycles(parameters: Parameters, where: str) -> list[LimitCycle]:
 
 def _read(name: str) -> Iterator[str]:
     """The file's lines that are not empty."""
+    from tippedisk_verify.files import read_text
+
     try:
-        text = Path(name).read_text(encoding="utf-8")
-    except (OSError, UnicodeError, ValueError):
-        raise InputError(f"--at needs A^in, A^de, A^in+A^de or a file of speeds, not '{name[:100]}'") from None
+        text = read_text(Path(name), _LARGEST)
+    except InputError as fault:
+        raise InputError(f"--at needs A^in, A^de, A^in+A^de or a file of speeds: {fault}") from None
     yield from filter(None, map(str.strip, text.splitlines()))
 
 
