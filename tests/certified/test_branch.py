@@ -492,6 +492,7 @@ def test_the_command_has_no_sentence_for_a_subcritical_disk(capsys, monkeypatch,
     [
         (("--friction", "smooth"), "linear friction law only"),
         (("--to", "pi"), "--to"),
+        (("--to", ""), "not a finite decimal"),
         (("--to", "-1"), "--to"),
         (("--at", "A^in", "--to", "3"), "--at"),
         (("--arcs", "/nowhere/at/all"), "cannot be written"),

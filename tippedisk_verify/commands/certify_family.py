@@ -46,7 +46,7 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
 
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
-    wanted = _amplitude(until or _DEFAULT_END)
+    wanted = _amplitude(_DEFAULT_END if until is None else until)
     checked_jobs(jobs)
     folder = alone_in(out)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
