@@ -127,6 +127,8 @@ class CurveFlight:
     beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
     #: beta_bar, and its derivatives by the three numbers at a fixed time, in times that hold all moments with v = 0
     turning: Sequence[tuple[Any, Sequence[Jet]]]
+    #: of each step the share of the time of flight, and the axes of the set behind it, but for the last one
+    steps: Sequence[tuple[float, Matrix | None]]
 
 
 class _Systems:
@@ -212,6 +214,7 @@ class _Step:
     length: Jet
     enclosure: Sequence[Any]  #: holds all states throughout, for all s
     included: Any
+    share: float  #: of the time of flight
     polynomials: list[list[Jet]]  #: of the middle's orbits, the remainder's coefficient last
     derivatives: list[list[Jet]]  #: of the derivatives (twelve or fifteen) and the divergence's integral, likewise
 
@@ -279,6 +282,7 @@ class _Steps:
             length,
             padded[:3],
             included,
+            fraction,
             [[*series, nothing + end] for series, end in zip(thin, fine, strict=True)],
             [[*series, nothing + end] for series, end in zip(wide[3:], rough[3:], strict=True)],
         ), last
@@ -327,7 +331,7 @@ def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
         systems, tube = _Systems(constants, curve), _Tube(curve)
         steps = _Steps(systems, total)
         proved = negative(tube.box()[2].range())
-        divergence, time, least, turning = 0 * total, 0 * total, 0 * total.c[0], []
+        divergence, time, least, turning, shares = 0 * total, 0 * total, 0 * total.c[0], [], []
         for _ in range(_MOST_STEPS):
             step, last = steps.step(tube, proved)
             beta_bar, _, v = step.enclosure
@@ -336,11 +340,13 @@ def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
             least = least.union(beta_bar)
             if not np.all(negative(v) | positive(v)):
                 turning += step.turning()
+            shares.append((step.share, None))
             if last or not np.any(proved):
                 break
             divergence = divergence + _polynomial(step.derivatives[-1], step.length)
             tube, time = step.carried(), time + step.length
-        return _landed(systems, step, proved & last, (time, divergence, least, turning))
+            shares[-1] = step.share, tube.axes
+        return _landed(systems, step, proved & last, (time, divergence, least, turning, shares))
 
 
 def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]) -> CurveFlight:
@@ -354,7 +360,7 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]
     within = positive(early.range()) & positive((length - early).range())
     v = tube.image(step.centre(early), step.rows(early))[2]
     moment = tau - beta / v
-    time, divergence, least, turning = so_far
+    time, divergence, least, turning, shares = so_far
     own_time = tau - tube.own_image(centre, rows)[0] / v
     own = tube.own_image(step.centre(own_time), step.rows(own_time))
     rows = step.rows(moment)
@@ -373,6 +379,7 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]
         divergence + _polynomial(step.derivatives[-1], moment),
         least,
         turning,
+        shares,
     )
 
 
