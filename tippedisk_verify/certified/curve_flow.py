@@ -331,7 +331,8 @@ def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
         systems, tube = _Systems(constants, curve), _Tube(curve)
         steps = _Steps(systems, total)
         proved = negative(tube.box()[2].range())
-        divergence, time, least, turning, shares = 0 * total, 0 * total, 0 * total.c[0], [], []
+        divergence, time, least, turning = 0 * total, 0 * total, 0 * total.c[0], []
+        shares: list[tuple[float, Matrix | None]] = []
         for _ in range(_MOST_STEPS):
             step, last = steps.step(tube, proved)
             beta_bar, _, v = step.enclosure

@@ -10,6 +10,7 @@ from typing import Any
 
 from flint import arb, arb_mat, ctx
 
+from tippedisk_verify.checker.family import CLAIM, EVIDENCE, Mapped, family_shown
 from tippedisk_verify.checker.reading import BOX, MEASURED, POINT, Refused, count, decimal, digest, one_of, parsed
 from tippedisk_verify.checker.steps import (
     UNITS,
@@ -228,12 +229,16 @@ def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return claim, {**POINT, "wide box?": BOX}
 
 
-def proved(content: Any) -> str:
-    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not."""
+def proved(content: Any, mapped: Mapped = map) -> str:
+    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not.
+
+    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and are shown one by one.
+    """
     if not isinstance(content, dict) or content.get("format") != FORMAT or not isinstance(content.get("claim"), dict):
         raise Refused(f"it is no object with the format '{FORMAT}' and a claim")
     kind = _KINDS[parsed(content["claim"].get("kind"), one_of(*_KINDS), "claim kind")]
-    claim, evidence = _shapes(kind)
+    family = content["claim"]["kind"] == "family of limit cycles"
+    claim, evidence = (CLAIM, EVIDENCE) if family else _shapes(kind)
     shape = {"format": str, "claim": claim, "bits": count, "evidence": evidence, "sha256": str}
     precision, cap, bits = ctx.prec, ctx.cap, parsed(content.get("bits"), count, "bits")
     need(bits > 1, "one bit is not enough")
@@ -241,7 +246,10 @@ def proved(content: Any) -> str:
         ctx.prec = bits
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        (_fold if kind["fold"] else _cycle)(file["claim"], file["evidence"])
+        if family:
+            family_shown(file["claim"], file["evidence"]["arcs"], mapped)
+        else:
+            (_fold if kind["fold"] else _cycle)(file["claim"], file["evidence"])
     finally:
         ctx.prec, ctx.cap = precision, cap
     words = {name: value for name, value in file["claim"].items() if isinstance(value, str)}

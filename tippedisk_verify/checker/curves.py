@@ -1,6 +1,6 @@
 """Limit cycles of all amplitudes of an interval at once: flights over curves of starts, and Krawczyk's test of them.
 
-**The curve.** For s in [-1, 1] let p(s) be three Chebyshev polynomials: (gamma_bar, v, Omega), or at the Hopf point (q, v / a,
+**The curve.** For s in [-1, 1] let p(s) be three polynomials: (gamma_bar, v, Omega), or at the Hopf point (q, v / a,
 Omega), where q = a^2 >= 0 and the state is a (b, g, u). Deviations d of p lie in a box about zero. Angles are from
 inverted spinning; with a = 1 the second kind's equations are those of the first, so that they are written down once.
 A step's length is a share of T(s), a polynomial that is about half the period.
@@ -50,7 +50,7 @@ class Motion:
         x, cos_b, y, cos_g = sines_
         f = self.flow
         rho, w2, qx2, cos2 = cos_g * f.e + f.r, w * w, q * (x * x), cos_b * cos_b
-        rho2, inertia = rho * rho, q * (y * y) * f.a + cos_g * cos_g * f.b
+        rho2, inertia = rho * rho, q * (y * y) * (f.a - f.b) + f.b
         swing = inertia * w2 + rho2 * (q * (u * u))
         pull = cos_b * (swing + w2 * (qx2 * (rho * cos_g)) * f.e) + rho * -f.g
         cross = cos_g * (2 * (f.a - f.b)) + rho * (cos2 * 3 + -2) * f.e
@@ -61,11 +61,11 @@ class Motion:
     def series(self, state: Sequence[Jet], order: int) -> list[Jet]:
         """(b, g, u, sin(a b) / a, cos(a b), sin(a g) / a, cos(a g)) and, scaled, the first and third sines' by q."""
         start, q = list(state), 1 if self.q is None else self.q
-        slopes = []
+        slopes: list[Jet] = []
         for angle in state[:2]:
-            sine, cosine, *slope = sines(angle) if self.q is None else small_sines(angle, self.q)
-            start += [sine, cosine]
-            slopes += slope
+            values: tuple[Jet, ...] = sines(angle) if self.q is None else small_sines(angle, self.q)
+            start += values[:2]
+            slopes += values[2:]
         found = [part.map(lambda x: arb_series([x], prec=1)) for part in start]
         for _ in range(order):
             _, _, u, x, cos_b, y, cos_g = found
@@ -312,8 +312,8 @@ class Flight:
 
 def _section_sines(gamma: Jet, q: Jet | None) -> list[Jet]:
     zero = 0 * gamma
-    sine, cosine, *_ = sines(gamma) if q is None else small_sines(gamma, q)
-    return [zero, zero + 1, sine, cosine]
+    values: tuple[Jet, ...] = sines(gamma) if q is None else small_sines(gamma, q)
+    return [zero, zero + 1, *values[:2]]
 
 
 class Arc:
@@ -350,7 +350,8 @@ class Arc:
              f"{self.path}: the cycles are not shown to be stable")  # fmt: skip
         need(positive(-w_slope.range()), f"{self.path}: Omega is not shown to fall")
         by = flight.time_by
-        need(positive((by[0] + by[1] * v_slope + by[2] * w_slope).range()), f"{self.path}: the period is not shown to grow")
+        growth = (by[0] + by[1] * v_slope + by[2] * w_slope).range()
+        need(positive(growth), f"{self.path}: the period is not shown to grow")
         need(bool(flight.turning), f"{self.path}: the orbits are not shown to turn")
         for beta, row in flight.turning:
             slope = row[0] + row[1] * v_slope + row[2] * w_slope

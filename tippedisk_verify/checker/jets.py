@@ -13,7 +13,7 @@ from typing import Any
 
 from flint import arb, arb_series
 
-from tippedisk_verify.checker.steps import need
+from tippedisk_verify.checker.steps import Unproved, need
 
 __all__ = ["Dual", "Jet", "at", "polynomial", "power_of", "sines", "small_sines", "symmetric"]
 
@@ -46,10 +46,10 @@ class Jet:
         return Jet([-x for x in self.c])
 
     def __sub__(self, other: Any) -> Jet:
-        return self + -other
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Jet:
-        return -self + other
+        return self.__neg__().__add__(other)
 
     def __mul__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
@@ -75,17 +75,18 @@ class Jet:
     def reciprocal(self) -> Jet:
         """1 / c = z + z r + z r^2 / (1 - r) with r = 1 - c z for any z; Newton's method makes z."""
         try:
-            z = Jet([1 / self.c[0]])
-            if len(self.c) > 1:
-                centre, z = self.mid(), z.mid()
-                z = (z.c[0] * (2 - centre * z.c[0])).mid()
-                z = (z * (2 - centre * z)).mid()
-                r = 1 - self * z
-                whole = r.range()
-                z = z + z * r + z.range() * whole * whole / (1 - whole)
+            if len(self.c) == 1:
+                return Jet([_inverse(self.c[0])])
+            centre = self.mid()
+            z = Jet([1 / centre.c[0]])
+            z = (z.c[0] * (2 - centre * z.c[0])).mid()
+            z = (z * (2 - centre * z)).mid()
+            r = 1 - self * z
+            whole = r.range()
+            sum_: Jet = z + z * r
+            return sum_ + z.range() * whole * whole * _inverse(1 - whole)
         except (ValueError, ZeroDivisionError):  # Arb divides no series by a ball that holds zero
-            need(False, "a divisor may vanish")
-        return z
+            raise Unproved("a divisor may vanish") from None
 
     def __truediv__(self, other: Jet) -> Jet:
         return self * other.reciprocal()
@@ -197,7 +198,7 @@ class Dual:
         return Dual(-self.x, [None if a is None else -a for a in self.by])
 
     def __sub__(self, other: Any) -> Dual:
-        return self + -other
+        return self.__add__(-other)
 
     def __mul__(self, other: Any) -> Dual:
         if not isinstance(other, Dual):
@@ -218,6 +219,17 @@ class Dual:
             for a, b in zip(self.by, other.by, strict=True)
         ]
         return Dual(x, by)
+
+
+def _inverse(x: Any) -> Any:
+    """1 / x, of series term by term: Newton's method, which is Arb's, widens wide balls."""
+    if not isinstance(x, arb_series):
+        return 1 / x
+    first = 1 / x[0]
+    found: list[Any] = []
+    for k in range(x.prec):
+        found.append(first if not k else -first * sum(x[i] * found[k - i] for i in range(1, k + 1)))
+    return arb_series(found, prec=x.prec)
 
 
 def _mid(x: Any) -> Any:

@@ -16,6 +16,7 @@ from tippedisk_verify.commands.common import (
     result_lines,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.files import output_file, write_text
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.branch import BranchProof
@@ -37,7 +38,9 @@ _NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 
-def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str | None, out: str | None) -> int:
+def family_as_a_curve(
+    common: Common, jobs: int | None, arcs: str | None, until: str | None, out: str | None, certificate: str | None
+) -> int:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
@@ -49,6 +52,8 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     wanted = _amplitude(_DEFAULT_END if until is None else until)
     checked_jobs(jobs)
     folder = alone_in(out)
+    if certificate is not None:
+        output_file(certificate)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
     stopped = None
     connection: ProvedConnection | None = None
@@ -87,8 +92,20 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
+    if certificate is not None and proof.hopf_closed:
+        _certify(common, proof, certificate, jobs)
     print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
+
+
+def _certify(common: Common, proof: BranchProof, name: str, jobs: int | None) -> None:
+    """Write the certificate of the arcs."""
+    from tippedisk_verify.certified.family_certificate import family_certificate
+
+    with progress(common, len(proof.pieces)) as advance, processes(jobs, needed=len(proof.pieces) > 1) as pool:
+        advance("certificate", 0)
+        text = family_certificate(proof, pool, lambda done: advance(f"certificate: arc {done}", 1))
+    write_text(output_file(name), text)
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
