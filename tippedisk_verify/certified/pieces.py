@@ -44,7 +44,7 @@ SHARES = Fraction(1, 300), Fraction(1, 100)  # of the box's radii, at first, in 
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MOST_ATTEMPTS = 3
 #: Of a box of uniqueness in the family's slope times the distance to the connection (to 1 of a scaled piece's a^2).
-_WIDESHARES = Fraction(1, 64), Fraction(1, 256)
+_WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 Pair = tuple[Fraction, Fraction]
 Guess = tuple[Fraction, Fraction, Fraction]  #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
@@ -201,7 +201,7 @@ def prove_piece(
                 # The box of uniqueness may be wider than that which shows the signs.
                 room = Fraction(1) if scaled else max(Fraction(22, 7) - high, _LEAST)
                 slopes = [max(abs(row[1]) / length, _LEAST) for row in rows]
-                wider = ([two_digits(slope * room * share) for slope in slopes] for share in _WIDESHARES)
+                wider = ([two_digits(slope * room * share) for slope in slopes] for share in _WIDE_SHARES)
                 around = next((wide for wide in wider if min(map(sub, wide, radii)) > 0 and test(wide).proved), radii)
                 return Piece(low, high, scaled, rows, (around[0], around[1]), (held[0], held[1]))
             failed, radii = Status.NOT_INCLUDED, [two_digits(2 * part) for part in held]

@@ -49,7 +49,7 @@ class Jet:
         return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Jet:
-        return self.__neg__().__add__(other)
+        return Jet([-x for x in self.c]) + other
 
     def __mul__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
