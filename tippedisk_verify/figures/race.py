@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.bench.methods import METHODS
+from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import pyplot
 
-__all__ = ["EXHIBITS", "draw_bench"]
+__all__ = ["EXHIBITS", "brief_methods", "draw_bench"]
 
 # Each method its own mark and line: the colours (Okabe and Ito's) are only a help.
 _STYLES = {
@@ -101,13 +101,17 @@ def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
     return drawn
 
 
-def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
-    methods = [
+def brief_methods() -> list[Method]:
+    """The methods that the report races: ours and the strongest of SciPy's, at settings that take seconds."""
+    return [
         method if settings is None else replace(method, settings=settings)
         for method in METHODS
         if (settings := _METHODS.get(method.name, ())) != ()
     ]
-    scores = raced([problem_named(name) for name in _PROBLEMS], methods)
+
+
+def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
+    scores = raced([problem_named(name) for name in _PROBLEMS], brief_methods())
     rows = [score.json() for score in scores]
     shown = [
         (score.problem, score.method, score.setting, score.seconds and score.seconds * 1e3, score.error, score.status)
