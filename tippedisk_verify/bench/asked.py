@@ -30,14 +30,16 @@ def scores_by_asking(
     scores = []
     for problem in problems:
         advance(f"{problem.name}: {name}", 1)
-        _, cold = _asked(ask, problem, problem.duration, _REPEATS)
+        state, cold = _asked(ask, problem, problem.duration, _REPEATS)
+        if not state:
+            continue
         runs = [_asked(ask, problem, problem.duration, 0)]
         more = range(1, _REPEATS if runs[0][1] < _LONG else 1)
         runs += [_asked(ask, problem, problem.duration, repeat) for repeat in more]
         stopped = [runs[0][0], *(_asked(ask, problem, problem.times[stop], 0)[0] for stop in STOPS[:-1])]
-        right = [truth_of(problem).samples[stop] for stop in (STOPS[-1], *STOPS[:-1])]
-        if any(len(state) < len(_STATE) for state in stopped):
+        if not all(stopped):
             continue
+        right = [truth_of(problem).samples[stop] for stop in (STOPS[-1], *STOPS[:-1])]
         seconds = [spent for _, spent in runs]
         middle = statistics.median(seconds)
         scores.append(
@@ -67,7 +69,7 @@ def scores_by_asking(
 
 
 def _asked(ask: Ask, problem: Problem, t: float, repeat: int) -> tuple[list[Decimal], float]:
-    """The numbers that it gives for the state at t, and the seconds."""
+    """The state that it gives at t, or nothing if any of it is missing, and the seconds."""
     beta, gamma, v = problem.start
     inputs = {"Omega": problem.omega, "beta": beta, "gamma": gamma + 1e-9 * repeat, "v": v, "t": t}
     rows = [
@@ -88,4 +90,5 @@ def _asked(ask: Ask, problem: Problem, t: float, repeat: int) -> tuple[list[Deci
         for quantity, unit in _STATE
     ]
     answers, seconds = ask(rows)
-    return [answers[row["id"]] for row in rows if row["id"] in answers], seconds
+    state = [answers[row["id"]] for row in rows if row["id"] in answers]
+    return state if len(state) == len(rows) else [], seconds

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,9 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 _RACED = ("cycle", "passage", "smooth")  # the problems whose methods take seconds, and one for the other law
-_LIMIT = 60.0  # s
+#: [s] A limit cycle in plain Python with SciPy takes seven; an interpreter ten times slower is not cut short.
+_LIMIT = 100.0
 _LONGEST = 86_400.0
 _LARGEST = 2**24  # bytes of a figure
+_MOST = 300  # the decimal exponent of a number that doubles hold
 
 
 @click.command()
@@ -71,7 +72,7 @@ def run(
     first = questions(store, sets=sets, levels=(1,))[0]
     checked_reading(reading)
     folder = alone_in(out)
-    source = printable(shlex.join(command))[:80]
+    source = printable(" ".join(Path(word).name for word in command))[:60]
     with started(command, limit) as program:
         interview = Interview(program, store, reading)
 
@@ -84,21 +85,20 @@ def run(
                 interview.conduct(asked, first, advance)
             finally:
                 keep()
-        scores = (
-            _raced(common, interview, " ".join(Path(word).name for word in command)[:30]) if folder is not None else []
-        )
+        scores = [] if folder is None else _raced(common, interview, source[:30])
         interview.finish()
     if not common.quiet:
         for line in program.errors():
             click.echo(f"{program.name}: {line}", err=True)
-    noticed = interview.remarks()
-    more: dict[str, Any] = {"noticed": noticed, "start_up": interview.start_up, "times": interview.times()}
+    more: dict[str, Any] = {"start_up": interview.start_up, "times": interview.times()}
     if folder is not None:
-        more["picture"] = _drawn(folder, scores)
         wanted = replace(wanted, page=wanted.page or folder / "grades.html")
-    return wanted.report(
-        common, store, asked, interview.grades, interview.answers(), source, interview.broke_off, **more
-    )
+        if scores:
+            race = [_point(score) for score in scores if score.family == "asked"]
+            more |= {"picture": _drawn(folder, scores), "race": race}
+    more["noticed"] = interview.remarks()
+    answers, broke_off = interview.answers(), interview.broke_off
+    return wanted.report(common, store, asked, interview.grades, answers, source, broke_off, **more)
 
 
 def _raced(common: Common, interview: Interview, name: str) -> list[Score]:
@@ -119,22 +119,19 @@ def _raced(common: Common, interview: Interview, name: str) -> list[Score]:
                 number = as_decimal(text.strip())
             except InvalidOperation:
                 continue
-            if number.is_finite():
+            if number.is_finite() and abs(number.adjusted()) < _MOST:
                 numbers[id_] = number
         return numbers, seconds
 
-    problems = [problem_named(problem) for problem in _RACED]
+    problems = {name: problem_named(name) for name in _RACED}
     methods = brief_methods()
     with progress(common, len(problems) * (1 + len(methods))) as advance:
-        mine = scores_by_asking(name, ask, problems, advance)
-        answered = {score.problem for score in mine}
-        return [*raced([one for one in problems if one.name in answered], methods, advance), *mine]
+        mine = scores_by_asking(name, ask, list(problems.values()), advance)
+        return [*raced([problems[score.problem] for score in mine], methods, advance), *mine]
 
 
 def _drawn(folder: Path, scores: Sequence[Score]) -> str:
-    """Write the race, and give its figure as what a page embeds; nothing if the program took no part in it."""
-    if not any(score.family == "asked" for score in scores):
-        return ""
+    """Write the race, and give its figure as what a page embeds."""
     from base64 import b64encode
 
     from tippedisk_verify.bench.race import machine
@@ -143,3 +140,10 @@ def _drawn(folder: Path, scores: Sequence[Score]) -> str:
 
     write_bench(folder, scores, {"machine": machine(), "runs": [score.json() for score in scores]})
     return "data:image/svg+xml;base64," + b64encode(read_bytes(folder / "bench.svg", _LARGEST)).decode()
+
+
+def _point(score: Score) -> dict[str, Any]:
+    from tippedisk_verify.bench.problems import problem_named
+
+    says = problem_named(score.problem).says
+    return {"problem": score.problem, "says": says, "error": score.error, "seconds": score.seconds}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +41,8 @@ class Report:
     noticed: Sequence[str] = ()  #: what a program did beside answering
     start_up: float | None = None  #: [s] until a program's first answer
     times: Sequence[KindTimes] = ()  #: how long a program took
-    picture: str = ""  #: an SVG of its run time against its error
+    race: Sequence[Mapping[str, Any]] = ()  #: its error and seconds on problems of `bench`
+    picture: str = ""  #: an SVG of these beside other integrators'
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -155,7 +156,8 @@ class Report:
         }
 
     def _seconds(self) -> dict[str, Any]:
-        return {"start_up": self.start_up, "kinds": [kind.json() for kind in self.times]}
+        kinds = [kind.json() for kind in self.times]
+        return {"start_up": self.start_up, "kinds": kinds, **({"race": list(self.race)} if self.race else {})}
 
     def worst(self) -> list[Grade]:
         """Failures of the first failing level first, then by digits."""
@@ -228,6 +230,8 @@ def print_report(report: Report, console: Console) -> None:
         console.print(worst)
     if report.times:
         console.print(_times_table(report))
+    for race in report.race:
+        console.print(Text(f"{race['says']}: error {race['error']:.1e} in {race['seconds']:.3g} s"))
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
     for diagnosis in report.diagnoses:
