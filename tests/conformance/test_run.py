@@ -122,7 +122,7 @@ def test_a_program_is_graded_and_timed(
          "    it = json.loads(line); it['answer'] = TRUTHS[it['id']]; print(json.dumps(it), flush=True)", None),
         ("for _ in range(5): said(asked())\n"
          "id_ = asked(); sys.stdout.write(json.dumps({'id': id_, 'answer': TRUTHS[id_]}))", None),
-        ("os.close(0)\nfor id_ in TRUTHS: said(id_)", None),
+        ("asked(); os.close(0)\nfor id_ in TRUTHS: said(id_)", None),
         ("sys.stderr.write('murmur ' * 100_000)\n" + WELL, None),
         ("for _ in range(6): said(asked())\nsys.exit(3)", "ended with status 3"),
         ("for _ in range(6): said(asked())\nos.kill(os.getpid(), signal.SIGSEGV)", "ended with SIGSEGV"),
@@ -218,11 +218,15 @@ def test_a_program_that_stays_when_its_input_ends_is_ended(
 
 
 @pytest.mark.usefixtures("clock")
-def test_full_pipes_on_both_sides(tmp_path: Path) -> None:
+@pytest.mark.parametrize("before", ["", "os.close(0)\n"], ids=["open", "closed"])
+def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
     """It never reads, is sent more than a pipe holds, and writes more than one to each of its own."""
-    script = f"import os\nfor n in (1, 2): os.write(n, b'x' * 1_000_000)\nopen({str(tmp_path / 'done')!r}, 'w')\n"
+    script = (
+        f"import os, time\n{before}for n in (1, 2): os.write(n, b'x' * 1_000_000)\n"
+        f"open({str(tmp_path / 'done')!r}, 'w')\ntime.sleep(1000)"
+    )
     heard: list[str] = []
-    with dialogue.started([sys.executable, "-c", script + "import time\ntime.sleep(1000)"], 7) as one:
+    with dialogue.started([sys.executable, "-c", script], 7) as one:
         assert "did not answer it within 7 s" in one.ask("?" * 10_000_000, {"it"}, heard.append)
         assert one.finish(heard.append).endswith("and was ended")
         assert len(one.errors()) == 1

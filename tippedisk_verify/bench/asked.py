@@ -9,6 +9,7 @@ from fractions import Fraction
 
 from tippedisk_verify.bench.problems import STOPS, Problem, truth_of
 from tippedisk_verify.bench.race import Score
+from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Ask", "scores_by_asking"]
 
@@ -71,6 +72,7 @@ def scores_by_asking(
 def _asked(ask: Ask, problem: Problem, t: float, repeat: int) -> tuple[list[Decimal], float]:
     """The state that it gives at t, or nothing if any of it is missing, and the seconds."""
     beta, gamma, v = problem.start
+    parameters = problem.parameters.decimals()
     inputs = {"Omega": problem.omega, "beta": beta, "gamma": gamma + 1e-9 * repeat, "v": v, "t": t}
     rows = [
         {
@@ -81,7 +83,7 @@ def _asked(ask: Ask, problem: Problem, t: float, repeat: int) -> tuple[list[Deci
             "friction": problem.friction,
             "quantity": quantity,
             "unit": unit,
-            **problem.parameters.decimals(),
+            **{name: parameters[name] for name in SYMBOLS},
             # Exactly the doubles, so that a program with more digits starts from the same state.
             **{name: f"{Decimal(value):f}" for name, value in inputs.items()},
             "from": "",

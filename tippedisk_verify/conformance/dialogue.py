@@ -94,7 +94,7 @@ class Program:
         return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
 
     def kill(self, by: signal.Signals = signal.SIGKILL) -> None:
-        """End the whole group. Until it is waited for, nobody else gets its number."""
+        """End the whole group: the program's children, too, may hold the pipes."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, by)
 
@@ -111,15 +111,12 @@ class Program:
 
     def _fate(self) -> str:
         """How the program has ended; nothing while it runs."""
-        try:
-            ended = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-        except ChildProcessError:  # a parent that ignores SIGCHLD is not told
-            return "an unknown status"
-        if ended is None:
+        code = self._process.poll()
+        if code is None:
             return ""
-        if ended.si_code == os.CLD_EXITED:
-            return f"status {ended.si_status}"
-        return next((known.name for known in signal.Signals if known == ended.si_status), f"signal {ended.si_status}")
+        if code >= 0:
+            return f"status {code}"
+        return next((known.name for known in signal.Signals if known == -code), f"signal {-code}")
 
     def _ends(self, take: Callable[[str], None], patience: float) -> bool:
         deadline = time.monotonic() + min(self._limit, patience)

@@ -102,7 +102,7 @@ class Interview:
             self.grades += graded(collected([*mine, *got], self._store, self._reading, Answers()), questions)
             failed = sum(grade.failed for grade in self.grades)
             level = next(iter(questions.values())).level
-            advance(f"level {level}: {len(self.grades)} graded, {failed} of them not right", len(questions))
+            advance(f"level {level}: {len(self.grades)} graded, {failed} of them fail", len(questions))
             if self.broke_off:
                 break
 
