@@ -142,7 +142,6 @@ def test_odd_programs_are_graded_in_full(
 
 BROKEN = [
     ("forever()", f"did not answer {ASKED[2]} within 7 s, and was ended"),
-    ("signal.signal(signal.SIGTERM, signal.SIG_IGN); forever()", f"did not answer {ASKED[2]} within 7 s"),
     ("print('y\\n' * 100, flush=True); done()\nwhile True: print('y', flush=True)", "within 7 s, and was ended"),
     ("done()\nwhile True: sys.stdout.write('x' * 65536)", "within 7 s, and was ended"),
     ("done()\nwhile True: sys.stderr.write('x\\n' * 30000)", "within 7 s, and was ended"),
@@ -152,7 +151,7 @@ BROKEN = [
     ("os.kill(os.getpid(), signal.SIGKILL)", f"ended with SIGKILL before it answered {ASKED[2]}"),
     ("sys.stdout.write('{\"id\":'); sys.stdout.flush(); os._exit(0)", "ended with status 0 before it answered"),
 ]
-_NAMES = ["hangs", "hangs on", "rubbish", "one line", "murmurs", "closed", "status", "exception", "signal", "half"]
+_NAMES = ["hangs", "rubbish", "one line", "murmurs", "closed", "status", "exception", "signal", "half"]
 
 
 @pytest.mark.usefixtures("clock")

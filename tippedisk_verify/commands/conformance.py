@@ -72,15 +72,7 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
 @click.argument("file", metavar="FILE")
 @grading_options
 @plain_options
-def grade(
-    common: Common,
-    file: str,
-    reading: str | None,
-    html: str | None,
-    badge: str | None,
-    require: str | None,
-    expected: str | None,
-) -> int:
+def grade(common: Common, file: str, reading: str | None, **more: str | None) -> int:
     """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
 
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
@@ -91,7 +83,7 @@ def grade(
     from tippedisk_verify.reference_values.store import stored
 
     store = stored()
-    wanted = Wanted.checked(html, badge, require, expected, store)
+    wanted = Wanted.checked(store, **more)
     answers = _read(file, store, reading)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
     return wanted.report(common, store, asked, graded(answers, store), answers, printable(Path(file).name))

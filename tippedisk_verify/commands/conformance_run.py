@@ -48,10 +48,7 @@ def run(
     limit: float,
     out: str | None,
     reading: str | None,
-    html: str | None,
-    badge: str | None,
-    require: str | None,
-    expected: str | None,
+    **more: str | None,
 ) -> int:
     """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
 
@@ -67,7 +64,7 @@ def run(
     if not 0 < limit <= _LONGEST:
         raise InputError(f"--limit must lie between 0 and {_LONGEST:g} seconds, not {limit:g}")
     store = stored()
-    wanted = Wanted.checked(html, badge, require, expected, store)
+    wanted = Wanted.checked(store, **more)
     asked = questions(store, sets=sets, frictions=laws, levels=levels_named(levels))
     first = questions(store, sets=sets, levels=(1,))[0]
     checked_reading(reading)
@@ -90,15 +87,15 @@ def run(
     if not common.quiet:
         for line in program.errors():
             click.echo(f"{program.name}: {line}", err=True)
-    more: dict[str, Any] = {"start_up": interview.start_up, "times": interview.times()}
+    told: dict[str, Any] = {"start_up": interview.start_up, "times": interview.times()}
     if folder is not None:
         wanted = replace(wanted, page=wanted.page or folder / "grades.html")
         if scores:
             race = [_point(score) for score in scores if score.family == "asked"]
-            more |= {"picture": _drawn(folder, scores), "race": race}
-    more["noticed"] = interview.remarks()
+            told |= {"picture": _drawn(folder, scores), "race": race}
+    told["noticed"] = interview.remarks()
     answers, broke_off = interview.answers(), interview.broke_off
-    return wanted.report(common, store, asked, interview.grades, answers, source, broke_off, **more)
+    return wanted.report(common, store, asked, interview.grades, answers, source, broke_off, **told)
 
 
 def _raced(common: Common, interview: Interview, name: str) -> list[Score]:
@@ -138,7 +135,7 @@ def _drawn(folder: Path, scores: Sequence[Score]) -> str:
     from tippedisk_verify.files import read_bytes
     from tippedisk_verify.report.tables import write_bench
 
-    write_bench(folder, scores, {"machine": machine(), "runs": [score.json() for score in scores]})
+    write_bench(folder, scores, {"machine": machine(), "runs": [score.json() for score in scores]}, columns=2)
     return "data:image/svg+xml;base64," + b64encode(read_bytes(folder / "bench.svg", _LARGEST)).decode()
 
 

@@ -58,8 +58,9 @@ class Wanted:
 
     @classmethod
     def checked(
-        cls, html: str | None, badge: str | None, require: str | None, expected: str | None, store: Store
+        cls, store: Store, html: str | None, badge: str | None, require: str | None, expected: str | None
     ) -> Wanted:
+        """From the options. Raises InputError for what they cannot be."""
         from tippedisk_verify.conformance.regression import expected_failures
 
         page, picture = _output(html, "--html", ".html", ".htm"), _output(badge, "--badge", ".svg")

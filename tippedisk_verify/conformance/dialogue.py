@@ -74,7 +74,7 @@ class Program:
             if len(waiting) < still:
                 still, deadline = len(waiting), time.monotonic() + self._limit
             elif self._closed:
-                if self._ends(take, _PATIENCE):
+                if self._ends(take):
                     return f"{self.name} ended with {self._fate()} before it answered {id_}"
                 return f"{self.name} closed its standard output before it answered {id_}, and was ended"
             elif time.monotonic() >= deadline:
@@ -84,7 +84,7 @@ class Program:
     def finish(self, take: Callable[[str], None]) -> str:
         """End its input, and hand what it still says to ``take``. Returns what was wrong with its end, or nothing."""
         self._close_input()
-        if not self._ends(take, _PATIENCE):
+        if not self._ends(take):
             return f"{self.name} went on when its input had ended, and was ended"
         return "" if (how := self._fate()) == "status 0" else f"{self.name} ended with {how}"
 
@@ -93,16 +93,13 @@ class Program:
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
         return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
 
-    def kill(self, by: signal.Signals = signal.SIGKILL) -> None:
+    def kill(self) -> None:
         """End the whole group: the program's children, too, may hold the pipes."""
         with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, by)
+            os.killpg(self._process.pid, signal.SIGKILL)
 
     def close(self) -> None:
-        """Leave nothing behind: no process, no zombie, no open pipe."""
-        if not self._fate():
-            self.kill(signal.SIGTERM)
-            self._ends(lambda line: None, 1.0)
+        """Leave nothing behind: no process, no zombie, no open pipe. The end of its input asked it to end before."""
         self.kill()
         self._process.wait()
         self._selector.close()
@@ -118,18 +115,17 @@ class Program:
             return f"status {code}"
         return next((known.name for known in signal.Signals if known == -code), f"signal {-code}")
 
-    def _ends(self, take: Callable[[str], None], patience: float) -> bool:
-        deadline = time.monotonic() + min(self._limit, patience)
+    def _ends(self, take: Callable[[str], None]) -> bool:
+        deadline = time.monotonic() + min(self._limit, _PATIENCE)
         while not (self._closed and self._fate()) and time.monotonic() < deadline:
             self._listen(take)
         return bool(self._fate())
 
     def _close_input(self) -> None:
-        if not self._input.closed:
-            if self._unsent:
-                self._selector.unregister(self._input)
-            self._unsent = b""
-            self._input.close()
+        if self._unsent:
+            self._selector.unregister(self._input)
+        self._unsent = b""
+        self._input.close()
 
     def _listen(self, take: Callable[[str], None]) -> None:
         """One look at all pipes."""
@@ -148,9 +144,9 @@ class Program:
             return []
         except OSError:  # it does not listen any more; it may still answer
             self._close_input()
-            return []
-        if not self._unsent:
-            self._selector.unregister(stream)
+        else:
+            if not self._unsent:
+                self._selector.unregister(stream)
         return []
 
     def _hear(self, stream: IO[bytes]) -> list[bytes]:

@@ -6,7 +6,6 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
 from typing import Any
@@ -18,32 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Interview", "KindTimes"]
-
-
-@dataclass(frozen=True)
-class KindTimes:
-    """How long the answers of one kind took; null answers do not count."""
-
-    level: int
-    kind: str
-    answered: int  #: questions
-    seconds: tuple[
-        float, ...
-    ]  #: by state, trajectory, cycle or what else the questions of one id but its end are about
-    longest: str  #: what took the longest
-
-    def json(self) -> dict[str, Any]:
-        return {
-            "level": self.level,
-            "kind": self.kind,
-            "answered": self.answered,
-            "entries": len(self.seconds),
-            "total": sum(self.seconds),
-            "median": median(self.seconds),
-            "largest": max(self.seconds),
-            "longest": self.longest,
-        }
+__all__ = ["Interview"]
 
 
 class Interview:
@@ -119,19 +93,27 @@ class Interview:
         """The answers as a sheet that `conformance grade` reads, one to a line."""
         return "".join(json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows)
 
-    def times(self) -> list[KindTimes]:
-        """By level and kind, in the order asked."""
+    def times(self) -> list[dict[str, Any]]:
+        """Seconds by level and kind, in the order asked.
+
+        An entry is what the questions whose ids differ only in their last part are about: a state, a trajectory, a
+        cycle. Those with no other answer than null do not count.
+        """
         kinds: dict[tuple[int, str], list[tuple[Quantity, int, float]]] = {}
         for one in self._times:
             kinds.setdefault((one[0].level, one[0].kind), []).append(one)
         return [
-            KindTimes(
-                *kind,
-                answered=sum(one[1] for one in ones),
-                seconds=tuple(one[2] for one in ones),
-                longest=max(ones, key=lambda one: one[2])[0].id.rsplit("/", 1)[0],
-            )
-            for kind, ones in kinds.items()
+            {
+                "level": level,
+                "kind": kind,
+                "answered": sum(answered for _, answered, _ in ones),
+                "entries": len(ones),
+                "total": math.fsum(seconds for *_, seconds in ones),
+                "median": median(seconds for *_, seconds in ones),
+                "largest": max(seconds for *_, seconds in ones),
+                "longest": max(ones, key=lambda one: one[2])[0].id.rsplit("/", 1)[0],
+            }
+            for (level, kind), ones in kinds.items()
         ]
 
     def remarks(self) -> list[str]:

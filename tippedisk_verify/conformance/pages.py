@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
-from tippedisk_verify.conformance.interview import KindTimes
 from tippedisk_verify.conformance.sheet import Answers, looks_like
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ class Report:
     mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
     noticed: Sequence[str] = ()  #: what a program did beside answering
     start_up: float | None = None  #: [s] until a program's first answer
-    times: Sequence[KindTimes] = ()  #: how long a program took
+    times: Sequence[Mapping[str, Any]] = ()  #: how long a program took, by level and kind
     race: Sequence[Mapping[str, Any]] = ()  #: its error and seconds on problems of `bench`
     picture: str = ""  #: an SVG of these beside other integrators'
 
@@ -156,8 +155,8 @@ class Report:
         }
 
     def _seconds(self) -> dict[str, Any]:
-        kinds = [kind.json() for kind in self.times]
-        return {"start_up": self.start_up, "kinds": kinds, **({"race": list(self.race)} if self.race else {})}
+        race = {"race": list(self.race)} if self.race else {}
+        return {"start_up": self.start_up, "kinds": list(self.times), **race}
 
     def worst(self) -> list[Grade]:
         """Failures of the first failing level first, then by digits."""
@@ -246,13 +245,13 @@ def _times_table(report: Report) -> Table:
     title = f"run time: {report.start_up or 0:.3g} s to start up, then for each state, trajectory or cycle"
     table = Table(title=title, title_justify="left")
     table.add_column("level")
-    for heading in ("answers", "about", "total [s]", "median [s]", "largest [s]"):
+    for heading in ("answers", "entries", "total [s]", "median [s]", "largest [s]"):
         table.add_column(heading, justify="right")
     table.add_column("which took the longest")
     for one in report.times:
-        told = one.json()
-        cells = (f"{told[name]:.3g}" for name in ("total", "median", "largest"))
-        table.add_row(f"{one.level} {one.kind}", str(one.answered), str(len(one.seconds)), *cells, one.longest)
+        cells = (f"{one[name]:.3g}" for name in ("total", "median", "largest"))
+        kind, counts = f"{one['level']} {one['kind']}", (str(one["answered"]), str(one["entries"]))
+        table.add_row(kind, *counts, *cells, one["longest"])
     return table
 
 
