@@ -63,7 +63,7 @@ class Program:
         Returns why it never will be, or nothing. The limit is for each answer: the clock starts anew when ``waiting``
         gets shorter, and not with other lines.
         """
-        if not self._input.closed:
+        if text and not self._input.closed:
             if not self._unsent:  # a program may answer what it has not read
                 self._selector.register(self._input, selectors.EVENT_WRITE, self._send)
             self._unsent += text.encode()

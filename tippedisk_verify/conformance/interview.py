@@ -67,14 +67,18 @@ class Interview:
             said = self.program.errors()
             raise InputError(self.broke_off + (f": {said[-1]}" if said else ""))
         self.start_up = time.perf_counter() - self.program.begun
+        failed = 0
         for _, group in groupby(asked, key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
             questions = {quantity.id: quantity for quantity in group}
             mine = [row for row in opening if row[0] in questions]
-            got, seconds = self.exchange(question_row(self._store, one) for one in questions.values() if one != first)
+            got, seconds = self.exchange(
+                question_row(self._store, one) for one in questions.values() if one.id != first.id
+            )
             if (given := sum(bool(row[2]) for row in got)) and not self.broke_off:
                 self._times.append((next(iter(questions.values())), given, seconds))
-            self.grades += graded(collected([*mine, *got], self._store, self._reading, Answers()), questions)
-            failed = sum(grade.failed for grade in self.grades)
+            grades = graded(collected([*mine, *got], self._store, self._reading, Answers()), questions)
+            self.grades += grades
+            failed += sum(grade.failed for grade in grades)
             level = next(iter(questions.values())).level
             advance(f"level {level}: {len(self.grades)} graded, {failed} of them fail", len(questions))
             if self.broke_off:
