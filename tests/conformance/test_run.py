@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sys
 import time
@@ -27,7 +28,7 @@ from tippedisk_verify.bench.problems import problem_named, truth_of
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import conformance_run
 from tippedisk_verify.conformance import dialogue
-from tippedisk_verify.conformance.sheet import COLUMNS
+from tippedisk_verify.conformance.sheet import COLUMNS, question_row
 from tippedisk_verify.figures.race import brief_methods
 from tippedisk_verify.reference_values.store import stored
 
@@ -87,6 +88,21 @@ def _agree(graded: dict[str, Any]) -> int:
 
 
 WELL = "while True: said(asked())\n"
+
+
+def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
+    """As `docs/protocol.md` says, for languages without JSON. The example there is a question."""
+    page = (EXAMPLES.parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
+    example = json.loads(re.findall(r'    (\{"id".*?\})\n', page, re.DOTALL)[0])
+    rows = [question_row(stored(), quantity) for quantity in stored().values()]
+    (asked,) = (row for row in rows if row["id"] == example["id"])
+    assert asked.keys() == example.keys()
+    assert all(float(asked[name]) == float(example[name]) for name in ("r", "epsilon", "Omega", "beta", "t"))
+    assert all(re.fullmatch(r"[ -~]*", text) and not re.search(r'["\\]', text) for row in rows for text in row.values())
+    kept = tmp_path / "kept"
+    assert main([*RUN, "--quiet", "--", "tee", str(kept)]) == 0
+    cut = [re.findall(r'"(\w+)": "([^"]*)"', line) for line in kept.read_text().splitlines()]
+    assert [dict(pairs) for pairs in cut[1:]] == [row for row in rows if row["id"] in ASKED]
 
 
 def test_a_program_is_graded_and_timed(
