@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, localcontext
 from fractions import Fraction
@@ -14,7 +14,7 @@ from typing import Any
 from tippedisk_verify.conformance.sheet import Answers, placed
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.reference_values.store import Quantity, Reading, Store, reference
+from tippedisk_verify.reference_values.store import Quantity, Reading, reference
 
 __all__ = [
     "FAILS_BELOW",
@@ -186,7 +186,7 @@ def as_decimal(text: str) -> Decimal:
     return Decimal(text.replace("d", "e").replace("D", "e"))
 
 
-def graded(answers: Answers, store: Store) -> list[Grade]:
+def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
     with localcontext() as context:
         context.prec = _PRECISION
