@@ -1,4 +1,4 @@
-% Answers a sheet of questions on the reduced tippedisk model, all ten levels, in GNU Octave or MATLAB.
+% Answers a sheet of questions on the reduced tippedisk model, levels 1 to 9, in GNU Octave or MATLAB.
 %
 %     octave --eval "tippedisk_answers('sheet.csv', 'answers.csv')"
 %     matlab -batch "tippedisk_answers('sheet.csv', 'answers.csv')"
@@ -41,7 +41,6 @@ function [x, memo] = answer(row, memo)
       case 'trajectory', s = walk(p, y, 10, {@section, @(p, y) sin(y(1))}, 2);
       case {'limit-cycle', 'near-heteroclinic'}, s = limit_cycle(p);
       case 'heteroclinic', s = heteroclinic(p);
-      case {'rotating-cycle', 'rotation-fold'}, [s, memo] = rotation(p, row.form, memo);
       otherwise, s = struct();
     end
     memo(key) = s;
@@ -279,75 +278,46 @@ function x = of_trajectory(p, w, row)
 end
 
 % ---- cycles ----
-% A cycle is a fixed point X(1:2) of a return map at the speed X(3); librating ones return after half a period to the
-% image under the symmetry (beta, gamma, v) -> (pi - beta, pi - gamma, -v).
-function c = librating()
-  c = struct('i', 1, 'others', [2, 3], 'sign', -1, 'base', [pi/2; pi/2; 0], 'events', {{@section, @turn}});
-end
-
-function c = rotating()
-  bottom = @(p, y) y(2) - 3 * pi/2; top = @(p, y) y(2) - pi/2;
-  c = struct('i', 2, 'others', [1, 3], 'sign', 1, 'base', [pi/2; -pi/2; 0], 'events', {{bottom, @turn, top}});
-end
-
-function [map, D, dt, w] = return_map(p, c, X)
-  % D: derivatives of the map by X(1), X(2) and Omega; dt: those of the time
-  Y = repmat([c.base; 0], 1, 3); Y(c.others, :) = Y(c.others, :) + repmat(X(1:2), 1, 3);
-  Y(c.others, 1:2) = Y(c.others, 1:2) + 1e-100i * eye(2);
-  p.Omega = X(3) + [0, 0, 1e-100i];
-  w = walk(p, Y, 8, c.events, 1);
+function [map, D, dt, w] = half_map(p, x)
+  % From (pi/2, pi/2 + x(1), x(2)) with v < 0 to the next beta = pi/2, then through the symmetry (beta, gamma, v) ->
+  % (pi - beta, pi - gamma, -v): a cycle is a fixed point.  D: derivatives of this map by x and Omega; dt: of the time,
+  % whose change projects on the section.
+  Y = repmat([pi/2; pi/2 + x(1); x(2); 0], 1, 3); Y(2:3, 1:2) = Y(2:3, 1:2) + 1e-100i * eye(2);
+  q = p; q.Omega = p.Omega + [0, 0, 1e-100i];
+  w = walk(q, Y, 8, {@section, @turn}, 1);
   if ~w.done, error('the orbit does not return'), end
-  [D, dt] = projected(p, w.where{w.event == 1}, c.i);
-  z = real(w.where{w.event == 1}(c.others, 1)); map = c.sign * (z - [pi/2; 0]); D = c.sign * D(c.others, :);
-end
-
-function [du, dt] = projected(p, z, i)                  % the change of the arrival time projects on the section
-  u = imag(z(1:3, :)) / 1e-100; [p, y] = plain(p, z); f = field(p, y);
-  dt = -u(i, :) / f(i); du = u + f * dt;
-end
-
-function [X, D, dt, w] = corrected(p, c, X, fixed)      % Newton's method in the two numbers that are not fixed
-  free = setdiff(1:3, fixed); size_now = 1; E = eye(2, 3);
-  for k = 1:15
-    [map, D, dt, w] = return_map(p, c, X);
-    dX = (E(:, free) - D(:, free)) \ (map - X(1:2));
-    before = size_now; size_now = norm(dX);
-    if size_now < 1e-13 || (size_now < 1e-9 && size_now >= before), return, end
-    if ~(size_now < 1), break, end
-    X(free) = X(free) + dX;
-  end
-  error('no cycle');
-end
-
-function [s, dX] = numbers(c, D, dt, w)
-  n = 1 + (c.sign < 0); half = (D(1, 1) + D(2, 2)) / 2; z = w.where{w.event == 1};
-  % The product of the multipliers follows from the divergence (Liouville); a determinant would lose it.
-  root = half + sign(half) * sqrt(half^2 - exp(real(z(4, 1))));
-  s.period = n * w.end; s.multiplier_slow = root^n; s.log_multiplier_slow = n * log(abs(root));
-  s.log_multiplier_fast = n * real(z(4, 1)) - s.log_multiplier_slow;
-  turns = [w.where{w.event == 2}]; s.beta_max = max(abs(real(turns(1, :)) - pi/2));
-  dX = [(eye(2) - D(:, 1:2)) \ D(:, 3); 1];             % along the family
-  s.dperiod_domega = n * dt * dX;
+  z = w.where{w.event == 1}; f = field(p, real(z(:, 1)));
+  dt = -imag(z(1, :)) / 1e-100 / f(1);
+  map = -(real(z(2:3, 1)) - [pi/2; 0]); D = -(imag(z(2:3, :)) / 1e-100 + f(2:3) * dt);
 end
 
 function s = limit_cycle(p)
-  c = librating(); b = balance(p, 'consistent'); starts = [];
+  b = balance(p, 'consistent'); starts = []; s = struct();
   if isreal([b.amplitude, b.frequency]), starts = [b.amplitude * p.Omega / b.frequency; -b.amplitude * b.frequency]; end
   w = walk(p, departing(p), 8, {@section}, 1);
   if w.done, starts = [starts, w.where{1}(2:3) - [pi/2; 0]]; end
-  for X = starts
+  for x = starts
+    now = 1;
     try
-      X = [X; p.Omega];
-      for k = 1:4, X(1:2) = return_map(p, c, X); end    % the cycles attract
-      [X, D, dt, w] = corrected(p, c, X, 3);
-      if abs(X(1)) < 1e-3, continue, end                % the equilibrium
-      [s, dX] = numbers(c, D, dt, w);
-      s.gamma_bar_0 = X(1); s.v_0 = X(2); s.dgamma_bar_0_domega = dX(1); s.dv_0_domega = dX(2);
-      return
+      for k = 1:4, x = half_map(p, x); end              % the cycles attract; then Newton's method
+      for k = 1:16
+        [map, D, dt, w] = half_map(p, x); dx = (eye(2) - D(:, 1:2)) \ (map - x); before = now; now = norm(dx);
+        if now < 1e-13 || (now < 1e-9 && now >= before) || ~(now < 1), break, end
+        x = x + dx;
+      end
     catch
     end
+    if now < 1e-9 && abs(x(1)) > 1e-3, break, end       % small ones are the equilibrium
   end
-  s = struct();
+  if isempty(starts) || ~(now < 1e-9) || abs(x(1)) < 1e-3, return, end
+  half = trace(D(:, 1:2)) / 2; z = w.where{w.event == 1}; turns = [w.where{w.event == 2}];
+  % The product of the multipliers follows from the divergence (Liouville); a determinant would lose it.
+  root = half + sign(half) * sqrt(half^2 - exp(real(z(4, 1))));
+  dx = (eye(2) - D(:, 1:2)) \ D(:, 3);
+  s.period = 2 * w.end; s.gamma_bar_0 = x(1); s.v_0 = x(2); s.beta_max = max(abs(real(turns(1, :)) - pi/2));
+  s.multiplier_slow = root^2; s.log_multiplier_slow = 2 * log(abs(root));
+  s.log_multiplier_fast = 2 * real(z(4, 1)) - s.log_multiplier_slow;
+  s.dgamma_bar_0_domega = dx(1); s.dv_0_domega = dx(2); s.dperiod_domega = 2 * dt * [dx; 1];
 end
 
 function y = departing(p)                               % a point on the unstable manifold of the saddle
@@ -366,46 +336,4 @@ function s = heteroclinic(p)                            % below Omega_h the mani
   end
   s = struct('omega_h', p.Omega); l = sort(roots(cubic(p, -1)));
   s.lambda_ss = l(1); s.lambda_s = l(2); s.lambda_u = l(3);
-end
-
-function [s, memo] = rotation(p, form, memo)
-  c = rotating(); key = sprintf('%.17g ', p.smooth, p.r, p.e, p.m, p.A, p.B, p.g, p.mu, p.epsilon);
-  if ~isKey(memo, key), memo(key) = family(p, c); end
-  F = memo(key); slopes = F(4, :);                      % columns: X and dOmega/dX(1)
-  if isempty(form)                                      % the fold: the slope's zero, by secants
-    k = find(slopes < 0, 1, 'last'); a = F(:, k); b = F(:, k + 1);
-    for k = 1:9
-      X = b(1:3) + (a(1:3) - b(1:3)) * b(4) / (b(4) - a(4));
-      [X, D, dt, w] = corrected(p, c, X, 1);
-      t = tangent(D); a = b; b = [X; t(3)];
-      if abs(b(4)) < 1e-12, break, end
-    end
-  else
-    if strcmp(form, 'stable'), rows = find(slopes < 0); else, rows = find(slopes > 0); end
-    [~, k] = min(abs(F(3, rows) - p.Omega));
-    X = F(1:3, rows(k)); X(3) = p.Omega;
-    [X, D, dt, w] = corrected(p, c, X, 3);
-  end
-  [s, dX] = numbers(c, D, dt, w);
-  z = w.where{w.event == 3}; p.Omega = X(3); du = projected(p, z, 2);
-  s.beta_bar_0 = X(1); s.v_0 = X(2); s.beta_bar_top = real(z(1)) - pi/2; s.v_top = real(z(3)); s.omega = X(3);
-  s.dbeta_bar_top_domega = du(1, :) * dX; s.dv_top_domega = du(3, :) * dX;
-  s.null_vector = (du(3, :) * tangent(D)) / (du(1, :) * tangent(D));
-end
-
-function t = tangent(D)                                 % of the family, by X(1)
-  E = eye(2, 3); t = [1; (E(:, 2:3) - D(:, 2:3)) \ (D(:, 1) - E(:, 1))];
-end
-
-function F = family(p, c)                               % from the stable cycles through the fold to unstable ones
-  h = heteroclinic(p); p.Omega = (1 - 3e-4) * h.omega_h;
-  w = walk(p, departing(p), 8, c.events(1), 1);
-  X = [w.where{1}([1, 3]) - [pi/2; 0]; p.Omega];
-  for k = 1:4, X(1:2) = return_map(p, c, X); end
-  F = zeros(4, 0);
-  while X(3) < 1.06 * h.omega_h && size(F, 2) < 40
-    [X, D] = corrected(p, c, X, 1);
-    t = tangent(D); F(:, end + 1) = [X; t(3)];
-    X = X + 0.03 * t;
-  end
 end
