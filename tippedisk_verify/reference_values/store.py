@@ -17,7 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.manifest import sound_files
 
-__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
+__all__ = ["Quantity", "Store", "data_folder", "quantities_of", "reference", "stored"]
 
 Reading = Literal["decimals", "doubles"]
 
@@ -83,6 +83,30 @@ class Quantity:
         }
 
 
+def quantities_of(document: dict[str, Any]) -> Iterator[Quantity]:
+    """What a reference file has, in its order."""
+    for entry in document["entries"]:
+        for name, told in entry["quantities"].items():
+            values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
+            if "from_doubles" in told:
+                values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
+            yield Quantity(
+                id=f"{entry['id']}/{name}",
+                level=document["level"],
+                kind=document["kind"],
+                set=document["set"],
+                friction=entry["id"].split("/")[1],
+                name=name,
+                unit=told["unit"],
+                inputs=MappingProxyType(entry["inputs"]),
+                values=values,
+                grade=told["grade"],
+                methods=MappingProxyType(told["methods"]),
+                condition=MappingProxyType(told["condition"]),
+                proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
+            )
+
+
 class Store(Mapping[str, Quantity]):
     """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
 
@@ -101,33 +125,10 @@ class Store(Mapping[str, Quantity]):
         try:
             documents.sort(key=lambda document: (document["level"], document["set"] != "printed"))
             for document in documents:
-                self._take(document)
+                self.parameters[document["set"]] = document["parameters"]
+                self._quantities |= {quantity.id: quantity for quantity in quantities_of(document)}
         except (KeyError, TypeError, AttributeError, ValueError):
             raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
-
-    def _take(self, document: dict[str, Any]) -> None:
-        self.parameters[document["set"]] = document["parameters"]
-        for entry in document["entries"]:
-            for name, told in entry["quantities"].items():
-                values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
-                if "from_doubles" in told:
-                    values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
-                id_ = f"{entry['id']}/{name}"
-                self._quantities[id_] = Quantity(
-                    id=id_,
-                    level=document["level"],
-                    kind=document["kind"],
-                    set=document["set"],
-                    friction=entry["id"].split("/")[1],
-                    name=name,
-                    unit=told["unit"],
-                    inputs=MappingProxyType(entry["inputs"]),
-                    values=values,
-                    grade=told["grade"],
-                    methods=MappingProxyType(told["methods"]),
-                    condition=MappingProxyType(told["condition"]),
-                    proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
-                )
 
     def __getitem__(self, id_: str) -> Quantity:
         return self._quantities[id_]
