@@ -1,4 +1,4 @@
-"""The commands `conformance questions|grade|compare`."""
+"""The commands `conformance questions|grade|compare`, and those that print programs for other languages."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import Common, console, plain_options, print_result, progress
+from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
@@ -199,4 +200,6 @@ def _read(file: str, store: Store, reading: str | None) -> Answers:
     return answers
 
 
+for _command in (client, grader, guide):
+    conformance.add_command(_command)
 COMMANDS = (conformance,)
