@@ -54,7 +54,7 @@ function field(p, y)
     return f
 end
 state(beta, gamma, v) = reshape(ComplexF64[beta, gamma, v, 0], 4, 1)
-orbit_itself(p, y) = with_speed(p, [speed(p)]), complex(real(y[:, 1:1]))
+orbit_itself(p, y) = (with_speed(p, [speed(p)]), complex(real(y[:, 1:1])))
 
 function rhs(p, y)
     s = Dict{String,Float64}(string(name) => real(value) for (name, value) in pairs(model(p, p.Omega[1], y)))

@@ -1,4 +1,5 @@
-// Grades answers with the verdicts of `tippedisk-verify conformance grade`; what agrees may be exact as well.
+// Grades answers with the verdicts of `tippedisk-verify conformance grade`; what agrees may be exact as well, and
+// have more than 15 digits: doubles cannot tell.
 //
 //     node grade.mjs answers.csv reference_data/printed/sheet_with_truths.csv
 import { readFileSync } from 'node:fs';
@@ -36,16 +37,16 @@ function verdictOf({ answer, reading }, row) {
   if (/^[+-]?(nan|inf(inity)?)$/i.test(answer)) return ['not-a-number'];
   if (!/^[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$/.test(answer)) return ['unreadable'];
   const away = Math.abs(Number(answer.replace(/d/i, 'e')) - row[`truth_from_${reading}`]), needs = +row.digits_needed;
-  const digits = away === 0 ? 17 : +row.scale === 0 ? 0 : Math.min(-Math.log10(away / row.scale), 17);
+  const digits = away === 0 ? 15 : +row.scale === 0 ? 0 : Math.min(-Math.log10(away / row.scale), 15);
   if (digits >= needs) return ['agrees', digits];
   if (digits >= 1 && away <= +row.rounding) return ['rounding', digits];
   return [digits >= needs / 2 ? 'few-digits' : 'wrong', digits];
 }
-const none = { asked: 0, n: 0, failed: 0, few: 0, least: 17 };
+const none = { asked: 0, n: 0, failed: 0, few: 0, least: 15 };
 const levels = new Map([...asked.values()].map(({ level }) => [level, { ...none }]));
 for (const [id, row] of asked) {
   const one = given.get(id), sum = levels.get(row.level); sum.asked++;
-  const [verdict, digits = 17] = one && answered.has(entry(id)) ? verdictOf(one, row) : ['no-truth'];
+  const [verdict, digits = 15] = one && answered.has(entry(id)) ? verdictOf(one, row) : ['no-truth'];
   if (verdict === 'no-truth') continue;
   sum.n++; sum.least = Math.min(sum.least, digits);
   if (['agrees', 'rounding'].includes(verdict)) continue;

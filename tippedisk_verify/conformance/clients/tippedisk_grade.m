@@ -2,7 +2,7 @@
 %
 %     octave --eval "tippedisk_grade('answers.csv', 'reference_data/printed/sheet_with_truths.csv')"
 function tippedisk_grade(answers, truths)
-  % What agrees may be exact as well: doubles cannot tell.
+  % What agrees may be exact as well, and have more than 15 digits: doubles cannot tell.
   asked = columns_of(truths); given = columns_of(answers);
   if ~isfield(given, 'id') || ~isfield(given, 'answer'), error('the first line must name the columns id and answer'), end
   if ~isfield(given, 'from'), given.from = repmat({''}, size(given.id)); end
@@ -24,7 +24,7 @@ function tippedisk_grade(answers, truths)
   truth = str2double(asked.truth_from_doubles); other = str2double(asked.truth_from_decimals); truth(decimals) = other(decimals);
   needs = str2double(asked.digits_needed); scale = str2double(asked.scale); level = str2double(asked.level);
   away = abs(str2double(regexprep(answer, '[dD]', 'e')) - truth);
-  digits = -log10(away ./ scale); digits(scale == 0) = 0; digits(away == 0) = 17; digits = min(digits, 17);
+  digits = -log10(away ./ scale); digits(scale == 0) = 0; digits(away == 0) = 15; digits = min(digits, 15);
   verdict = repmat({'wrong'}, size(answer));
   verdict(digits >= needs / 2) = {'few-digits'};
   verdict(digits >= 1 & away <= str2double(asked.rounding)) = {'rounding'};
@@ -40,7 +40,7 @@ function tippedisk_grade(answers, truths)
     if ~any(here), says = 'not answered'; elseif bad == 0, says = 'agrees';
     elseif all(strcmp(verdict(failed & here), 'few-digits')), says = 'too few digits'; end
     fprintf('level %d: %d of %d answered, %d failed, least digits %.1f: %s\n', n, sum(here), sum(level == n), bad, ...
-            min([digits(here), 17]), says);
+            min([digits(here), 15]), says);
   end
   fprintf('%d unknown ids, %d repeated\n', unknown, repeated);
 end
