@@ -2,7 +2,7 @@
 #
 #     julia client.jl sheet.csv answers.csv
 #
-# NOT RUN YET: no Julia was at hand.  It was read line by line against tippedisk_answers.m, which passes all nine levels.
+# NOT RUN YET, for want of a Julia: it was read line by line against tippedisk_answers.m, which passes all nine levels.
 #
 # Derivatives are complex-step derivatives: the model accepts complex arguments, and imag(f(x + 1e-100im))/1e-100 is
 # f'(x) to full accuracy.  The same trick differentiates orbits: it solves their variational equations.
