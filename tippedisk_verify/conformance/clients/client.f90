@@ -108,9 +108,8 @@ contains
     end do
     do k = 1, 3
       i = 1 + mod(k + 1, 2)
-      if (real(x(i + 1) - x(i)) > 1e-7_wp .or. (abs(real(x(i + 1) - x(i))) <= 1e-7_wp .and. aimag(x(i + 1) - x(i)) > 0)) then
-        hold = x(i); x(i) = x(i + 1); x(i + 1) = hold
-      end if
+      hold = x(i + 1) - x(i)
+      if (real(hold) > 1e-7_wp .or. (real(hold) > -1e-7_wp .and. aimag(hold) > 0)) x(i:i + 1) = x(i + 1:i:-1)
     end do
   end function
 

@@ -78,7 +78,8 @@ end
 
 function equilibrium(p, s)
     l = eigenvalues(p, s)
-    return Dict{String,Float64}("lambda_$(k)_$part" => f(l[k]) for k in 1:3 for (part, f) in (("re", real), ("im", imag)))
+    parts = (("re", real), ("im", imag))
+    return Dict{String,Float64}("lambda_$(k)_$name" => part(l[k]) for k in 1:3 for (name, part) in parts)
 end
 
 omega_crit(p) = (p.r + p.e) * sqrt(p.m * p.g / (p.r * Bbar_of(p)))

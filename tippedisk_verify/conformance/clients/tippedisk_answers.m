@@ -1,4 +1,4 @@
-% Answers a sheet of questions on the reduced tippedisk model, levels 1 to 9, in GNU Octave or MATLAB.
+% Answers a sheet of questions on the reduced tippedisk model, levels 1 to 9, in GNU Octave, or MATLAB from R2016b.
 %
 %     octave --eval "tippedisk_answers('sheet.csv', 'answers.csv')"
 %     matlab -batch "tippedisk_answers('sheet.csv', 'answers.csv')"
@@ -36,7 +36,7 @@ function [x, memo] = answer(row, memo)
       case 'rhs', s = rhs(p, y);
       case 'equilibrium', s = equilibrium(p, 2 * strcmp(row.equilibrium, 'inverted') - 1);
       case 'hopf', s = hopf(p);
-      case 'harmonic-balance', s = balance(p, row.form);
+      case 'harmonic-balance', s = one_harmonic(p, row.form);
       case 'slow-manifold', s = manifold(p, y(1), y(2));
       case 'trajectory', s = walk(p, y, 10, {@section, @(p, y) sin(y(1))}, 2);
       case {'limit-cycle', 'near-heteroclinic'}, s = limit_cycle(p);
@@ -125,7 +125,7 @@ function s = hopf(p)
   s.period_slope = 2 * pi / w^2 * (imag(dl) - imag(c1) * real(dl) / real(c1));
 end
 
-function s = balance(p, form)                           % the one-harmonic law
+function s = one_harmonic(p, form)                      % the amplitude law at the Hopf point
   Bbar = p.B - p.m * p.e^2; reach = p.r + p.e; consistent = strcmp(form, 'consistent');
   chi = p.A * (p.r - 2 * p.e) - Bbar * (2 * p.r^2 + p.e * reach) / (2 * reach);
   chi = chi + consistent * Bbar * p.e^2 / (2 * reach);
@@ -137,7 +137,7 @@ function s = balance(p, form)                           % the one-harmonic law
   s.period = 2 * pi / s.frequency;
 end
 
-function c = times(a, b)                                % of power series in (beta, gamma), cut off
+function c = product(a, b)                                % of power series in (beta, gamma), cut off
   c = conv2(a, b); c = c(1:7, 1:7);
 end
 
@@ -147,32 +147,34 @@ function s = manifold(p, beta, gamma)
   one = zeros(7); one(1) = 1; sb = zeros(7); cb = sb; sg = sb; cg = sb;
   sb(:, 1) = sin(beta + n * pi/2) ./ factorial(n); cb(:, 1) = cos(beta + n * pi/2) ./ factorial(n);
   sg(1, :) = sin(gamma + n * pi/2) ./ factorial(n); cg(1, :) = cos(gamma + n * pi/2) ./ factorial(n);
-  rho = p.r * one + p.e * sg; rho2 = times(rho, rho); sc = times(sb, cb); cb2 = times(cb, cb); cbcg = times(cb, cg);
-  I = p.A * times(cg, cg) + Bbar * times(sg, sg);
-  M = I + p.m * times(rho2, cb2);
-  K = p.mu * p.m * p.g * times(rho2, times(sb, sb));
-  Q0 = Omega^2 * times(sc, I + p.m * p.e * times(rho, times(cb2, sg))) - p.m * p.g * times(rho, cb);
-  Q1 = -Omega * times(cbcg, 2 * (p.A - Bbar) * sg + p.m * p.e * times(rho, 3 * times(sb, sb) - 2 * one));
-  Q2 = p.m * times(rho2, sc);
-  h = {p.e * Omega * times(times(sb, cg), over(rho))}; total = 0;
+  rho = p.r * one + p.e * sg; rho2 = product(rho, rho);
+  sc = product(sb, cb); cb2 = product(cb, cb); cbcg = product(cb, cg);
+  I = p.A * product(cg, cg) + Bbar * product(sg, sg);
+  M = I + p.m * product(rho2, cb2);
+  K = p.mu * p.m * p.g * product(rho2, product(sb, sb));
+  Q0 = Omega^2 * product(sc, I + p.m * p.e * product(rho, product(cb2, sg))) - p.m * p.g * product(rho, cb);
+  Q1 = -Omega * product(cbcg, 2 * (p.A - Bbar) * sg + p.m * p.e * product(rho, 3 * product(sb, sb) - 2 * one));
+  Q2 = p.m * product(rho2, sc);
+  h = {p.e * Omega * product(product(sb, cg), over(rho))}; total = 0;
   for k = 0:5
     total = total + p.epsilon^k * h{k + 1};
     s.(sprintf('h_%d', k)) = h{k + 1}(1);
     drift = total(2, 1) * total(1) - Omega * cos(beta) * total(1, 2);
     v_rate = model(p, [beta; gamma; total(1)]);
     s.(sprintf('residual_%d', k)) = p.epsilon * (drift - v_rate);
-    right = (k == 0) * Q0 + times(Q1, h{k + 1}) + Omega * times(M, times(cb, [h{k + 1}(:, 2:7) .* n(2:7)', zeros(7, 1)]));
+    slope = [h{k + 1}(:, 2:7) .* n(2:7)', zeros(7, 1)];
+    right = (k == 0) * Q0 + product(Q1, h{k + 1}) + Omega * product(M, product(cb, slope));
     for i = 0:k
       slope = [h{i + 1}(2:7, :) .* n(2:7); zeros(1, 7)];
-      right = right + times(times(Q2, h{i + 1}) - times(M, slope), h{k - i + 1});
+      right = right + product(product(Q2, h{i + 1}) - product(M, slope), h{k - i + 1});
     end
-    h{k + 2} = times(right, over(K));
+    h{k + 2} = product(right, over(K));
   end
 end
 
 function x = over(a)                                    % 1/a by Newton's iteration
   x = zeros(7); x(1) = 1 / a(1);
-  for k = 1:4, x = 2 * x - times(x, times(a, x)); end
+  for k = 1:4, x = 2 * x - product(x, product(a, x)); end
 end
 
 % ---- integration ----
@@ -237,7 +239,7 @@ function w = walk(p, y, tmax, events, last)
     t = t + used; y = z;
     if w.done, break, end
   end
-  w.end = t;
+  w.stop = t;
 end
 
 function s = locate(p, y, z, h, g)
@@ -266,12 +268,12 @@ function x = of_trajectory(p, w, row)
   x = NaN; t = str2double(row.t); n = str2double(row.n);
   hits = find(w.event == 1 & w.when >= 0.01);           % the start on the section is no crossing
   if strcmp(row.quantity, 'flat_time')
-    if w.done, x = w.end; end
+    if w.done, x = w.stop; end
   elseif isfinite(n)
     if n > numel(hits), return, end
     y = w.where{hits(n)};
     x = [w.when(hits(n)), y(2), y(3)] * strcmp(row.quantity, {'crossing_time'; 'crossing_gamma'; 'crossing_v'});
-  elseif t <= w.end
+  elseif t <= w.stop
     k = find(w.t <= t, 1, 'last'); p.side = w.side(k);
     x = gbs(p, w.y{k}, t - w.t(k)).' * strcmp(row.quantity, {'beta'; 'gamma'; 'v'});
   end
@@ -292,7 +294,7 @@ function [map, D, dt, w] = half_map(p, x)
 end
 
 function s = limit_cycle(p)
-  b = balance(p, 'consistent'); starts = []; s = struct();
+  b = one_harmonic(p, 'consistent'); starts = []; s = struct();
   if isreal([b.amplitude, b.frequency]), starts = [b.amplitude * p.Omega / b.frequency; -b.amplitude * b.frequency]; end
   w = walk(p, departing(p), 8, {@section}, 1);
   if w.done, starts = [starts, w.where{1}(2:3) - [pi/2; 0]]; end
@@ -314,7 +316,7 @@ function s = limit_cycle(p)
   % The product of the multipliers follows from the divergence (Liouville); a determinant would lose it.
   root = half + sign(half) * sqrt(half^2 - exp(real(z(4, 1))));
   dx = (eye(2) - D(:, 1:2)) \ D(:, 3);
-  s.period = 2 * w.end; s.gamma_bar_0 = x(1); s.v_0 = x(2); s.beta_max = max(abs(real(turns(1, :)) - pi/2));
+  s.period = 2 * w.stop; s.gamma_bar_0 = x(1); s.v_0 = x(2); s.beta_max = max(abs(real(turns(1, :)) - pi/2));
   s.multiplier_slow = root^2; s.log_multiplier_slow = 2 * log(abs(root));
   s.log_multiplier_fast = 2 * real(z(4, 1)) - s.log_multiplier_slow;
   s.dgamma_bar_0_domega = dx(1); s.dv_0_domega = dx(2); s.dperiod_domega = 2 * dt * [dx; 1];

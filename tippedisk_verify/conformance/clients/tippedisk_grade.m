@@ -4,7 +4,7 @@
 function tippedisk_grade(answers, truths)
   % What agrees may be exact as well, and have more than 15 digits: doubles cannot tell.
   asked = columns_of(truths); given = columns_of(answers);
-  if ~isfield(given, 'id') || ~isfield(given, 'answer'), error('the first line must name the columns id and answer'), end
+  if ~isfield(given, 'id') || ~isfield(given, 'answer'), error('no columns id and answer'), end
   if ~isfield(given, 'from'), given.from = repmat({''}, size(given.id)); end
   [is_known, at] = ismember(given.id, asked.id); said = ~cellfun(@isempty, given.answer);
   unknown = sum(said & ~is_known); lines = find(said & is_known); [places, first] = unique(at(lines), 'first');
@@ -14,18 +14,16 @@ function tippedisk_grade(answers, truths)
   from(cellfun(@isempty, from) & cellfun(@isempty, asked.truth_from_doubles)) = {'decimals'};
   from(cellfun(@isempty, from)) = {'doubles'}; decimals = strcmp(from, 'decimals');
   if ~all(decimals | strcmp(from, 'doubles')), error('the column from says doubles or decimals'), end
-
   % An entry with nothing but NaN or NA has not been answered.
   matches = @(pattern) ~cellfun(@isempty, regexpi(answer, pattern, 'once'));
   missing = matches('^([+-]?nan(\([^)]*\))?|-?1\.#(ind|qnan)0*|n/?a|null|none|missing|<na>)$');
   [~, ~, entry] = unique(regexprep(asked.id, '/[^/]*$', ''));
-  some = accumarray(entry(:), double(is_given(:) & ~missing(:))) > 0; is_given = is_given & reshape(some(entry), size(is_given));
-
-  truth = str2double(asked.truth_from_doubles); other = str2double(asked.truth_from_decimals); truth(decimals) = other(decimals);
-  needs = str2double(asked.digits_needed); scale = str2double(asked.scale); level = str2double(asked.level);
+  some = accumarray(entry(:), double(is_given(:) & ~missing(:))) > 0; is_given(~some(entry)) = false;
+  truth = str2double(asked.truth_from_doubles); x = str2double(asked.truth_from_decimals);
+  truth(decimals) = x(decimals); needs = str2double(asked.digits_needed); scale = str2double(asked.scale);
   away = abs(str2double(regexprep(answer, '[dD]', 'e')) - truth);
   digits = -log10(away ./ scale); digits(scale == 0) = 0; digits(away == 0) = 15; digits = min(digits, 15);
-  verdict = repmat({'wrong'}, size(answer));
+  verdict = repmat({'wrong'}, size(answer)); level = str2double(asked.level);
   verdict(digits >= needs / 2) = {'few-digits'};
   verdict(digits >= 1 & away <= str2double(asked.rounding)) = {'rounding'};
   verdict(digits >= needs) = {'agrees'};
@@ -34,7 +32,9 @@ function tippedisk_grade(answers, truths)
   verdict(isnan(truth) | ~is_given) = {'no-truth'};
 
   failed = ismember(verdict, {'few-digits', 'wrong', 'unreadable', 'not-a-number'});
-  for k = find(failed(:)).', fprintf('%-12s  %s  %s instead of %.17g\n', verdict{k}, asked.id{k}, answer{k}, truth(k)); end
+  for k = find(failed(:)).'
+    fprintf('%-12s  %s  %s instead of %.17g\n', verdict{k}, asked.id{k}, answer{k}, truth(k));
+  end
   for n = unique(level(:)).'
     here = level == n & ~strcmp(verdict, 'no-truth'); bad = sum(failed & here); says = 'fails';
     if ~any(here), says = 'not answered'; elseif bad == 0, says = 'agrees';
