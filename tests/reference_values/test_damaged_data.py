@@ -25,8 +25,8 @@ from tippedisk_verify.reference_values.manifest import (
     write_manifest,
 )
 from tippedisk_verify.reference_values.proofs import prove
-from tippedisk_verify.reference_values.questions import tables
 from tippedisk_verify.reference_values.store import Store, data_folder, reference
+from tippedisk_verify.reference_values.tables import tables
 
 _LARGE = ("rhs", "trajectory", "slow-manifold")
 _ID = "printed/linear/hopf/point/omega_crit"

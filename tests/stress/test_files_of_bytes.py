@@ -18,8 +18,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.reference_values.checking import check
 from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
-from tippedisk_verify.reference_values.questions import tables
 from tippedisk_verify.reference_values.store import Store, data_folder
+from tippedisk_verify.reference_values.tables import tables
 from tippedisk_verify.sweep.plan import Plan, here
 from tippedisk_verify.sweep.running import swept
 

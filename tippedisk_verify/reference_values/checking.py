@@ -16,8 +16,8 @@ from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_measured, case_of, disagreements
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files
-from tippedisk_verify.reference_values.questions import tables
 from tippedisk_verify.reference_values.store import data_folder
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
 

@@ -26,8 +26,8 @@ from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
-from tippedisk_verify.reference_values.questions import tables
 from tippedisk_verify.reference_values.store import data_folder
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["Piece", "computed", "file_text", "generate", "pieces_of"]
 
@@ -113,7 +113,7 @@ def _remove_remains(folder: Path) -> None:
     """What a killed run left unfinished beside its own targets."""
     targets = [folder / name for name in (*STATIC, "manifest.json")]
     targets += [folder / name / f"{kind.name}.json" for name in SETS for kind in KINDS]
-    targets += [folder / name / table for name in SETS for table in tables(())]
+    targets += [folder / name / table for name in SETS for table in tables([])]
     remains = [path for target in targets for path in remains_of(target)]
     for path in (*remains, *(folder / ".work").glob(".*.json-*")):  # nobody else writes into .work
         path.unlink(missing_ok=True)

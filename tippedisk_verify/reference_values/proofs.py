@@ -25,7 +25,7 @@ from tippedisk_verify.reference_values.entries import as_measured
 from tippedisk_verify.reference_values.generation import file_text
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import replace_files, sound_files
-from tippedisk_verify.reference_values.questions import tables
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["Proof", "prove", "proved_entry"]
 

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from decimal import Decimal
-from typing import Any
 
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity, quantities_of
+from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
     "COLUMNS",
@@ -24,8 +23,8 @@ __all__ = [
     "placed",
     "question_fields",
     "scale_of",
+    "sheet_with_truths",
     "slopes_of",
-    "tables",
 ]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")
@@ -46,9 +45,6 @@ _UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", 
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
 _LEAST = 0.3  # digits that every question asks for: the value to within its half
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
-_VALUES = (
-    *("id", "quantity", "unit", "value", "uncertainty", "value_from_doubles", "uncertainty_from_doubles", "grade"),
-)
 _TRUTHS = (
     *("truth_from_doubles", "uncertainty_from_doubles", "truth_from_decimals", "uncertainty_from_decimals"),
     *("scale", "digits_needed", "rounding"),
@@ -119,23 +115,13 @@ def needed(quantity: Quantity) -> float:
     return digits
 
 
-def tables(documents: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """The CSV files that go beside a set's JSON files, by name: all numbers, and the sheet with what grades it."""
-    values, sheet = [], []
-    for document in documents:
-        for quantity in quantities_of(document):
-            entry, decimals, doubles = quantity.id.rpartition("/")[0], *_readings(quantity)
-            values.append((entry, quantity.name, quantity.unit, *decimals, *doubles, quantity.grade))
-            fields = question_fields(document["parameters"], quantity)
-            scale = scale_of(quantity, Decimal(decimals[0]))
-            judged = (f"{scale:.17g}", repr(needed(quantity)), f"{float(slopes_of(quantity)) * ROUNDING:.3g}")
-            sheet.append((*(fields.get(name, "") for name in COLUMNS), *doubles, *decimals, *judged))
-    return {
-        "values.csv": csv_text(_VALUES, values),
-        "sheet_with_truths.csv": csv_text((*COLUMNS, *_TRUTHS), sheet),
-    }
-
-
-def _readings(quantity: Quantity) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Value and uncertainty from decimals and from doubles; empty where there is none."""
-    return quantity.values["decimals"], quantity.values.get("doubles", ("", ""))
+def sheet_with_truths(store: Store) -> str:
+    """The sheet of these questions with what grades its answers behind each."""
+    rows = []
+    for quantity in store.values():
+        fields = question_fields(store.parameters[quantity.set], quantity)
+        decimals, doubles = quantity.values["decimals"], quantity.values.get("doubles", ("", ""))
+        scale = scale_of(quantity, Decimal(decimals[0]))
+        judged = (f"{scale:.17g}", repr(needed(quantity)), f"{float(slopes_of(quantity)) * ROUNDING:.3g}")
+        rows.append((*(fields.get(name, "") for name in COLUMNS), *doubles, *decimals, *judged))
+    return csv_text((*COLUMNS, *_TRUTHS), rows)

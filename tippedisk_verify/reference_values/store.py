@@ -6,7 +6,7 @@ Every byte is held against the manifest on the way in, once in a process.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.manifest import sound_files
 
-__all__ = ["Quantity", "Store", "data_folder", "quantities_of", "reference", "stored"]
+__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
 
 Reading = Literal["decimals", "doubles"]
 
@@ -83,37 +83,10 @@ class Quantity:
         }
 
 
-def quantities_of(document: dict[str, Any]) -> Iterator[Quantity]:
-    """What a reference file has, in its order."""
-    for entry in document["entries"]:
-        for name, told in entry["quantities"].items():
-            values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
-            if "from_doubles" in told:
-                values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
-            yield Quantity(
-                id=f"{entry['id']}/{name}",
-                level=document["level"],
-                kind=document["kind"],
-                set=document["set"],
-                friction=entry["id"].split("/")[1],
-                name=name,
-                unit=told["unit"],
-                inputs=MappingProxyType(entry["inputs"]),
-                values=values,
-                grade=told["grade"],
-                methods=MappingProxyType(told["methods"]),
-                condition=MappingProxyType(told["condition"]),
-                proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
-            )
-
-
 class Store(Mapping[str, Quantity]):
     """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
-        self._quantities: dict[str, Quantity] = {}
         documents = []
         for name, text in sound_files(folder).items():
             try:
@@ -124,11 +97,46 @@ class Store(Mapping[str, Quantity]):
             raise InputError(f"no reference data in {folder}")
         try:
             documents.sort(key=lambda document: (document["level"], document["set"] != "printed"))
-            for document in documents:
-                self.parameters[document["set"]] = document["parameters"]
-                self._quantities |= {quantity.id: quantity for quantity in quantities_of(document)}
+            self._fill(documents)
         except (KeyError, TypeError, AttributeError, ValueError):
             raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
+
+    @classmethod
+    def of(cls, documents: Iterable[dict[str, Any]]) -> Store:
+        """What documents of the files' form say, in their order."""
+        store = cls.__new__(cls)
+        store._fill(documents)
+        return store
+
+    def _fill(self, documents: Iterable[dict[str, Any]]) -> None:
+        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
+        self._quantities: dict[str, Quantity] = {}
+        for document in documents:
+            self._take(document)
+
+    def _take(self, document: dict[str, Any]) -> None:
+        self.parameters[document["set"]] = document["parameters"]
+        for entry in document["entries"]:
+            for name, told in entry["quantities"].items():
+                values: dict[Reading, tuple[str, str]] = {"decimals": (told["value"], told["uncertainty"])}
+                if "from_doubles" in told:
+                    values["doubles"] = (told["from_doubles"]["value"], told["from_doubles"]["uncertainty"])
+                id_ = f"{entry['id']}/{name}"
+                self._quantities[id_] = Quantity(
+                    id=id_,
+                    level=document["level"],
+                    kind=document["kind"],
+                    set=document["set"],
+                    friction=entry["id"].split("/")[1],
+                    name=name,
+                    unit=told["unit"],
+                    inputs=MappingProxyType(entry["inputs"]),
+                    values=values,
+                    grade=told["grade"],
+                    methods=MappingProxyType(told["methods"]),
+                    condition=MappingProxyType(told["condition"]),
+                    proof=MappingProxyType(told["enclosure"] | entry["proof"]) if "enclosure" in told else None,
+                )
 
     def __getitem__(self, id_: str) -> Quantity:
         return self._quantities[id_]
