@@ -240,6 +240,22 @@ SHAPES: dict[str, Shape] = {
         },
         (("answered.csv", NOT_SOURCES),),
     ),
+    "conformance run": Shape(
+        ("conformance", "run"),
+        {
+            "--set": ("printed", NOT_NAMES),
+            "--friction": ("linear", NOT_NAMES),
+            "--levels": ("3", NOT_COUNTS),
+            "--limit": ("9", st.sampled_from(["", "x", "nan", "inf", "0", "-1", "1e9", "1e400"])),
+            "--out": ("out", NOT_FOLDERS),
+            "--from": ("doubles", NOT_NAMES),
+            "--html": ("o.html", NOT_TARGETS),
+            "--badge": ("o.svg", NOT_TARGETS),
+            "--require": ("4", NOT_COUNTS),
+            "--expected-failures": ("expected", NOT_SOURCES),
+        },
+        (("cat", NOT_SOURCES),),  # none of them a program
+    ),
     "conformance compare": Shape(
         ("conformance", "compare"),
         {"--from": ("doubles", NOT_NAMES)},

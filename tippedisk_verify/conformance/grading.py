@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, localcontext
 from fractions import Fraction
@@ -23,7 +23,7 @@ from tippedisk_verify.reference_values.questions import (
     scale_of,
     slopes_of,
 )
-from tippedisk_verify.reference_values.store import Quantity, Reading, Store, reference
+from tippedisk_verify.reference_values.store import Quantity, Reading, reference
 
 __all__ = [
     "FAILS_BELOW",
@@ -170,7 +170,7 @@ def as_decimal(text: str) -> Decimal:
     return Decimal(text.replace("d", "e").replace("D", "e"))
 
 
-def graded(answers: Answers, store: Store) -> list[Grade]:
+def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
     with localcontext() as context:
         context.prec = _PRECISION
