@@ -261,6 +261,9 @@ SHAPES: dict[str, Shape] = {
         {"--from": ("doubles", NOT_NAMES)},
         (("answered.csv", NOT_SOURCES), ("answered.csv", NOT_SOURCES)),
     ),
+    "conformance client": Shape(("conformance", "client"), {}, (("octave", NOT_NAMES),)),
+    "conformance grader": Shape(("conformance", "grader"), {}, (("octave", NOT_NAMES),)),
+    "conformance guide": Shape(("conformance", "guide"), {}),
     "sweep": Shape(
         ("sweep",),
         {

@@ -1,4 +1,4 @@
-"""The commands `conformance questions|grade|run|compare`."""
+"""The commands `conformance questions|grade|run|compare`, and those that print programs for other languages."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import click
 
 from tippedisk_verify.commands.common import Common, plain_options, print_result
 from tippedisk_verify.commands.conformance_run import run
+from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.commands.grading import Wanted, checked_reading, from_option, grading_options, levels_named
 from tippedisk_verify.errors import InputError
 
@@ -134,5 +135,6 @@ def _read(file: str, store: Store, reading: str | None) -> Answers:
     return answers
 
 
-conformance.add_command(run)
+for _command in (run, client, grader, guide):
+    conformance.add_command(_command)
 COMMANDS = (conformance,)

@@ -18,7 +18,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
-from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.questions import COLUMNS, placed, question_fields
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
@@ -36,13 +36,6 @@ __all__ = [
     "sheet_json",
 ]
 
-_INPUTS = ("Omega", "beta", "gamma", "v")
-COLUMNS = (
-    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
-    *SYMBOLS,
-    *_INPUTS,
-    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
-)
 _QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and what else the row says
 _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
@@ -86,19 +79,6 @@ def looks_like(text: str) -> str | None:
     return next((said for pattern, said in _LOOKS if re.fullmatch(pattern, text.strip(), re.I)), None)
 
 
-def placed(name: str) -> tuple[str, dict[str, str]]:
-    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
-    if "@" in name:
-        plain, place = name.split("@", 1)
-        return plain, {"t": place}
-    if "#" in name:
-        plain, place = name.split("#", 1)
-        return plain, {"n": place}
-    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
-        return name, {"order": term[2]}
-    return name, {}
-
-
 def questions(
     store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
 ) -> list[Quantity]:
@@ -130,22 +110,7 @@ def questions(
 
 def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
     """A question by columns, without those that do not apply."""
-    plain, place = placed(quantity.name)
-    parameters = {name: value["decimal"] for name, value in store.parameters[quantity.set].items()}
-    return {
-        "id": quantity.id,
-        "level": str(quantity.level),
-        "kind": quantity.kind,
-        "set": quantity.set,
-        "friction": quantity.friction,
-        "quantity": plain,
-        "unit": quantity.unit,
-        **parameters,
-        **quantity.inputs,
-        **place,
-        "from": "decimals" if "doubles" not in quantity.values else "",
-        "answer": "",
-    }
+    return question_fields(store.parameters[quantity.set], quantity)
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
