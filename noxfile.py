@@ -1,7 +1,8 @@
 """The tests before a release: `nox`.
 
 With the newest packages on each Python that pyproject.toml names and this machine has, and at the lowest versions that
-it allows, on the oldest of these. `nox -s newest-3.13 -- tests/theory` runs a part.
+it allows, on the oldest of these. `nox -s newest-3.13 -- tests/theory` runs a part, and
+`nox -s site` builds the site alone.
 """
 
 import nox
@@ -20,3 +21,9 @@ def newest(session: nox.Session) -> None:
 def floors(session: nox.Session) -> None:
     session.install("--resolution=lowest-direct", ".[test]")
     session.run("pytest", *session.posargs)
+
+
+@nox.session
+def site(session: nox.Session) -> None:
+    session.install(".[docs]")
+    session.run("sphinx-build", "--fail-on-warning", "--keep-going", "docs", "build/site", *session.posargs)

@@ -71,6 +71,16 @@ def test_verify_table_names_sets_of_a_file(tmp_path: Path, capsys) -> None:
     assert "30.8865926886" in printed
 
 
+@pytest.mark.slow(minutes=0.6)
+def test_scene_animates_the_disk(tmp_path: Path) -> None:
+    from PIL import Image
+
+    assert main(["scene", "d", "--animate", "--quiet", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "scene_d.gif").stat().st_size < 3_000_000  # small enough for a README
+    with Image.open(tmp_path / "scene_d.gif") as gif:
+        assert (gif.n_frames, gif.size) == (261 + 110, (800, 320))  # the first 2.6 s and the last 1.1 s, each 10 ms
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -91,6 +101,8 @@ def test_verify_table_names_sets_of_a_file(tmp_path: Path, capsys) -> None:
         ["scene", "d", "--parameters", "x" * 300 + ".toml"],
         ["scene", "d", "--out", "/dev/null/x"],
         ["scene", "d", "--out", ""],
+        ["scene", "d", "--animate"],
+        ["scene", "d", "--animate", "--out", ""],
         ["scene", "d", "--wrong"],
         ["verify", "--only", "omega_krit"],
         ["verify", "omega_crit"],

@@ -25,7 +25,7 @@ ALLOWED = {
         *("errors", "files", "checksums", "fingerprint", "parallel"),
         *("model", "theory", "flow", "orbits", "certified", "reference_values"),
     },
-    "conformance": {"errors", "files", "web", "model", "theory", "reference_values", "conformance"},
+    "conformance": {"errors", "files", "interrupts", "web", "model", "theory", "reference_values", "conformance"},
     "bench": {
         *("errors", "cache", "interrupts", "fingerprint", "parallel", "__version__"),
         *("model", "theory", "flow", "orbits", "bench"),

@@ -44,4 +44,4 @@ def test_help_defines_what_is_printed(command: str, capsys: pytest.CaptureFixtur
     assert "Quantities" in said
     assert "\b" not in said
     if command == "orbit":
-        assert "largest |beta - pi/2| on the cycle" in said
+        assert "largest abs(beta - pi/2) on the cycle" in said

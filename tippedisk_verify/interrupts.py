@@ -91,6 +91,7 @@ def _handle(number: int, frame: object) -> None:
 
 
 def _leave() -> None:
+    _holding.append(None)  # what is undone may itself be unbroken
     stream = None if sys.stderr is None else 2  # where it was closed from the start, 2 may be any file
     try:
         if stream is not None:

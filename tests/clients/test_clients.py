@@ -1,4 +1,4 @@
-"""Programs in three languages, written from the paper alone, answer the questions and are graded.
+"""Programs in six languages, written from the paper alone, answer the questions and are graded.
 
 That they agree with the reference data is also evidence for the data: nothing is shared but the paper.
 """
@@ -14,14 +14,17 @@ from pathlib import Path
 
 import pytest
 
+from tippedisk_verify.commands.conformance_sources import CLIENTS, FOLDER
 from tippedisk_verify.conformance.diagnosis import diagnosed
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
 from tippedisk_verify.reference_values.store import Store, stored
 
-HERE = Path(__file__).parent
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 NODE = shutil.which("node")
+FORTRAN = shutil.which("gfortran")
+OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
+JULIA = shutil.which("julia")
 #: Names of the mistakes that the C client can make on request, in the order of its fault numbers.
 FAULTS = (
     *("h-2-sign", "h-3-sign", "h-4-sign", "h-5-sign", "gamma-y-square", "B-for-Bbar", "degrees", "shifted-angles"),
@@ -40,7 +43,7 @@ def c_client(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("no C compiler on this machine")
     program = tmp_path_factory.mktemp("c") / "client"
     options = ["-O2", "-std=c99", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run([COMPILER, *options, "-o", str(program), str(HERE / "client.c"), "-lm"], check=True)
+    subprocess.run([COMPILER, *options, "-o", str(program), str(FOLDER / CLIENTS["c"]), "-lm"], check=True)
     return program
 
 
@@ -51,10 +54,15 @@ def _asked(store: Store, starts: tuple[str, ...]) -> str:
     return sheet_csv(store, chosen)
 
 
-def _answered(command: list[str], sheet: str, store: Store, folder: Path) -> list[Grade]:
+def _answered(command: list[str], sheet: str, store: Store, folder: Path, timeout: int = 300) -> list[Grade]:
     (folder / "sheet.csv").write_text(sheet)
-    subprocess.run(command, check=True, timeout=300, cwd=folder)
+    subprocess.run(command, check=True, timeout=timeout, cwd=folder)
     return graded(read_answers(folder / "answers.csv", store), store)
+
+
+def _octave(call: str) -> list[str]:
+    assert OCTAVE is not None
+    return [OCTAVE, "--no-gui", "--quiet", "--path", str(FOLDER), "--eval", call]
 
 
 def _least(grades: list[Grade], level: int) -> float:
@@ -136,7 +144,7 @@ def test_faults_are_named_from_orbits_alone(fault: int, c_client: Path, store: S
 def test_the_javascript_client(store: Store, tmp_path: Path) -> None:
     assert NODE is not None
     sheet = _asked(store, (*RHS, "printed/linear/trajectory/d", "printed/smooth/trajectory/d"))
-    grades = _answered([NODE, str(HERE / "client.mjs"), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    grades = _answered([NODE, str(FOLDER / CLIENTS["javascript"]), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
     assert not any(grade.failed for grade in grades)
     assert _least(grades, 1) >= 14
     assert _least(grades, 6) >= 10
@@ -145,8 +153,67 @@ def test_the_javascript_client(store: Store, tmp_path: Path) -> None:
 def test_the_scipy_client(store: Store, tmp_path: Path) -> None:
     asked = ("printed/both/rhs/0", "printed/smooth/rhs/0", "printed/linear/trajectory/d1")
     sheet = _asked(store, (*asked, "printed/linear/limit-cycle/crit-0.5"))
-    grades = _answered([sys.executable, str(HERE / "client.py"), "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    grades = _answered(
+        [sys.executable, str(FOLDER / CLIENTS["python"]), "sheet.csv", "answers.csv"], sheet, store, tmp_path
+    )
     assert not any(grade.failed for grade in grades)
     assert _least(grades, 1) >= 14
     assert _least(grades, 6) >= 11
     assert _least(grades, 7) >= 10
+
+
+def _answers_nine_levels(grades: list[Grade], asked: str) -> None:
+    """All questions up to level 9 that doubles can tell apart, and all of them right."""
+    assert not any(grade.failed or grade.verdict == "no-truth" for grade in grades)
+    rows = csv.DictReader(io.StringIO(asked))
+    assert {grade.id for grade in grades} == {
+        row["id"] for row in rows if row["level"] != "10" and row["from"] != "decimals" and len(row["Omega"]) <= 18
+    }
+
+
+@pytest.mark.skipif(FORTRAN is None, reason="no gfortran on this machine")
+@pytest.mark.parametrize("name", ["printed", pytest.param("calibrated", marks=pytest.mark.slow)])
+def test_the_fortran_client_on_all_it_answers(name: str, store: Store, tmp_path: Path) -> None:
+    assert FORTRAN is not None
+    options = ["-O1", "-std=f2008", "-Wall", "-o", "client"]
+    subprocess.run([FORTRAN, *options, str(FOLDER / CLIENTS["fortran"])], check=True, cwd=tmp_path)
+    sheet = _asked(store, (f"{name}/",))
+    grades = _answered(["./client", "sheet.csv", "answers.csv"], sheet, store, tmp_path)
+    _answers_nine_levels(grades, sheet)
+    assert _least(grades, 1) >= 13
+    # Steps of 2e-14, some thousand of them, and orbits that amplify by some hundred.
+    assert _least(grades, 6) >= 9
+    assert _least(grades, 7) >= 9
+
+
+PIECES = (
+    *(f"printed/{law}/rhs/00" for law in ("both", "linear", "smooth")),
+    *("printed/both/equilibrium", "printed/linear/hopf", "printed/linear/harmonic-balance"),
+    *("printed/linear/slow-manifold/0", "printed/linear/trajectory/d1", "printed/smooth/limit-cycle/crit-0.3"),
+)
+
+
+@pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave on this machine")
+def test_the_octave_client(store: Store, tmp_path: Path) -> None:
+    sheet = _asked(store, PIECES)
+    grades = _answered(_octave("tippedisk_answers('sheet.csv', 'answers.csv')"), sheet, store, tmp_path)
+    _answers_nine_levels(grades, sheet)
+    assert _least(grades, 1) >= 13
+    assert _least(grades, 6) >= 9
+    assert _least(grades, 7) >= 9
+
+
+@pytest.mark.slow(minutes=5)
+@pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave on this machine")
+def test_the_octave_client_on_all_it_answers(store: Store, tmp_path: Path) -> None:
+    sheet = _asked(store, ("printed/",))
+    grades = _answered(_octave("tippedisk_answers('sheet.csv', 'answers.csv')"), sheet, store, tmp_path, 7200)
+    _answers_nine_levels(grades, sheet)
+
+
+@pytest.mark.skipif(JULIA is None, reason="no Julia on this machine: its client has not been run")
+def test_the_julia_client_on_all_it_answers(store: Store, tmp_path: Path) -> None:
+    assert JULIA is not None
+    sheet = _asked(store, ("printed/",))
+    command = [JULIA, str(FOLDER / CLIENTS["julia"]), "sheet.csv", "answers.csv"]
+    _answers_nine_levels(_answered(command, sheet, store, tmp_path), sheet)

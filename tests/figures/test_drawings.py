@@ -14,7 +14,7 @@ from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.figures.disk import points_of
 from tippedisk_verify.figures.exhibit import Table, drawn
 from tippedisk_verify.figures.local import draw_eigenvalues, eigenvalue_rows, harmonic_balance_rows
-from tippedisk_verify.figures.state_space import _last_turn
+from tippedisk_verify.figures.state_space import last_turn
 from tippedisk_verify.figures.style import encoded, pyplot
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
@@ -86,7 +86,7 @@ def test_axes_carry_units(taylor) -> None:
 
 def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
     omega_h = Measured(Fraction("30.12"), Fraction(0))  # so that panel a is at 30.02 rad/s, where both ways round occur
-    turn = _last_turn(compute(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
+    turn = last_turn(compute(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
     gamma = turn[:, 1]
     assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
     assert abs(gamma[-1] - gamma[0]) == pytest.approx(2 * math.pi, abs=0.3)  # a sample is missing at either end

@@ -295,10 +295,14 @@ def test_a_manifest_that_points_elsewhere_reads_nothing(tmp_path: Path) -> None:
 def test_numbers_that_differ_between_json_and_csv_are_reported(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     shutil.copytree(data_folder(), folder)
-    table = folder / "printed" / "values.csv"
-    table.write_text(table.read_text().replace("two-method", "agreed", 1))
-    write_manifest(folder)
-    assert check(folder, sample=0).faults == ("printed/values.csv does not hold the same numbers as the JSON files",)
+    for name, old, new in (("values.csv", "two-method", "agreed"), ("sheet_with_truths.csv", ",10.0,", ",9.0,")):
+        table = folder / "printed" / name
+        whole = table.read_text()
+        assert old in whole
+        table.write_text(whole.replace(old, new, 1))
+        write_manifest(folder)
+        assert check(folder, sample=0).faults == (f"printed/{name} does not hold the same numbers as the JSON files",)
+        table.write_text(whole)
     hopf = folder / "printed" / "hopf.json"
     hopf.write_text(hopf.read_text().replace('"grade"', '"mark"'))
     write_manifest(folder)

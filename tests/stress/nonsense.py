@@ -240,11 +240,30 @@ SHAPES: dict[str, Shape] = {
         },
         (("answered.csv", NOT_SOURCES),),
     ),
+    "conformance run": Shape(
+        ("conformance", "run"),
+        {
+            "--set": ("printed", NOT_NAMES),
+            "--friction": ("linear", NOT_NAMES),
+            "--levels": ("3", NOT_COUNTS),
+            "--limit": ("9", st.sampled_from(["", "x", "nan", "inf", "0", "-1", "1e9", "1e400"])),
+            "--out": ("out", NOT_FOLDERS),
+            "--from": ("doubles", NOT_NAMES),
+            "--html": ("o.html", NOT_TARGETS),
+            "--badge": ("o.svg", NOT_TARGETS),
+            "--require": ("4", NOT_COUNTS),
+            "--expected-failures": ("expected", NOT_SOURCES),
+        },
+        (("cat", NOT_SOURCES),),  # none of them a program
+    ),
     "conformance compare": Shape(
         ("conformance", "compare"),
         {"--from": ("doubles", NOT_NAMES)},
         (("answered.csv", NOT_SOURCES), ("answered.csv", NOT_SOURCES)),
     ),
+    "conformance client": Shape(("conformance", "client"), {}, (("octave", NOT_NAMES),)),
+    "conformance grader": Shape(("conformance", "grader"), {}, (("octave", NOT_NAMES),)),
+    "conformance guide": Shape(("conformance", "guide"), {}),
     "sweep": Shape(
         ("sweep",),
         {

@@ -1,14 +1,16 @@
-"""The commands `conformance questions|grade|compare`."""
+"""The commands `conformance questions|grade|run|compare`, and those that print programs for other languages."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, console, plain_options, print_result, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_result
+from tippedisk_verify.commands.conformance_run import run
+from tippedisk_verify.commands.conformance_sources import client, grader, guide
+from tippedisk_verify.commands.grading import Wanted, checked_reading, from_option, grading_options, levels_named
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,7 +48,7 @@ def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str,
         raise InputError(f"'{file[:60]}' must end in .csv or .json: that decides the form of the sheet")
     store = stored()
     _refuse_filled_in(target, store)
-    chosen = asked(store, sets=sets, frictions=laws, levels=_levels(levels))
+    chosen = asked(store, sets=sets, frictions=laws, levels=levels_named(levels))
     write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
     print_result(common, {"questions": len(chosen), "file": str(target)}, [line])
@@ -67,87 +69,31 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
         raise InputError(f"{target} has {given} answers: give the questions another name, or remove it")
 
 
-def _levels(text: str | None) -> tuple[int, ...]:
-    if text is None:
-        return ()
-    given = re.fullmatch(r"(\d{1,2})(?:-(\d{1,2}))?", text, re.ASCII)
-    if given is None:
-        raise InputError(f"levels are a number or a range such as 1-3, not '{text[:40]}'")
-    from tippedisk_verify.conformance.grading import LEVEL_NAMES
-
-    ends = int(given[1]), int(given[2] or given[1])
-    if not 1 <= ends[0] <= ends[1] <= len(LEVEL_NAMES):
-        raise InputError(f"levels go from 1 to {len(LEVEL_NAMES)}, not '{text[:40]}'")
-    return tuple(range(ends[0], ends[1] + 1))
-
-
 @conformance.command()
 @click.argument("file", metavar="FILE")
-@click.option(
-    "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
-)
-@click.option("--html", metavar="FILE.html", help="Write a page with all grades there.")
-@click.option("--badge", metavar="FILE.svg", help="Write a picture there that says which levels agree.")
-@click.option("--require", metavar="N-M", help="Exit with 1 unless these levels are answered and agree.")
-@click.option(
-    "--expected-failures",
-    "expected",
-    metavar="FILE",
-    help="Ids that may fail, one to a line, * for any characters; exit with 1 if others do.",
-)
+@grading_options
 @plain_options
-def grade(
-    common: Common,
-    file: str,
-    reading: str | None,
-    html: str | None,
-    badge: str | None,
-    require: str | None,
-    expected: str | None,
-) -> int:
+def grade(common: Common, file: str, reading: str | None, **more: str | None) -> int:
     """Grade the answers of a sheet, by level, and name the likely mistake at the first level that fails.
 
     A sheet is what `conformance questions` wrote, or any CSV with the columns id and answer. The exit status is 0
     whatever the grades, a poor one being a result, unless --require or --expected-failures ask for more.
     """
-    from tippedisk_verify.conformance.diagnosis import diagnosed
-    from tippedisk_verify.conformance.grading import graded, levels_of
-    from tippedisk_verify.conformance.pages import Report, html_page, print_report
-    from tippedisk_verify.conformance.regression import badge as drawn
-    from tippedisk_verify.conformance.regression import expected_failures, shortcomings
-    from tippedisk_verify.files import printable, write_text
+    from tippedisk_verify.conformance.grading import graded
+    from tippedisk_verify.files import printable
     from tippedisk_verify.reference_values.store import stored
 
-    page, picture = _output(html, "--html", ".html", ".htm"), _output(badge, "--badge", ".svg")
-    required, store = _levels(require) or None, stored()
-    expectable = frozenset[str]() if expected is None else expected_failures(Path(expected), store)
+    store = stored()
+    wanted = Wanted.checked(store, **more)
     answers = _read(file, store, reading)
-    grades = graded(answers, store)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
-    levels = levels_of(grades, asked)
-    with progress(common, 0) as advance:
-        diagnoses = diagnosed(grades, store, advance)
-    gated = require is not None or expected is not None
-    short = shortcomings(levels, grades, required, expectable) if gated else []
-    mended = sorted(expectable & {one.id for one in grades if not one.failed})
-    report = Report(printable(Path(file).name), answers, grades, levels, diagnoses, short, mended)
-    if page is not None:
-        write_text(page, html_page(report))
-    if picture is not None:
-        write_text(picture, drawn(levels))
-    if common.json:
-        print_result(common, report.json())
-    elif not common.quiet:
-        print_report(report, console())
-    return 1 if short else 0
+    return wanted.report(common, store, asked, graded(answers, store), answers, printable(Path(file).name))
 
 
 @conformance.command()
 @click.argument("old", metavar="OLD")
 @click.argument("new", metavar="NEW")
-@click.option(
-    "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
-)
+@from_option
 @plain_options
 def compare(common: Common, old: str, new: str, reading: str | None) -> int:
     """Say which answers lost or gained a digit or more between two sheets of one program.
@@ -175,21 +121,11 @@ def _digits(change: dict[str, Any]) -> str:
     return f"{shown[0]} -> {shown[1]} digits"
 
 
-def _output(name: str | None, option: str, *endings: str) -> Path | None:
-    from tippedisk_verify.files import output_file
-
-    target = None if name is None else output_file(name)
-    if target is not None and target.suffix.lower() not in endings:
-        raise InputError(f"'{str(name)[:60]}' must end in {endings[0]}: {option} writes there, over what it holds")
-    return target
-
-
 def _read(file: str, store: Store, reading: str | None) -> Answers:
     from tippedisk_verify.conformance.sheet import read_answers
     from tippedisk_verify.files import printable
 
-    if reading not in (None, "decimals", "doubles"):
-        raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+    checked_reading(reading)
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
@@ -199,4 +135,6 @@ def _read(file: str, store: Store, reading: str | None) -> Answers:
     return answers
 
 
+for _command in (run, client, grader, guide):
+    conformance.add_command(_command)
 COMMANDS = (conformance,)

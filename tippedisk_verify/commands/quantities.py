@@ -33,7 +33,7 @@ _QUANTITIES = {
     "margin": Quantity(
         "rad", "distance in beta from the boundary of the basins; positive where the disk keeps standing"
     ),
-    "beta_max": Quantity("rad", "largest |beta - pi/2| on the cycle"),
+    "beta_max": Quantity("rad", "largest abs(beta - pi/2) on the cycle"),
     "multiplier_slow": Quantity("", "the larger nontrivial Floquet multiplier of a full period"),
     "log_multiplier_slow": Quantity("", "its natural logarithm"),
     "log_multiplier_fast": Quantity("", "natural logarithm of the smaller one, which may be below any double"),

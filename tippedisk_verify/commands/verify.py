@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -35,11 +35,11 @@ _MOST_PROCESSES = 8  # there is no more to do at once
 
 @click.command()
 @click.option("--out", metavar="DIR", help="Write report, figures and data there.")
-@click.option("--only", multiple=True, metavar="CLAIM...", help="Examine these claims only.")
+@click.option("--only", multiple=True, metavar="CLAIM", help="Examine these claims only.")
 @click.option("--list", "listing", is_flag=True, help="Say which claims there are, and examine none.")
 @click.option("--fresh", is_flag=True, help="Compute everything anew, also what was kept from earlier runs.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores, at most 8, if not given.")
-@click.argument("more", nargs=-1, metavar="")
+@click.argument("more", nargs=-1, metavar="[CLAIM]...")
 @common_options
 def verify(
     common: Common,
@@ -110,9 +110,10 @@ def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
 @click.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...|all")
 @click.option("--out", metavar="DIR", help="Write figure and CSV data there.")
+@click.option("--animate", is_flag=True, help="Show the disk itself in motion, too: a GIF for each scene, in --out.")
 @click.option("--omega-h", metavar="X", help="Use this Omega_h [rad/s] instead of finding it.")
 @common_options
-def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
+def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, omega_h: str | None) -> int:
     """The panels a to f of the paper's figures 3D and proj_3D."""
     from fractions import Fraction
 
@@ -124,6 +125,8 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
     chosen = list(SCENES) if "all" in names else list(dict.fromkeys(scene_named(name) for name in names))
     if common.digits > 12:
         raise InputError(f"scenes hold at most 12 digits, not {common.digits}: their orbits run in double precision")
+    if animate and out is None:
+        raise InputError("--animate needs a folder to write the GIF to: give one with --out")
     given = None if omega_h is None else Measured(checked_speed(omega_h), Fraction(0))
     folder = alone_in(out)
     engine = default_engine()
@@ -142,6 +145,9 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
             advance(f"scene {panel.name}", 1)
         if folder is not None:
             _draw_scenes(panels, folder)
+            if animate:
+                for shown in panels:
+                    _animate(shown, folder, advance)
     result = {
         "scenes": {panel.scene.name: panel.json() for panel in panels},
         "omega_h": None if given is None else given.json(),
@@ -163,6 +169,14 @@ def _draw_scenes(panels: Sequence[Panel], folder: Path) -> None:
     for panel in panels:
         for name, (header, rows) in scene_tables(panel).items():
             write_csv(folder / name, header, rows)
+
+
+def _animate(panel: Panel, folder: Path, advance: Callable[[str, int], None]) -> None:
+    from tippedisk_verify.figures.animation import animated, moments_of
+    from tippedisk_verify.files import write_bytes
+
+    file = folder / f"scene_{panel.scene.name}.gif"
+    write_bytes(file, animated(panel, moments_of(panel), lambda place: advance(f"{file.name}, {place}", 0)))
 
 
 def _endings(panel: Panel) -> list[str]:

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation, localcontext
 from fractions import Fraction
 from statistics import median
 from typing import Any
 
-from tippedisk_verify.conformance.sheet import Answers, placed
+from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.reference_values.store import Quantity, Reading, Store, reference
+from tippedisk_verify.reference_values.questions import (
+    FAILS_BELOW,
+    ROUNDING,
+    TOLERANCES,
+    needed,
+    placed,
+    scale_of,
+    slopes_of,
+)
+from tippedisk_verify.reference_values.store import Quantity, Reading, reference
 
 __all__ = [
     "FAILS_BELOW",
@@ -33,24 +42,13 @@ __all__ = [
     "scale_of",
 ]
 
-#: Digits that an answer must have at each level: what a careful implementation in doubles passes easily and a wrong
-#: equation does not reach by chance.
-FAILS_BELOW = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
 LEVEL_NAMES = {
     1: "right-hand side", 2: "equilibria", 3: "Hopf point", 4: "harmonic balance", 5: "slow manifold",
     6: "trajectories", 7: "limit cycles", 8: "heteroclinic connection", 9: "near the connection",
     10: "rotating cycles",
 }  # fmt: skip
-# Angles and speeds are told from zero by their own size where they pass through it.
-_UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", "log_multiplier_slow")
 _PRECISION = 140  # digits of the arithmetic; Omega_h has 102
-_ROUNDING = 2.0**-52
 _SOME = 1.0  # digits that even rounded inputs must leave
-#: The relative change of all inputs together whose effect no level holds against an answer. Closed forms in doubles
-#: leave ten thousand roundings below 1e-12. What an integrator leaves was measured at rtol = atol = 1e-12 and 1e-13 on
-#: all orbits and librating cycles of the printed set: at most 5.3e-11 with SciPy's LSODA, 5.0e-11 with DOP853.
-TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
-_LEAST = 0.3  # digits that every question asks for: the value to within its half
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
 
 
@@ -148,20 +146,6 @@ class QuantityGrade:
         }
 
 
-def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
-    """What an error is measured against: the value's size.
-
-    At level 1 the largest condition number, if that is larger: it is the size of what cancelled. For angles, angular
-    velocities and eigenvalues at least 1 in their unit.
-    """
-    size = abs(value)
-    if quantity.level == 1:
-        return max([size, *(abs(Decimal(slope)) for slope in quantity.condition.values())])
-    if quantity.level == 2 or placed(quantity.name)[0].startswith(_UNIT_SIZED):
-        return max(size, Decimal(1))
-    return size
-
-
 def digits_between(answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf) -> float:
     """-log10(|answer - truth| / scale), between -99 and ``most``."""
     away = abs(answer - truth)
@@ -186,7 +170,7 @@ def as_decimal(text: str) -> Decimal:
     return Decimal(text.replace("d", "e").replace("D", "e"))
 
 
-def graded(answers: Answers, store: Store) -> list[Grade]:
+def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
     """A grade for each answer, in the order of the questions."""
     with localcontext() as context:
         context.prec = _PRECISION
@@ -218,13 +202,13 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
     away = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
-    slopes = _slopes(quantity)
+    slopes = slopes_of(quantity)
     close = digits >= min(most, needs)
     if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _SOME and away <= slopes * Decimal(_ROUNDING):
+    elif digits >= _SOME and away <= slopes * Decimal(ROUNDING):
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
     elif digits >= _FEW * needs:
         verdict = "few-digits"
@@ -239,23 +223,6 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
     """Whether a double has no better answer: its seventeenth digit is not always the truth's."""
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
-
-
-def _slopes(quantity: Quantity) -> Decimal:
-    return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
-
-
-def needed(quantity: Quantity) -> float:
-    """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them.
-
-    Where doubles cannot tell the inputs apart, only programs with more digits are asked, and asked for the level's.
-    """
-    digits = float(FAILS_BELOW[quantity.level])
-    scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
-    condition = float(_slopes(quantity) / scale) if scale else 0.0
-    if "doubles" in quantity.values and condition:
-        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _LEAST)
-    return digits
 
 
 def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[LevelGrade]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,11 @@ class Report:
     diagnoses: Sequence[Diagnosis]
     shortcomings: Sequence[str] = ()  #: what keeps it from passing, where levels are required
     mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
+    noticed: Sequence[str] = ()  #: what a program did beside answering
+    start_up: float | None = None  #: [s] until a program's first answer
+    times: Sequence[Mapping[str, Any]] = ()  #: how long a program took, by level and kind
+    race: Sequence[Mapping[str, Any]] = ()  #: its error and seconds on problems of `bench`
+    picture: str = ""  #: an SVG of these beside other integrators'
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -69,7 +74,7 @@ class Report:
 
     def remarks(self) -> list[str]:
         """What was noticed about the sheet itself."""
-        said = []
+        said = list(self.noticed)
         if self.answers.undeclared:
             answers = counted(self.answers.undeclared, "answer does", "answers do")
             said.append(f"{answers} not say from which inputs; graded as from doubles")
@@ -146,7 +151,12 @@ class Report:
             "unknown": self.answers.unknown,
             "repeated": self.answers.repeated,
             "grades": [grade.json() for grade in self.grades],
+            **({"seconds": self._seconds()} if self.start_up is not None else {}),
         }
+
+    def _seconds(self) -> dict[str, Any]:
+        race = {"race": list(self.race)} if self.race else {}
+        return {"start_up": self.start_up, "kinds": list(self.times), **race}
 
     def worst(self) -> list[Grade]:
         """Failures of the first failing level first, then by digits."""
@@ -217,12 +227,32 @@ def print_report(report: Report, console: Console) -> None:
         )
     if report.grades:
         console.print(worst)
+    if report.times:
+        console.print(_times_table(report))
+    for race in report.race:
+        console.print(Text(f"{race['says']}: error {race['error']:.1e} in {race['seconds']:.3g} s"))
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
     for diagnosis in report.diagnoses:
         console.print(Text(diagnosis.says(), style="bold"))
     for shortcoming in report.shortcomings:
         console.print(Text(shortcoming, style="bold red"))
+
+
+def _times_table(report: Report) -> Table:
+    from rich.table import Table
+
+    title = f"run time: {report.start_up or 0:.3g} s to start up, then for each state, trajectory or cycle"
+    table = Table(title=title, title_justify="left")
+    table.add_column("level")
+    for heading in ("answers", "entries", "total [s]", "median [s]", "largest [s]"):
+        table.add_column(heading, justify="right")
+    table.add_column("which took the longest")
+    for one in report.times:
+        cells = (f"{one[name]:.3g}" for name in ("total", "median", "largest"))
+        kind, counts = f"{one['level']} {one['kind']}", (str(one["answered"]), str(one["entries"]))
+        table.add_row(kind, *counts, *cells, one["longest"])
+    return table
 
 
 def _quantity_table(rows: Sequence[QuantityGrade]) -> Table:

@@ -18,20 +18,26 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
-from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.questions import COLUMNS, placed, question_fields
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["COLUMNS", "Answers", "looks_like", "placed", "questions", "read_answers", "sheet_csv", "sheet_json"]
+__all__ = [
+    "COLUMNS",
+    "Answers",
+    "Row",
+    "answer_line",
+    "collected",
+    "looks_like",
+    "placed",
+    "question_row",
+    "questions",
+    "read_answers",
+    "sheet_csv",
+    "sheet_json",
+]
 
-_INPUTS = ("Omega", "beta", "gamma", "v")
-COLUMNS = (
-    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
-    *SYMBOLS,
-    *_INPUTS,
-    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
-)
 _QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
-_Row = tuple[str, str, str, dict[str, str]]  # id, reading, answer, and what else the row says
+Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and what else the row says
 _LARGEST = 64_000_000  # bytes; a sheet with every question and fifty digits each has some ten million
 _LONGEST = 2_000  # characters of an answer
 _MOST_UNKNOWN = 1_000
@@ -73,19 +79,6 @@ def looks_like(text: str) -> str | None:
     return next((said for pattern, said in _LOOKS if re.fullmatch(pattern, text.strip(), re.I)), None)
 
 
-def placed(name: str) -> tuple[str, dict[str, str]]:
-    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
-    if "@" in name:
-        plain, place = name.split("@", 1)
-        return plain, {"t": place}
-    if "#" in name:
-        plain, place = name.split("#", 1)
-        return plain, {"n": place}
-    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
-        return name, {"order": term[2]}
-    return name, {}
-
-
 def questions(
     store: Store, *, sets: Sequence[str] = (), frictions: Sequence[str] = (), levels: Sequence[int] = ()
 ) -> list[Quantity]:
@@ -115,34 +108,20 @@ def questions(
     return chosen
 
 
-def _row(store: Store, quantity: Quantity) -> dict[str, str]:
-    plain, place = placed(quantity.name)
-    parameters = {name: value["decimal"] for name, value in store.parameters[quantity.set].items()}
-    return {
-        "id": quantity.id,
-        "level": str(quantity.level),
-        "kind": quantity.kind,
-        "set": quantity.set,
-        "friction": quantity.friction,
-        "quantity": plain,
-        "unit": quantity.unit,
-        **parameters,
-        **quantity.inputs,
-        **place,
-        "from": "decimals" if "doubles" not in quantity.values else "",
-        "answer": "",
-    }
+def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
+    """A question by columns, without those that do not apply."""
+    return question_fields(store.parameters[quantity.set], quantity)
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
     """The sheet as CSV. Where only decimals make sense, ``from`` is filled in."""
-    rows = (_row(store, quantity) for quantity in asked)
+    rows = (question_row(store, quantity) for quantity in asked)
     return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
 
 
 def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
     """The sheet as JSON: one question to a line."""
-    lines = [json.dumps(_row(store, quantity), ensure_ascii=False) for quantity in asked]
+    lines = [json.dumps(question_row(store, quantity), ensure_ascii=False) for quantity in asked]
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
@@ -156,12 +135,29 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     answers = Answers()
     try:
         rows = _json_rows(text, answers) if text.lstrip()[:1] in ("{", "[") else _csv_rows(text, answers)
-        return _without_missing(_collected(rows, store, default_reading, answers))
+        return collected(rows, store, default_reading, answers)
     except InputError as fault:
         raise InputError(f"{printable(path.name)}: {fault}") from None
 
 
-def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
+def answer_line(line: str) -> Row | None:
+    """The answer that one line of JSON gives; None if it gives none."""
+    try:
+        row = json.loads(line, parse_float=str, parse_int=str, parse_constant=str)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(row, dict) or not isinstance(row.get("id"), str) or "answer" not in row:
+        return None
+    reading = _said(row.get("from", "")).strip().lower()
+    return _json_row(row, reading) if reading in ("", *_READINGS) else None
+
+
+def _json_row(row: dict[str, Any], reading: str) -> Row:
+    asked = {name: _said(row[name]) for name in _QUESTION if name in row}
+    return _said(row["id"]), reading, _said(row.get("answer", "")), asked
+
+
+def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     def first_of_each(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         unique: dict[str, Any] = {}
         for name, value in pairs:
@@ -198,15 +194,14 @@ def _json_rows(text: str, answers: Answers) -> Iterable[_Row]:
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
             raise InputError('each question of a JSON sheet has an "id"')
-        asked = {name: _said(row[name]) for name in _QUESTION if name in row}
-        yield _said(row["id"]), _said(row.get("from", "") or everywhere), _said(row.get("answer", "")), asked
+        yield _json_row(row, _said(row.get("from", "") or everywhere))
 
 
 def _said(value: Any) -> str:
     return value if isinstance(value, str) else "" if value is None else f"({type(value).__name__})"
 
 
-def _csv_rows(text: str, answers: Answers) -> Iterable[_Row]:
+def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
     first = text.partition("\n")[0]
@@ -238,7 +233,8 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[_Row]:
         raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
 
 
-def _collected(rows: Iterable[_Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
+def collected(rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers) -> Answers:
+    """The answers with those of the rows. Raises InputError for a row that says something else of its inputs."""
     for id_, reading, answer, asked in rows:
         id_, reading, answer = printable(id_.strip()), reading.strip().lower(), printable(answer.strip())
         if id_ in store:
@@ -260,7 +256,7 @@ def _collected(rows: Iterable[_Row], store: Store, default_reading: str | None, 
         if reading not in _READINGS:
             raise InputError(f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'")
         answers.given[id_] = reading, answer if len(answer) <= _LONGEST else "(longer than 2000 characters)"
-    return answers
+    return _without_missing(answers)
 
 
 def _without_missing(answers: Answers) -> Answers:
@@ -278,7 +274,7 @@ def _without_missing(answers: Answers) -> Answers:
 
 def _altered(said: dict[str, str], store: Store, quantity: Quantity) -> str | None:
     """The first column that says something else than the question of that id; a number may be written otherwise."""
-    asked = _row(store, quantity) if said else {}
+    asked = question_row(store, quantity) if said else {}
     for name, text in said.items():
         wanted, text = asked.get(name, ""), text.strip()
         if text and text != wanted:

@@ -11,10 +11,16 @@ from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid, pyplot
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["EXHIBITS", "draw_inversion", "draw_model", "points_of"]
+__all__ = ["EXHIBITS", "draw_disk", "draw_inversion", "draw_model", "points_of", "stage"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # of the disk's radius, as in the set `geometry`
 _SHOWN_SECONDS = 12.0
+_ELEVATION, _AZIMUTH = 14, -62  # of the eye [degrees]
+_TOWARDS_EYE = tuple(
+    (lambda up, round_: (math.cos(up) * math.cos(round_), math.cos(up) * math.sin(round_), math.sin(up)))(
+        math.radians(_ELEVATION), math.radians(_AZIMUTH)
+    )
+)
 
 
 def points_of(parameters: Parameters, beta: float, gamma: float, stretch: float = 1.0) -> dict[str, Any]:
@@ -45,8 +51,8 @@ def points_of(parameters: Parameters, beta: float, gamma: float, stretch: float 
     }
 
 
-def _disk(axis: Any, parameters: Parameters, points: dict[str, Any]) -> None:
-    """The disk's face with its hole, opposite to S, and the floor."""
+def draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any]) -> None:
+    """The disk's face with its hole, opposite to S, and the floor; its other face has another colour."""
     import numpy
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -61,17 +67,19 @@ def _disk(axis: Any, parameters: Parameters, points: dict[str, Any]) -> None:
     floor = 1.25 * radius * numpy.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     axis.add_collection3d(Poly3DCollection([floor], facecolor="#ececec", edgecolor="#c8c8c8", lw=0.6, zorder=0))
     face = numpy.concatenate((rim, hole[::-1]))  # one outline around both: the hole stays open
-    axis.add_collection3d(Poly3DCollection([face], facecolor="#bcd7ea", edgecolor="none", alpha=0.9, zorder=1))
+    colour = "#bcd7ea" if points["normal"] @ _TOWARDS_EYE > 0 else "#f4d9a0"
+    axis.add_collection3d(Poly3DCollection([face], facecolor=colour, edgecolor="none", alpha=0.9, zorder=1))
     for line in (rim, hole):
         axis.plot(*line.T, color=BLUE, lw=1.3, zorder=2)
     axis.plot(*points["S"], "o", color=BLACK, ms=6, zorder=5)
     axis.plot(*points["G"], "+", color=BLACK, ms=7, mew=1.3, zorder=5)
 
 
-def _stage(axis: Any, radius: float, zoom: float) -> None:
+def stage(axis: Any, radius: float, zoom: float) -> None:
+    """Limits and the eye's place, the same for every picture of a disk of this radius [m]."""
     axis.set(xlim=(-1.25 * radius, 1.25 * radius), ylim=(-1.25 * radius, 1.25 * radius), zlim=(0, 2.2 * radius))
     axis.set_box_aspect((2.5, 2.5, 2.2), zoom=zoom)
-    axis.view_init(elev=14, azim=-62)
+    axis.view_init(elev=_ELEVATION, azim=_AZIMUTH)
     axis.set_axis_off()
 
 
@@ -83,8 +91,8 @@ def draw_model(parameters: Parameters, columns: int = 2) -> Any:
     points = points_of(parameters, beta, gamma, stretch=6.0)
     radius = float(parameters.r)
     figure, (axis,) = grid(1, 1, (5.6, 4.6) if columns > 1 else (4.0, 3.6), projection="3d", computed_zorder=False)
-    _disk(axis, parameters, points)
-    _stage(axis, radius, 1.25)
+    draw_disk(axis, parameters, points)
+    stage(axis, radius, 1.25)
 
     def vector(begin: Any, end: Any, colour: str, name: str, style: str = "-") -> None:
         axis.plot(*numpy.array([begin, end]).T, style, color=colour, lw=1.5, zorder=4)
@@ -129,8 +137,8 @@ def draw_inversion(parameters: Parameters, times: Any, states: Any, moments: Seq
     for place, moment in enumerate(moments):
         axis = figure.add_subplot(cells[place // across, place % across], projection="3d", computed_zorder=False)
         beta, gamma, _ = states[moment]
-        _disk(axis, parameters, points_of(parameters, float(beta), float(gamma)))
-        _stage(axis, radius, 1.3)
+        draw_disk(axis, parameters, points_of(parameters, float(beta), float(gamma)))
+        stage(axis, radius, 1.3)
         axis.set_title(f"({place + 1})  t = {times[moment]:.2f} s", y=0.98)
     axis = figure.add_subplot(cells[rows, :])
     height = _height(parameters, states)

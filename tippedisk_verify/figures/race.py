@@ -9,15 +9,16 @@ from dataclasses import replace
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.bench.methods import METHODS
+from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, machine, raced
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import pyplot
 
-__all__ = ["EXHIBITS", "draw_bench"]
+__all__ = ["EXHIBITS", "brief_methods", "draw_bench"]
 
-# Each method its own mark and line: the colours (Okabe and Ito's) are only a help.
+# Each method its own mark and line: the colours (Okabe and Ito's) are only a help. A program that is none of these, and
+# was asked, is a ring.
 _STYLES = {
     "taylor": ("#0072B2", "o", "-"),
     "taylor, fast math": ("#0072B2", "", "--"),
@@ -80,20 +81,22 @@ def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
     """One panel; the line of each method."""
     drawn = {}
     for method in dict.fromkeys(score.method for score in scores):
-        colour, mark, line = _STYLES.get(method, ("#999999", ".", "-"))
+        colour, mark, line = _STYLES.get(method, ("#000000", "o", ""))
+        ring = {} if method in _STYLES else {"markerfacecolor": "white", "markeredgewidth": 2.0, "zorder": 3}
         mine = [score for score in scores if score.method == method]
         ended = [score for score in mine if score.error is not None and score.seconds]
         (drawn[method],) = axis.plot(
             [score.seconds for score in ended],
             [min(max(score.error or 0.0, _LEAST), _MOST / 10) for score in ended],
-            color=colour, marker=mark, linestyle=line or "none", markersize=4.5, linewidth=1, label=method,
+            color=colour, marker=mark, linestyle=line or "none", markersize=8 if ring else 4.5, linewidth=1,
+            label=method, **ring,
         )  # fmt: skip
         longest = max((score.seconds or 0 for score in ended), default=1.0) or 1.0
         for score in mine:
             if score.error is None:
                 axis.plot([score.preparation or longest], [_UNFINISHED], marker="x", color=colour, markersize=5)
     axis.axhspan(_MOST / 10, _MOST, color="0.9")
-    axis.text(0.02, 0.975, "no end", transform=axis.transAxes, va="top", fontsize=7)
+    axis.text(0.02, _UNFINISHED, "no end", transform=axis.get_yaxis_transform(), va="center", fontsize=7)
     uncertainty = max(score.truth_uncertainty for score in scores)
     axis.axhspan(_LEAST / 10, max(uncertainty, _LEAST), color="0.8")
     axis.text(0.02, 0.012, f"reference: ± {uncertainty:.0e}", transform=axis.transAxes, fontsize=7)
@@ -101,13 +104,17 @@ def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
     return drawn
 
 
-def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
-    methods = [
+def brief_methods() -> list[Method]:
+    """The methods that the report races: ours and the strongest of SciPy's, at settings that take seconds."""
+    return [
         method if settings is None else replace(method, settings=settings)
         for method in METHODS
         if (settings := _METHODS.get(method.name, ())) != ()
     ]
-    scores = raced([problem_named(name) for name in _PROBLEMS], methods)
+
+
+def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
+    scores = raced([problem_named(name) for name in _PROBLEMS], brief_methods())
     rows = [score.json() for score in scores]
     shown = [
         (score.problem, score.method, score.setting, score.seconds and score.seconds * 1e3, score.error, score.status)

@@ -115,7 +115,7 @@ class LimitCycle(Cycle):
     period: Measured  #: T [s]
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
     v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest |beta - pi/2| [rad]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
     multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
     log_multiplier_slow: Measured  #: natural logarithm of its absolute value
     log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral

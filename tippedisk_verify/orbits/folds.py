@@ -59,7 +59,7 @@ class Fold:
     omega: Measured  #: the speed, extreme on the family [rad/s]
     period: Measured  #: T of the cycle there [s]
     v_0: Measured  #: v next to the saddle [rad/s]
-    beta_max: Measured  #: largest |beta - pi/2| [rad]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
     null_vector: Measured  #: derivative of the second coordinate by the first along the family [1/s]
     log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1
     parameters: Parameters  #: whose fold it is, with the friction law

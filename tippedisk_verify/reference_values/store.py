@@ -6,7 +6,7 @@ Every byte is held against the manifest on the way in, once in a process.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -87,9 +87,6 @@ class Store(Mapping[str, Quantity]):
     """All reference values, by id, in order of difficulty. Raises InputError for a folder without them, or damaged."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
-        self._quantities: dict[str, Quantity] = {}
         documents = []
         for name, text in sound_files(folder).items():
             try:
@@ -100,10 +97,22 @@ class Store(Mapping[str, Quantity]):
             raise InputError(f"no reference data in {folder}")
         try:
             documents.sort(key=lambda document: (document["level"], document["set"] != "printed"))
-            for document in documents:
-                self._take(document)
+            self._fill(documents)
         except (KeyError, TypeError, AttributeError, ValueError):
             raise InputError(f"the reference data in {folder} are damaged: run reference check") from None
+
+    @classmethod
+    def of(cls, documents: Iterable[dict[str, Any]]) -> Store:
+        """What documents of the files' form say, in their order."""
+        store = cls.__new__(cls)
+        store._fill(documents)
+        return store
+
+    def _fill(self, documents: Iterable[dict[str, Any]]) -> None:
+        self.parameters: dict[str, dict[str, dict[str, str]]] = {}
+        self._quantities: dict[str, Quantity] = {}
+        for document in documents:
+            self._take(document)
 
     def _take(self, document: dict[str, Any]) -> None:
         self.parameters[document["set"]] = document["parameters"]

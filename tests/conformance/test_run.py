@@ -1,0 +1,414 @@
+"""`conformance run`: programs that answer well, and programs that do everything else. None leaves anything behind.
+
+Nothing here depends on how fast a program is: where one must be given up, the limit's clock is the test's own, and runs
+only once the program has done its mischief.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from decimal import Decimal
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tests.stress.strikes import INTERRUPTED, Struck
+from tippedisk_verify.bench.asked import scores_by_asking
+from tippedisk_verify.bench.problems import problem_named, truth_of
+from tippedisk_verify.cli import main
+from tippedisk_verify.commands import conformance_run
+from tippedisk_verify.conformance import dialogue
+from tippedisk_verify.conformance.sheet import COLUMNS, question_row
+from tippedisk_verify.figures.race import brief_methods
+from tippedisk_verify.reference_values.store import stored
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
+NODE = shutil.which("node")
+#: What the programs below are asked: six quantities of one entry, after a first question of the right-hand side.
+ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 and quantity.set == "printed"]
+RUN = ["conformance", "run", "--set", "printed", "--levels", "3"]
+_HEAD = f"""
+import json, os, signal, sys, time
+TRUTHS = {json.dumps({id_: float(stored()[id_]) for id_ in ASKED})}
+def asked():
+    return json.loads(sys.stdin.readline() or sys.exit())["id"]
+def said(id_, **more):
+    print(json.dumps({{"id": id_, "answer": TRUTHS.get(id_), **more}}), flush=True)
+def done():
+    open(DONE, "w").close()
+def forever():
+    done()
+    while True:
+        time.sleep(1000)
+said(asked())
+"""
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Callable[[str], list[str]]:
+    """The command of a program that has answered the first question, and then does so."""
+
+    def made(body: str) -> list[str]:
+        script = tmp_path / "program.py"
+        script.write_text(f"DONE = {str(tmp_path / 'done')!r}\n{_HEAD}{body}")
+        return [sys.executable, "-I", "-S", str(script)]
+
+    return made
+
+
+@pytest.fixture
+def clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The limit's clock: it stands still until the file `done` is there, and then every look at it takes a minute."""
+    ticks = count(0, 60)
+    mine = SimpleNamespace(
+        perf_counter=time.perf_counter, monotonic=lambda: next(ticks) if (tmp_path / "done").exists() else 0
+    )
+    monkeypatch.setattr(dialogue, "time", mine)
+
+
+def _ran(command: list[str], capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, dict[str, Any], str]:
+    status = main([*RUN, *options, "--json", "--", *command])
+    out, err = capsys.readouterr()
+    return status, json.loads(out) if out else {}, err
+
+
+def _agree(graded: dict[str, Any]) -> int:
+    assert all(grade["verdict"] in ("exact", "agrees") for grade in graded["grades"])
+    return len(graded["grades"])
+
+
+WELL = "while True: said(asked())\n"
+
+
+def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
+    """As `docs/protocol.md` says, for languages without JSON. The example there is a question."""
+    page = (EXAMPLES.parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
+    example = json.loads(re.findall(r'    (\{"id".*?\})\n', page, re.DOTALL)[0])
+    rows = [question_row(stored(), quantity) for quantity in stored().values()]
+    (asked,) = (row for row in rows if row["id"] == example["id"])
+    assert asked.keys() == example.keys()
+    assert all(float(asked[name]) == float(example[name]) for name in ("r", "epsilon", "Omega", "beta", "t"))
+    assert all(re.fullmatch(r"[ -~]*", text) and not re.search(r'["\\]', text) for row in rows for text in row.values())
+    kept = tmp_path / "kept"
+    assert main([*RUN, "--quiet", "--", "tee", str(kept)]) == 0
+    cut = [re.findall(r'"(\w+)": "([^"]*)"', line) for line in kept.read_text().splitlines()]
+    assert [dict(pairs) for pairs in cut[1:]] == [row for row in rows if row["id"] in ASKED]
+
+
+def test_a_program_is_graded_and_timed(
+    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    status, graded, err = _ran(program(WELL), capsys, "--out", str(tmp_path / "out"), "--require", "3")
+    assert (status, err, graded["remarks"][1:]) == (0, "", [])
+    assert graded["remarks"][0] == "6 answers do not say from which inputs; graded as from doubles"
+    assert _agree(graded) == len(ASKED) == 6
+    (kind,) = graded["seconds"]["kinds"]
+    assert (kind["level"], kind["kind"], kind["answered"], kind["entries"]) == (3, "hopf", 6, 1)
+    assert kind["longest"] == "printed/linear/hopf/point"
+    assert graded["seconds"]["start_up"] > 0 < kind["median"] == kind["total"]
+    # What it wrote is a sheet with the same grades; without trajectories there is no race.
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["answers.jsonl", "grades.html"]
+    assert "to start up" in (tmp_path / "out" / "grades.html").read_text()
+    assert main(["conformance", "grade", str(tmp_path / "out" / "answers.jsonl"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["grades"] == graded["grades"]
+
+
+@pytest.mark.parametrize(
+    ("body", "remark"),
+    [
+        ("ids = [asked() for _ in range(6)]\nfor id_ in ids[::-1]: said(id_)\nasked()", None),
+        ("for _ in range(6): id_ = asked(); said(id_); said(id_)\nasked()", "second answers, of which the first"),
+        ("said(asked()); said('printed/linear/hopf/point/none')\n" + WELL, "answers to what was not asked"),
+        ("said('printed/both/rhs/002/M')\n" + WELL, "answers to what was not asked"),
+        ("print('rubbish'); print('{\"id\": 3}'); print('\\x00\\x1b[2J\\xff'); print('[' * 5000)\n" + WELL,
+         "lines that are no answer: 4, the first 'rubbish'"),
+        ("sys.stdout.write('x' * 3_000_000 + '\\n')\n" + WELL, "lines that are no answer: 1, the first 'xxx"),
+        ("said(ASKED := asked(), **{'from': 'singles'}); said(ASKED)\n" + WELL, "lines that are no answer: 1"),
+        ("for line in sys.stdin:\n"
+         "    it = json.loads(line); it['answer'] = TRUTHS[it['id']]; print(json.dumps(it), flush=True)", None),
+        ("for _ in range(5): said(asked())\n"
+         "id_ = asked(); sys.stdout.write(json.dumps({'id': id_, 'answer': TRUTHS[id_]}))", None),
+        ("asked(); os.close(0)\nfor id_ in TRUTHS: said(id_)", None),
+        ("sys.stderr.write('murmur ' * 100_000)\n" + WELL, None),
+        ("for _ in range(6): said(asked())\nsys.exit(3)", "ended with status 3"),
+        ("for _ in range(6): said(asked())\nos.kill(os.getpid(), signal.SIGSEGV)", "ended with SIGSEGV"),
+    ],
+    ids=["out of order", "twice", "unknown", "too early", "rubbish", "megabytes", "odd reading", "echo", "half a line",
+         "closes its input", "murmurs", "status", "signal"],
+)  # fmt: skip
+def test_odd_programs_are_graded_in_full(
+    body: str, remark: str | None, program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, graded, _ = _ran(program(body), capsys)
+    noted = [one for one in graded["remarks"] if "graded as from doubles" not in one]
+    assert (status, _agree(graded)) == (0, 6)
+    assert [remark is not None and remark in one for one in noted] == ([] if remark is None else [True])
+
+
+BROKEN = [
+    ("forever()", f"did not answer {ASKED[2]} within 7 s, and was ended"),
+    ("print('y\\n' * 100, flush=True); done()\nwhile True: print('y', flush=True)", "within 7 s, and was ended"),
+    ("done()\nwhile True: sys.stdout.write('x' * 65536)", "within 7 s, and was ended"),
+    ("done()\nwhile True: sys.stderr.write('x\\n' * 30000)", "within 7 s, and was ended"),
+    ("os.close(1); forever()", f"closed its standard output before it answered {ASKED[2]}, and was ended"),
+    ("os._exit(3)", f"ended with status 3 before it answered {ASKED[2]}"),
+    ("1 / 0", f"ended with status 1 before it answered {ASKED[2]}"),
+    ("os.kill(os.getpid(), signal.SIGKILL)", f"ended with SIGKILL before it answered {ASKED[2]}"),
+    ("sys.stdout.write('{\"id\":'); sys.stdout.flush(); os._exit(0)", "ended with status 0 before it answered"),
+]
+_NAMES = ["hangs", "rubbish", "one line", "murmurs", "closed", "status", "exception", "signal", "half"]
+
+
+@pytest.mark.usefixtures("clock")
+@pytest.mark.parametrize(("body", "remark"), BROKEN, ids=_NAMES)
+def test_what_was_answered_is_graded(
+    body: str, remark: str, program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pid = tmp_path / "pid"
+    body = f"open({str(pid)!r}, 'w').write(str(os.getpid()))\nsaid(asked()); said(asked())\n{body}"
+    out = tmp_path / "out"
+    status, graded, err = _ran(program(body), capsys, "--limit", "7", "--out", str(out))
+    assert status == 0
+    assert remark in graded["remarks"][0]
+    assert _agree(graded) == 2
+    assert len((out / "answers.jsonl").read_text().splitlines()) == 2
+    assert err.count("\n") <= 21  # of its standard error
+    with pytest.raises(ProcessLookupError):  # neither running nor a zombie
+        os.kill(int(pid.read_text()), 0)
+
+
+def test_a_gate_does_not_let_pass_what_breaks_off(
+    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = program("said(asked()); os._exit(3)")
+    status, graded, _ = _ran(command, capsys, "--require", "3")
+    assert (status, _agree(graded)) == (1, 1)
+    assert "ended with status 3" in graded["shortcomings"][0]
+    assert main([*RUN, "--quiet", "--", *command]) == 0
+    assert main([*RUN, "--quiet", "--expected-failures", "/dev/null", "--", *command]) == 2
+
+
+def test_a_program_that_keeps_its_answers_in_a_buffer_is_told_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(
+        "import json, sys\n"
+        "sys.stdout = open(1, 'w', buffering=65536)\n"
+        "for line in sys.stdin:\n"
+        "    print(json.dumps({'id': json.loads(line)['id'], 'answer': 0}))\n"
+        f"    open({str(tmp_path / 'done')!r}, 'w').close()\n"
+    )
+    # Once the limit has passed, the clock stands still: the program ends when its input does.
+    ticks = SimpleNamespace(
+        perf_counter=time.perf_counter, monotonic=lambda: 1e6 if (tmp_path / "done").exists() else 0
+    )
+    monkeypatch.setattr(dialogue, "time", ticks)
+    command = [*RUN[:-1], "1", "--json", "--", sys.executable, str(script)]
+    assert main(command) == 0
+    graded = json.loads(capsys.readouterr().out)
+    assert "it must flush its output after each line" in graded["remarks"][0]
+    assert len(graded["grades"]) == 1
+
+
+@pytest.mark.usefixtures("clock")
+def test_a_program_that_stays_when_its_input_ends_is_ended(
+    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    body = "for _ in range(6): said(asked())\nsys.stdin.read(); forever()"
+    status, graded, _ = _ran(program(body), capsys, "--require", "3")
+    assert (status, _agree(graded)) == (0, 6)
+    assert graded["remarks"][0].endswith("went on when its input had ended, and was ended")
+
+
+@pytest.mark.usefixtures("clock")
+@pytest.mark.parametrize("before", ["", "os.close(0)\n"], ids=["open", "closed"])
+def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
+    """It never reads, is sent more than a pipe holds, and writes more than one to each of its own."""
+    script = (
+        f"import os, time\n{before}for n in (1, 2): os.write(n, b'x' * 1_000_000)\n"
+        f"open({str(tmp_path / 'done')!r}, 'w')\ntime.sleep(1000)"
+    )
+    heard: list[str] = []
+    with dialogue.started([sys.executable, "-c", script], 7) as one:
+        assert "did not answer it within 7 s" in one.ask("?" * 10_000_000, {"it"}, heard.append)
+        assert one.finish(heard.append).endswith("and was ended")
+        assert len(one.errors()) == 1
+    assert heard == []
+
+
+def test_children_of_a_program_end_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pid = tmp_path / "pid"
+    script = f"sleep 1000 & echo $! > {pid}; echo no more; exit 3"
+    assert main([*RUN, "--", "sh", "-c", script]) == 2
+    assert "sh ended with status 3 before it answered" in capsys.readouterr().err
+    while True:  # whoever is told of the end of an orphan may take a moment, and may never ask
+        try:
+            state = Path(f"/proc/{pid.read_text().strip()}/stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            break
+        if state == "Z":
+            break
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("name", ["nowhere/program", "no such program", "", "folder", "./file", "./text", "a\0b"])
+def test_what_cannot_be_started_is_refused_in_one_line(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("#!/bin/sh\n")
+    (tmp_path / "text").write_text("no program\n")
+    (tmp_path / "text").chmod(0o755)
+    assert main([*RUN, "--out", "out", "--", name]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "cannot be started: " in err
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_program_that_never_answers_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its last words are in the line."""
+    assert main([*RUN, "--", sys.executable, "nowhere.py"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "ended with status 2 before it answered printed/both/rhs/001/M: " in err
+    assert "nowhere.py" in err
+    assert main([*RUN, "--limit", "0.01", "--", "sleep", "1000"]) == 2
+    assert "did not answer printed/both/rhs/001/M within 0.01 s" in capsys.readouterr().err
+    for limit in ("0", "-1", "nan", "inf", "x"):
+        assert main([*RUN, "--limit", limit, "--", "cat"]) == 2
+
+
+def test_the_end_of_standard_error_is_shown(
+    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    body = "for n in range(1000): print(f'\\x1b[2Jmurmur {n}' + 'x' * 5000, file=sys.stderr)\n" + WELL
+    _, graded, err = _ran(program(body), capsys)
+    assert _agree(graded) == 6
+    lines = err.splitlines()
+    assert lines[0].endswith(": (980 lines before)")
+    assert [line.partition("murmur ")[2][:3] for line in lines[1:]] == [str(n) for n in range(980, 1000)]
+    assert err.isascii()
+    assert "\x1b" not in err
+    assert max(map(len, lines)) < 400
+    assert main([*RUN, "--quiet", "--", *program(body)]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_an_echo_answers_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    """What comes back without an answer is none."""
+    status, graded, _ = _ran(["cat"], capsys)
+    assert (status, graded["headline"], graded["seconds"]["kinds"]) == (0, "no question was answered", [])
+    assert main([*RUN, "--", "cat"]) == 0
+    assert "no question was answered" in capsys.readouterr().out
+
+
+def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: Path) -> None:
+    pid, out = tmp_path / "pid", tmp_path / "out"
+    out.mkdir()
+    command = program(f"open({str(pid)!r}, 'w').write(str(os.getpid()))\n" + WELL)
+    # The fifth line is the answer to the fourth question that counts, and not yet taken.
+    status, printed, told = Struck(tmp_path / "hand").at(
+        "call answer_line 5", [*RUN, "--out", str(out), "--", *command]
+    )
+    assert (status, printed, told) == (130, "", INTERRUPTED)
+    assert [path.name for path in out.iterdir()] == ["answers.jsonl"]
+    assert [json.loads(line)["id"] for line in (out / "answers.jsonl").read_text().splitlines()] == ASKED[:3]
+    assert main(["conformance", "grade", str(out / "answers.jsonl"), "--quiet", "--require", "3"]) == 0
+    while True:  # an orphan's end is for whoever has taken it over
+        try:
+            if Path(f"/proc/{pid.read_text()}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                break
+        except OSError:
+            break
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [sys.executable, str(EXAMPLES / "answerer.py")],
+        pytest.param(
+            [str(NODE), str(EXAMPLES / "answerer.mjs")],
+            marks=pytest.mark.skipif(NODE is None, reason="no Node.js on this machine"),
+        ),
+    ],
+    ids=["Python", "JavaScript"],
+)
+def test_the_minimal_answerers(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """All but the derivatives, in doubles; null for what they do not know."""
+    arguments = ["conformance", "run", "--set", "printed", "--levels", "1-3", "--json", "--", *command]
+    assert main(arguments) == 0
+    graded = json.loads(capsys.readouterr().out)
+    assert len(graded["grades"]) == sum(
+        q.level == 1 and q.set == "printed" and "dv_" not in q.name for q in stored().values()
+    )
+    assert not any(grade["verdict"] in ("wrong", "few-digits") for grade in graded["grades"])
+    # Some ten operations, each off by half an ulp at most, relative to the largest of what cancels.
+    assert min(grade["digits"] for grade in graded["grades"]) > 14
+    assert Path(command[-1]).read_text().count("\n") <= 30
+
+
+def test_a_program_is_raced_by_asking() -> None:
+    """It is a millionth off in v at one of the three ends, and nowhere else; what it does not answer is left out."""
+    asked: list[Mapping[str, str]] = []
+    transient, cycle = problem_named("transient"), problem_named("cycle")
+
+    def ask(rows: Sequence[Mapping[str, str]]) -> tuple[dict[str, Decimal], float]:
+        asked.extend(rows)
+        if rows[0]["id"].startswith("race/cycle/"):
+            return {row["id"]: Decimal(1) for row in rows[:2]}, 0.1
+        t = float(rows[0]["t"])
+        state = truth_of(transient).samples[transient.times.index(t)]
+        off = Decimal("1e-6") if t < transient.duration / 2 else Decimal(0)
+        texts = [Decimal(part.decimals()[0]) for part in state]
+        return {row["id"]: text + off * (row["quantity"] == "v") for row, text in zip(rows, texts, strict=True)}, 0.1
+
+    (score,) = scores_by_asking("mine", ask, [transient, cycle], lambda label, steps: None)
+    assert (score.problem, score.method, score.status, score.seconds) == ("transient", "mine", "reached", 0.1)
+    # The truth's printed digits are right to its half-width, some 1e-59, and a float holds 1e-6 to an ulp.
+    assert score.error == pytest.approx(1e-6, rel=2**-52)
+    mine = [row for row in asked if row["id"].startswith("race/transient/")]
+    assert all(set(row) <= set(COLUMNS) for row in mine)
+    assert {float(row["Omega"]) for row in mine} == {transient.omega}
+    assert len({row["id"] for row in mine}) == len(mine)
+    # Six runs to the end, no two from the same state, and two to earlier times.
+    assert len({row["gamma"] for row in mine if float(row["t"]) == transient.duration}) == 6
+    assert len({row["t"] for row in mine}) == 3
+
+
+def test_the_race_is_drawn_and_kept(
+    program: Callable[[str], list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(conformance_run, "_RACED", ("transient",))
+    fastest = replace(brief_methods()[0], settings=(1e-9,))
+    monkeypatch.setattr("tippedisk_verify.figures.race.brief_methods", lambda: [fastest])
+    out = tmp_path / "out"
+    body = "while True: id_ = asked(); said(id_, answer=TRUTHS.get(id_, 1.5))"
+    _, graded, _ = _ran(program(body), capsys, "--out", str(out))
+    (race,) = graded["seconds"]["race"]
+    assert race["problem"] == "transient"
+    assert race["seconds"] > 0
+    assert race["error"] > 0.1
+    files = ["answers.jsonl", *(f"bench.{kind}" for kind in ("csv", "json", "png", "svg")), "grades.html"]
+    assert sorted(path.name for path in out.iterdir()) == files
+    runs = json.loads((out / "bench.json").read_text())["runs"]
+    assert [run["method"] for run in runs] == ["taylor", f"{Path(sys.executable).name} -I -S program.py"]
+    page = (out / "grades.html").read_text()
+    assert "data:image/svg+xml;base64," in page
+    assert problem_named("transient").says in page
+    assert main([*RUN, "--out", str(out), "--", *program(body)]) == 0
+    assert problem_named("transient").says in " ".join(capsys.readouterr().out.split())

@@ -1,0 +1,45 @@
+"""Programs for other languages, and the guide, come out of the command line as they went in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tippedisk_verify.cli import main
+from tippedisk_verify.commands.conformance_sources import CLIENTS, FOLDER, GRADERS
+
+GUIDE = Path(__file__).parents[2] / "docs" / "grading.md"
+
+
+@pytest.mark.parametrize(
+    ("command", "language", "file"),
+    [*(("client", *item) for item in CLIENTS.items()), *(("grader", *item) for item in GRADERS.items())],
+)
+def test_programs_are_printed(command: str, language: str, file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["conformance", command, language]) == 0
+    assert capsys.readouterr().out == (FOLDER / file).read_text()
+    assert main(["conformance", command, language, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["file"] == file
+
+
+def test_every_program_has_its_command() -> None:
+    assert {path.name for path in FOLDER.iterdir() if path.is_file()} == {*CLIENTS.values(), *GRADERS.values()}
+
+
+def test_graders_are_short() -> None:
+    for file in GRADERS.values():
+        assert len((FOLDER / file).read_text().splitlines()) <= 60
+
+
+def test_the_guide_is_printed_and_names_every_client(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["conformance", "guide"]) == 0
+    assert capsys.readouterr().out == GUIDE.read_text()
+    for language in CLIENTS:
+        assert f"| `{language}` |" in GUIDE.read_text()
+
+
+def test_what_is_not_run_says_so() -> None:
+    assert "NOT RUN YET" in (FOLDER / CLIENTS["julia"]).read_text().partition("using")[0]
+    assert "untested" in next(line for line in GUIDE.read_text().splitlines() if line.startswith("| `julia`"))

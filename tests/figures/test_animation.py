@@ -1,0 +1,63 @@
+"""The disk in motion is the model's: what it moves by is what the equations say."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy
+import pytest
+from PIL import Image
+
+from tippedisk_verify.figures.animation import animated, placed
+from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.scenes import compute, scene_named
+
+_OMEGA = 30.4
+
+
+def _body(at: float, beta: float, gamma: float, v: float) -> dict[str, numpy.ndarray]:
+    """The disk a short time after the moment at which it has this state, to first order in that time."""
+    return placed(PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at)
+
+
+@pytest.mark.parametrize(("beta", "gamma", "v"), [(1.1, 0.6, 0.8), (1.5707963, -1.5, 2.0), (2.0, 4.0, -3.0)])
+def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v: float) -> None:
+    """gamma_y is the velocity of the disk's point at C across the line of nodes; along that line it does not slide."""
+    step = 1e-5
+    now, after, before = (_body(at, beta, gamma, v) for at in (0.0, step, -step))
+    frame = [now[name] for name in ("body_x", "body_y", "normal")]
+    inside = [float((now["C"] - now["G"]) @ axis) for axis in frame]  # where in the disk the lowest point is
+
+    def carried(body: dict[str, numpy.ndarray]) -> numpy.ndarray:
+        parts = zip(inside, ("body_x", "body_y", "normal"), strict=True)
+        return body["G"] + sum(length * body[name] for length, name in parts)
+
+    velocity = (carried(after) - carried(before)) / (2 * step)
+    lateral = numpy.cross([0, 0, 1], now["along"])
+    sliding = terms(math, PRINTED.at(DOUBLE), _OMEGA, beta, gamma, v).sliding_velocity
+    # A central difference is off by step^2/6 times the third derivative, which is below 2 (r + e) (Omega + |gamma'| +
+    # |v|)^3 = 1e4 m/s^3 here, and by two roundings of positions of 0.1 m over the step.
+    error = step**2 / 6 * 1e4 + 2 * 1.4e-17 / step
+    assert velocity @ lateral == pytest.approx(float(sliding), abs=error)
+    assert velocity @ now["along"] == pytest.approx(0, abs=error)
+    assert velocity[2] == pytest.approx(0, abs=error)  # it touches the floor
+    assert numpy.abs(now["S"][:2]).max() < 1e-16  # one rounding of its distance from C
+    assert abs(now["C"][2]) < 1e-16
+
+
+def test_an_animation_repeats_to_the_byte_and_shows_each_moment(taylor) -> None:
+    panel = compute(scene_named("d"), PRINTED, taylor)
+    first, again = (animated(panel, [0, 77, 11_950]) for _ in range(2))
+    assert first == again
+    with Image.open(io.BytesIO(first)) as gif:
+        assert (gif.n_frames, gif.info["duration"], gif.info["loop"]) == (3, 50, 0)
+        pictures = []
+        for frame in range(3):
+            gif.seek(frame)
+            pictures.append(numpy.asarray(gif.convert("RGB")).astype(int))
+    amber = [int((abs(picture - [244, 217, 160]).sum(axis=2) < 30).sum()) for picture in pictures]
+    assert all((picture[150, 2] == 255).all() for picture in pictures)  # on white, as the page around it
+    assert amber[0] == 0 < amber[1]  # the room sees the other face after 0.77 s, which are 3.7 turns

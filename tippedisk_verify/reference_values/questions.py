@@ -1,0 +1,127 @@
+"""What each reference value is asked as, how far off an answer may be, and the table that says both.
+
+Everything that grading takes from the data is here, so that a sheet can be graded from one table in any language.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from decimal import Decimal
+
+from tippedisk_verify.files import csv_text
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = [
+    "COLUMNS",
+    "FAILS_BELOW",
+    "ROUNDING",
+    "TOLERANCES",
+    "needed",
+    "placed",
+    "question_fields",
+    "scale_of",
+    "sheet_with_truths",
+    "slopes_of",
+]
+
+_INPUTS = ("Omega", "beta", "gamma", "v")
+COLUMNS = (
+    *("id", "level", "kind", "set", "friction", "quantity", "unit"),
+    *SYMBOLS,
+    *_INPUTS,
+    *("t", "n", "order", "equilibrium", "form", "from", "answer"),
+)
+#: Digits that an answer must have at each level: what a careful implementation in doubles passes easily and a wrong
+#: equation does not reach by chance.
+FAILS_BELOW = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
+# Angles and speeds are told from zero by their own size where they pass through it.
+_UNIT_SIZED = ("beta", "gamma", "v", "crossing_gamma", "crossing_v", "lambda_", "log_multiplier_slow")
+#: The relative change of all inputs together whose effect no level holds against an answer. Closed forms in doubles
+#: leave ten thousand roundings below 1e-12. What an integrator leaves was measured at rtol = atol = 1e-12 and 1e-13 on
+#: all orbits and librating cycles of the printed set: at most 5.3e-11 with SciPy's LSODA, 5.0e-11 with DOP853.
+TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
+_LEAST = 0.3  # digits that every question asks for: the value to within its half
+ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
+_TRUTHS = (
+    *("truth_from_doubles", "uncertainty_from_doubles", "truth_from_decimals", "uncertainty_from_decimals"),
+    *("scale", "digits_needed", "rounding"),
+)
+
+
+def placed(name: str) -> tuple[str, dict[str, str]]:
+    """A quantity's name without its place, and the place: ``beta@0.5`` is beta at t = 0.5."""
+    if "@" in name:
+        plain, place = name.split("@", 1)
+        return plain, {"t": place}
+    if "#" in name:
+        plain, place = name.split("#", 1)
+        return plain, {"n": place}
+    if term := re.fullmatch(r"(h|residual)_(\d+)", name):
+        return name, {"order": term[2]}
+    return name, {}
+
+
+def question_fields(parameters: Mapping[str, Mapping[str, str]], quantity: Quantity) -> dict[str, str]:
+    """A question by `COLUMNS`, without those that do not apply; ``parameters`` as a reference file has them."""
+    plain, place = placed(quantity.name)
+    return {
+        "id": quantity.id,
+        "level": str(quantity.level),
+        "kind": quantity.kind,
+        "set": quantity.set,
+        "friction": quantity.friction,
+        "quantity": plain,
+        "unit": quantity.unit,
+        **{name: value["decimal"] for name, value in parameters.items()},
+        **quantity.inputs,
+        **place,
+        "from": "decimals" if "doubles" not in quantity.values else "",
+        "answer": "",
+    }
+
+
+def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
+    """What an error is measured against: the value's size.
+
+    At level 1 the largest condition number, if that is larger: it is the size of what cancelled. For angles, angular
+    velocities and eigenvalues at least 1 in their unit.
+    """
+    size = abs(value)
+    if quantity.level == 1:
+        return max([size, *(abs(Decimal(slope)) for slope in quantity.condition.values())])
+    if quantity.level == 2 or placed(quantity.name)[0].startswith(_UNIT_SIZED):
+        return max(size, Decimal(1))
+    return size
+
+
+def slopes_of(quantity: Quantity) -> Decimal:
+    """The change of the value per relative change of all inputs together, each in its worse direction."""
+    return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
+
+
+def needed(quantity: Quantity) -> float:
+    """Digits that an answer must have: its level's, or what `TOLERANCES` leaves of them.
+
+    Where doubles cannot tell the inputs apart, only programs with more digits are asked, and asked for the level's.
+    """
+    digits = float(FAILS_BELOW[quantity.level])
+    scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
+    condition = float(slopes_of(quantity) / scale) if scale else 0.0
+    if "doubles" in quantity.values and condition:
+        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _LEAST)
+    return digits
+
+
+def sheet_with_truths(store: Store) -> str:
+    """The sheet of these questions with what grades its answers behind each."""
+    rows = []
+    for quantity in store.values():
+        fields = question_fields(store.parameters[quantity.set], quantity)
+        decimals, doubles = quantity.values["decimals"], quantity.values.get("doubles", ("", ""))
+        scale = scale_of(quantity, Decimal(decimals[0]))
+        judged = (f"{scale:.17g}", repr(needed(quantity)), f"{float(slopes_of(quantity)) * ROUNDING:.3g}")
+        rows.append((*(fields.get(name, "") for name in COLUMNS), *doubles, *decimals, *judged))
+    return csv_text((*COLUMNS, *_TRUTHS), rows)
