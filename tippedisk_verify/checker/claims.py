@@ -10,6 +10,7 @@ from typing import Any
 
 from flint import arb, arb_mat, ctx
 
+from tippedisk_verify.checker.connection import CHOICES, end_shown
 from tippedisk_verify.checker.reading import BOX, MEASURED, POINT, Refused, count, decimal, digest, one_of, parsed
 from tippedisk_verify.checker.steps import (
     UNITS,
@@ -207,10 +208,18 @@ def _fold(claim: dict[str, Any], evidence: dict[str, Any]) -> None:
     _holds(numbers["period"], whole.lap.time * (1 + whole.lap.axis), "period")
 
 
+def _end(claim: dict[str, Any], evidence: dict[str, Any]) -> None:
+    """The cycles next to the connection of saddles."""
+    end_shown(claim["parameters"], {**claim, **claim["numbers"], **evidence})
+
+
 with open(os.path.join(os.path.dirname(__file__), "claims.toml"), "rb") as _stream:
     _KINDS: dict[str, dict[str, Any]] = tomllib.load(
         _stream
     )  #: names of the numbers and sentence of each kind of claim
+
+
+_PROOFS = {"cycle": _cycle, "fold": _fold, "end": _end}
 
 
 def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -220,7 +229,9 @@ def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         "parameters": dict.fromkeys(UNITS, decimal),
         "numbers": dict.fromkeys(kind["numbers"], MEASURED),
     }
-    if kind["fold"]:
+    if kind["proof"] == "end":
+        return claim | dict.fromkeys(("low", "high", "gamma", "v"), decimal), CHOICES
+    if kind["proof"] == "fold":
         claim["extremum"] = one_of("smallest", "largest")
         return claim, {**POINT, "lower end": POINT, "upper end": POINT}
     unique = dict.fromkeys(kind["numbers"][1:3], decimal)
@@ -241,7 +252,7 @@ def proved(content: Any) -> str:
         ctx.prec = bits
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        (_fold if kind["fold"] else _cycle)(file["claim"], file["evidence"])
+        _PROOFS[kind["proof"]](file["claim"], file["evidence"])
     finally:
         ctx.prec, ctx.cap = precision, cap
     words = {name: value for name, value in file["claim"].items() if isinstance(value, str)}
