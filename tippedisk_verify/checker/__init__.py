@@ -1,7 +1,7 @@
 """Checks a certificate of `certify ... --certificate FILE`: ``python -m tippedisk_verify.checker FILE``.
 
-This folder stands alone. It imports nothing else of the package, searches for nothing and chooses nothing: the
-certificate gives every box, step, matrix and moment, and each is only tested, by strict comparisons of Arb's balls.
+This folder stands alone. It imports nothing else of the package and searches for nothing: what there is to choose
+(steps, matrices, moments, boxes, weights) is in the certificate, and is only tested, by strict comparisons of balls.
 docs/certified.md says what is shown, and why it suffices.
 
 Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certificate can be read.

@@ -155,7 +155,10 @@ def heteroclinic(
         if end.proved and certificate is not None:
             from tippedisk_verify.certified.connection_certificate import end_certificate
 
-            write_text(output_file(certificate), end_certificate(end))
+            with progress(common, 1) as advance:
+                advance("certificate", 0)
+                text = end_certificate(end)
+            write_text(output_file(certificate), text)
         result, proved = result | {"cycles": end.json()}, end.proved
     print_result(common, result)
     return 0 if proved else 1
