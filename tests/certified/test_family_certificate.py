@@ -169,7 +169,7 @@ def arcs() -> tuple[dict[str, Any], list[Any], list[checker.Shown]]:
     middle = Fraction(crit).limit_denominator(10**6)
     first = {"end": "0.5", "curve": [["-2", "-1/10"], [str(middle - Fraction(1, 2)), "-1/2"]]}
     second = {"end": "1", "curve": [["-3/2", "-9/20"], [str(middle - Fraction(3, 2)), "-1/2"]]}
-    entries = [{**arc, "half": ["1p0", "0p0"], "box": box, "wide box": wide} for arc in (first, second)]
+    entries = [{**arc, "half": ["1p0", "0p0"], "bits": 64, "box": box, "wide box": wide} for arc in (first, second)]
     claim = {
         "parameters": DISK, "amplitude_first": "0.5", "amplitude_end": "1",
         "omega_end": str(middle - 2 + Fraction(1, 50)),
@@ -275,8 +275,8 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
 
     def mapped(function: Any, jobs: Sequence[Any]) -> list[checker.Shown]:
         for job in jobs:
-            known.setdefault(job[3], function(job))
-        return [known[job[3]] for job in jobs]
+            known[job[2]] = known.get(job[2]) or function(job)
+        return [known[job[2]] for job in jobs]
 
     sentence = checker.proved(content, mapped)
     # The checker's sentence is the one that was proved, word for word.
@@ -286,12 +286,10 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         arc = copy.deepcopy(content["evidence"]["arcs"][1])
         spoil(arc)
         with pytest.raises((checker.Unproved, checker.Refused), match=said):
-            checker.arc_shown((content["bits"], disk, Fraction("0.1"), 2, arc))
+            checker.arc_shown((disk, Fraction("0.1"), 2, arc))
     for other in (SUBCRITICAL, CALIBRATED):
         with pytest.raises(checker.Unproved, match="arc 2"):
-            checker.arc_shown(
-                (content["bits"], parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1])
-            )
+            checker.arc_shown((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
     content["claim"]["amplitude_end"] = "0.12"
     with pytest.raises(checker.Unproved, match="digest"):
         checker.proved(content, mapped)

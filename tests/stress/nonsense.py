@@ -204,7 +204,13 @@ SHAPES: dict[str, Shape] = {
     "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(
-        ("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS), "--cycles": ("1e-3", NOT_DISTANCES)}
+        ("certify", "heteroclinic"),
+        {
+            **_COMMON,
+            "--near": ("30.05", NOT_SPEEDS),
+            "--cycles": ("1e-3", NOT_DISTANCES),
+            "--certificate": ("c.json", NOT_TARGETS),
+        },
     ),
     "reference list": Shape(
         ("reference", "list"), {}, (("printed", NOT_NAMES.filter(lambda text: text and not text.startswith("-"))),)

@@ -9,7 +9,6 @@ Where a ball becomes a point or a float: everything does, and any choice that pa
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from fractions import Fraction
@@ -20,9 +19,10 @@ import numpy as np
 
 from tippedisk_verify import checker
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
-from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.certified.balls import arb, ball, ball_constants, series_length, working_precision
 from tippedisk_verify.certified.branch import BranchProof, omega_crit
-from tippedisk_verify.certified.certificate import dyadic, parameter_texts
+from tippedisk_verify.certified.certificate import certificate_text, dyadic, parameter_texts
+from tippedisk_verify.certified.connection_certificate import end_bits, end_entry
 from tippedisk_verify.certified.cover import hopf_guess
 from tippedisk_verify.certified.curve_flow import Curve, duration
 from tippedisk_verify.certified.cycle_interval import two_digits
@@ -39,6 +39,7 @@ __all__ = ["family_certificate"]
 _BITS = 64
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _WIDER = Fraction(5, 4)
+_OF_THE_END = ("low", "high", "gamma", "v")
 
 Written = tuple[dict[str, Any], checker.Shown]
 
@@ -58,7 +59,7 @@ def family_certificate(
         written.append(found)
         watch(len(written))
     names = ("v_0_per_gamma_bar_0", "v_0", "omega")
-    claim = {
+    claim: dict[str, Any] = {
         "kind": "family of limit cycles",
         "parameters": parameter_texts(proof.parameters),
         "amplitude_first": exact_text(proof.pieces[0].high),
@@ -67,14 +68,19 @@ def family_certificate(
         "numbers": {"omega_crit": omega_crit(proof.parameters).json()},
         "unique_within": dict(zip(names, map(rounded_down, proof.unique_within()), strict=True)),
     }
-    content: dict[str, Any] = {"format": checker.FORMAT, "claim": claim, "bits": _BITS}
-    content["evidence"] = {"arcs": [entry for entry, _ in written]}
-    content["sha256"] = checker.digest(content)
+    bits = _BITS
+    evidence: dict[str, Any] = {"arcs": [entry for entry, _ in written]}
     try:
-        checker.proved(content, lambda function, arcs: [shown for _, shown in written])
+        if proof.end is not None and proof.end_closed:
+            bits = end_bits(proof.end)
+            with working_precision(bits), series_length(10):
+                choices = end_entry(proof.end)
+            claim |= {"kind": "whole family of limit cycles"} | {name: choices.pop(name) for name in _OF_THE_END}
+            claim["numbers"]["omega_h"] = choices.pop("omega_h")
+            evidence["end"] = choices
+        return certificate_text(claim, bits, evidence, lambda function, arcs: [shown for _, shown in written])
     except (checker.Unproved, checker.Refused) as fault:
         raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}") from None
-    return json.dumps(content, indent=None, separators=(",", ":")) + "\n"
 
 
 def _written(job: tuple[Parameters, Piece, int]) -> Written:
@@ -84,18 +90,20 @@ def _written(job: tuple[Parameters, Piece, int]) -> Written:
     with working_precision(_BITS):
         flights = _Flights(parameters, piece)
         narrow = [max(abs(row[1]) * share, _LEAST) for row, share in zip(piece.curve, SHARES, strict=True)]
-        wide = flights.box(piece.unique_within)
         entry: dict[str, Any] = {
             "end": exact_text(piece.high),
             "curve": [list(map(exact_text, chebyshev(row))) for row in piece.curve],
             "half": [dyadic(ball(part).mid()) for part in chebyshev(flights.half.c)],
-            "wide box": wide,
+            "bits": _BITS,
         }
         disk = parameter_texts(parameters)
         for radii in (narrow, [part * _WIDER for part in piece.within]):
-            entry["box"] = flights.box([two_digits(part) for part in radii])
+            box = [min(two_digits(part), room) for part, room in zip(radii, piece.unique_within, strict=True)]
+            entry["box"] = flights.box(box)
+            if box != list(piece.unique_within) and "wide box" not in entry:
+                entry["wide box"] = flights.box(piece.unique_within)
             try:
-                return entry, checker.arc_shown((_BITS, disk, piece.low, number, entry))
+                return entry, checker.arc_shown((disk, piece.low, number, entry))
             except (checker.Unproved, checker.Refused) as failed:
                 fault = failed
     raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}")

@@ -1,8 +1,7 @@
 """Checks a certificate of `certify ... --certificate FILE`: ``python -m tippedisk_verify.checker FILE``.
 
-This folder stands alone. It imports nothing else of the package and searches for nothing: the certificate gives every
-box, step, matrix and moment, and each is only tested, by strict comparisons of Arb's balls. (A family's arcs come with
-boxes, steps and axes; what encloses a step and moves with the curve is made here, by one rule.)
+This folder stands alone. It imports nothing else of the package and searches for nothing: what there is to choose
+(steps, matrices, moments, boxes, weights) is in the certificate, and is only tested, by strict comparisons of balls.
 docs/certified.md says what is shown, and why it suffices.
 
 Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certificate can be read.

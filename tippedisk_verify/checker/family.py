@@ -17,31 +17,33 @@ from flint import arb, ctx
 
 from tippedisk_verify.checker.curves import Arc, Curve
 from tippedisk_verify.checker.jets import Jet
-from tippedisk_verify.checker.reading import MEASURED, decimal, dyadic, parsed
-from tippedisk_verify.checker.steps import UNITS, Flow, exact_ball, need
+from tippedisk_verify.checker.reading import count, decimal, dyadic, parsed
+from tippedisk_verify.checker.steps import Flow, exact_ball, need
 
 __all__ = ["CLAIM", "EVIDENCE", "Job", "Mapped", "Shown", "arc_shown", "family_shown"]
 
 _UNIQUE = dict.fromkeys(("v_0_per_gamma_bar_0", "v_0", "omega"), decimal)
 CLAIM = {
-    "kind": str, "parameters": dict.fromkeys(UNITS, decimal), "amplitude_first": decimal, "amplitude_end": decimal,
-    "omega_end": decimal, "numbers": {"omega_crit": MEASURED}, "unique_within": _UNIQUE,
+    "amplitude_first": decimal, "amplitude_end": decimal, "omega_end": decimal, "unique_within": _UNIQUE,
 }  # fmt: skip
 _BOX = {"radii": [decimal, 2], "steps": [{"share": dyadic, "axes?": [[dyadic, 3], 3]}, None]}
-_ARC = {"end": decimal, "curve": [[decimal, None], 2], "half": [dyadic, None], "box": _BOX, "wide box": _BOX}
+_ARC = {
+    "end": decimal, "curve": [[decimal, None], 2], "half": [dyadic, None], "bits": count,
+    "box": _BOX, "wide box?": _BOX,
+}  # fmt: skip
 EVIDENCE = {"arcs": [lambda arc: arc, None]}  # what an arc's part has to be is seen where it is shown
 
 Shown = tuple[tuple[int, int], tuple[int, int]]  #: bounds of the distances in both unknowns, as dyadics
 Mapped = Callable[[Callable[[Any], Shown], Sequence[Any]], Iterable[Shown]]  #: `map`, or that of a pool of processes
-Job = tuple[int, dict[str, str], Fraction, int, Any]  #: precision, disk, where the arc begins, its number, its content
+Job = tuple[dict[str, str], Fraction, int, Any]  #: the disk, where the arc begins, its number, its content
 
 
 def arc_shown(job: Job) -> Shown:
     """One arc: how far its cycles are from the polynomials at most. Raises Unproved or Refused."""
-    precision = ctx.prec
+    precision, bits = ctx.prec, job[3].get("bits") if isinstance(job[3], dict) else None
     try:
-        ctx.prec = job[0]
-        return _arc_shown(*job[1:])
+        ctx.prec = max(2, parsed(bits, count, f"arc {job[2]} bits"))
+        return _arc_shown(*job)
     finally:
         ctx.prec = precision
 
@@ -63,19 +65,23 @@ def _arc_shown(disk: dict[str, str], low: Fraction, number: int, content: Any) -
 
     arc = shown("box")
     arc.signs()
-    shown("wide box")
+    if "wide box" in entry:
+        shown("wide box")
     near = [part.abs_upper().man_exp() for part in arc.within]
     return (int(near[0][0]), int(near[0][1])), (int(near[1][0]), int(near[1][1]))
 
 
-def family_shown(claim: dict[str, Any], contents: Sequence[Any], mapped: Mapped) -> None:
-    """The whole family up to the claim's amplitude, by `arc_shown` of each arc's part of the file. Raises Unproved."""
+def family_shown(claim: dict[str, Any], contents: Sequence[Any], mapped: Mapped) -> tuple[Any, Any, Any]:
+    """The family up to the claim's amplitude, by `arc_shown` of each arc's part of the file. Raises Unproved.
+
+    Balls of Omega, gamma_bar_0 and v_0 at its end.
+    """
     entries = [parsed(content, _ARC, f"arc {number}") for number, content in enumerate(contents, 1)]
     need(bool(entries), "there are no arcs")
     disk = claim["parameters"]
     flow = Flow(disk, arb(1))
     lows = [Fraction(0), *(Fraction(entry["end"]) for entry in entries)]
-    jobs = [(ctx.prec, disk, low, k, part) for k, (low, part) in enumerate(zip(lows, contents, strict=False), 1)]
+    jobs = [(disk, low, k, part) for k, (low, part) in enumerate(zip(lows, contents, strict=False), 1)]
     shown = list(mapped(arc_shown, jobs))
     arcs = [_Ends(entry, near, not number) for number, (entry, near) in enumerate(zip(entries, shown, strict=True))]
     omega_crit = (flow.r + flow.e) * (flow.g / (flow.r * flow.b)).sqrt()
@@ -101,6 +107,8 @@ def family_shown(claim: dict[str, Any], contents: Sequence[Any], mapped: Mapped)
         for index, least in enumerate((told[name], told["omega"])):
             room = arc.own_room[index] - arc.own_within[index]
             need(bool(room >= exact_ball(least) > 0), f"claim: no other cycle is so near, is not shown of arc {k + 1}")
+    v, omega = (point + arb(0, near.upper()) for point, near in zip(last.high, last.within, strict=True))
+    return omega, exact_ball(entries[-1]["end"]), v
 
 
 class _Ends:
@@ -108,7 +116,8 @@ class _Ends:
 
     def __init__(self, entry: dict[str, Any], near: Shown, scaled: bool) -> None:
         self.own_within = [arb(part) for part in near]
-        rooms = [[exact_ball(part) for part in entry[name]["radii"]] for name in ("box", "wide box")]
+        boxes = entry["box"], entry.get("wide box", entry["box"])
+        rooms = [[exact_ball(part) for part in box["radii"]] for box in boxes]
         need(all(bool(a <= b) for a, b in zip(*rooms, strict=True)), "the wide box is not shown to hold the other one")
         self.own_room = rooms[1]
         rows = [[exact_ball(part) for part in row] for row in entry["curve"]]

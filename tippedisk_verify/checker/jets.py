@@ -49,7 +49,7 @@ class Jet:
         return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Jet:
-        return Jet([-x for x in self.c]) + other
+        return self.__neg__().__add__(other)
 
     def __mul__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
@@ -78,13 +78,13 @@ class Jet:
             if len(self.c) == 1:
                 return Jet([_inverse(self.c[0])])
             centre = self.mid()
-            z = Jet([1 / centre.c[0]])
+            z: Jet = Jet([1 / centre.c[0]])
             z = (z.c[0] * (2 - centre * z.c[0])).mid()
             z = (z * (2 - centre * z)).mid()
             r = 1 - self * z
             whole = r.range()
-            sum_: Jet = z + z * r
-            return sum_ + z.range() * whole * whole * _inverse(1 - whole)
+            rest = z.range() * whole * whole * _inverse(1 - whole)
+            return z.__add__(z * r).__add__(rest)
         except (ValueError, ZeroDivisionError):  # Arb divides no series by a ball that holds zero
             raise Unproved("a divisor may vanish") from None
 

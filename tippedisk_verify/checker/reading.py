@@ -11,19 +11,8 @@ from typing import Any, NoReturn
 
 from flint import arb
 
-__all__ = [
-    "BOX",
-    "MEASURED",
-    "POINT",
-    "Refused",
-    "content_of",
-    "count",
-    "decimal",
-    "digest",
-    "dyadic",
-    "one_of",
-    "parsed",
-]
+__all__ = ["BOX", "MEASURED", "POINT", "Refused", "content_of", "count", "decimal", "digest", "dyadic", "one_of",
+           "order", "parsed"]  # fmt: skip
 
 _LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
 
@@ -68,7 +57,7 @@ def count(value: Any) -> int:
     return value
 
 
-def _order(value: Any) -> int:
+def order(value: Any) -> int:
     if count(value) > _HIGHEST_ORDER:
         raise ValueError(f"an order of {_HIGHEST_ORDER} at most is needed")
     return int(value)
@@ -104,7 +93,7 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 MEASURED = {"value": decimal, "uncertainty": decimal}
 _STATES = {"middle": [dyadic, 3], "lead": [[dyadic, 4], 3], "axes": [[dyadic, 3], 3],
            "rest": [_radius, 3], "spread": [[_radius, 4], 3]}  # fmt: skip
-_STEP = {"length": dyadic, "orders": [_order, 2], "enclosure": [_enclosure, 15],
+_STEP = {"length": dyadic, "orders": [order, 2], "enclosure": [_enclosure, 15],
          "turn?": [dyadic, 2], "states?": _STATES, "crossing?": [dyadic, 2]}  # fmt: skip
 _FLIGHT = [_STEP, None]
 BOX = {"radii": [_radius, 2], "inverse": [[dyadic, 2], 2], "flight": _FLIGHT}

@@ -13,6 +13,7 @@ from tippedisk_verify.commands.certify_branch import branch
 from tippedisk_verify.commands.certify_orbit import orbit
 from tippedisk_verify.commands.common import (
     Common,
+    certificate_option,
     checked_jobs,
     common_options,
     plain_options,
@@ -116,11 +117,23 @@ def table(common: Common, omega_h: bool) -> int:
     metavar="D",
     help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
 )
+@certificate_option
 @common_options
-def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str] | None, cycles: str | None) -> int:
+def heteroclinic(
+    common: Common,
+    near: str | None,
+    none_between: tuple[str, str] | None,
+    cycles: str | None,
+    certificate: str | None,
+) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
+    from tippedisk_verify.files import output_file, write_text
 
+    if certificate is not None:
+        if cycles is None:
+            raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
+        output_file(certificate)
     if cycles is not None:
         from tippedisk_verify.certified.connection_end import checked_distance
 
@@ -141,6 +154,13 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     result, proved = proof.json(), proof.proved
     if cycles is not None:
         end = _end(common, proof, cycles)
+        if end.proved and certificate is not None:
+            from tippedisk_verify.certified.connection_certificate import end_certificate
+
+            with progress(common, 1) as advance:
+                advance("certificate", 0)
+                text = end_certificate(end)
+            write_text(output_file(certificate), text)
         result, proved = result | {"cycles": end.json()}, end.proved
     print_result(common, result)
     return 0 if proved else 1
