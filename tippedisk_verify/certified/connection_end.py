@@ -173,7 +173,7 @@ class _End:
         low: Fraction,
         high: Fraction,
         watch: Any,
-        box: MovingBox,
+        box: MovingBox = ALONE,
     ) -> None:
         self.parameters, self.connection, self.low, self.high, self.watch = parameters, connection, low, high, watch
         self.constants, self.box, self.disks = ball_constants(parameters), box, box.disks()
