@@ -198,6 +198,7 @@ SHAPES: dict[str, Shape] = {
             **_JOBS,
             "--to": ("3", st.one_of(NOT_ANGLES, st.sampled_from(["0", "-1", "3.1416"]))),
             "--arcs": ("arcs", NOT_TARGETS),
+            "--box": ("1e-6", st.one_of(NOT_DISTANCES, st.sampled_from(["0.02", "1", "1e-31"]))),
             "--out": ("out", NOT_FOLDERS),
         },
     ),
