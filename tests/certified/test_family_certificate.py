@@ -205,7 +205,10 @@ SPOILED: dict[str, tuple[Callable[[Any, Any, Any], Any], str]] = {
     "a wider first tube": (lambda c, e, s: c["unique_within"].update(v_0_per_gamma_bar_0="0.093"), "arc 1"),
     "a wider tube of speeds": (lambda c, e, s: c["unique_within"].update(omega="0.185"), "arc 1"),
     "no tube": (lambda c, e, s: c["unique_within"].update(v_0="0"), "arc 2"),
-    "a narrow wide box": (lambda c, e, s: e[1]["wide box"].update(radii=["0.1", "0.01"]), "hold the other one"),
+    "a narrow wide box": (
+        lambda c, e, s: e[1]["wide box"].update(radii=["0.1", "0.01"]),
+        "does not hold the other one",
+    ),
     "another disk": (lambda c, e, s: c.update(parameters=parameter_texts(CALIBRATED)), "begin at the Hopf point"),
     "no disk": (lambda c, e, s: c.update(parameters={**DISK, "e": "0.05"}), "no disk's"),
     "no arcs": (lambda c, e, s: e.clear(), "no arcs"),

@@ -116,10 +116,11 @@ class _Ends:
 
     def __init__(self, entry: dict[str, Any], near: Shown, scaled: bool) -> None:
         self.own_within = [arb(part) for part in near]
-        boxes = entry["box"], entry.get("wide box", entry["box"])
-        rooms = [[exact_ball(part) for part in box["radii"]] for box in boxes]
-        need(all(bool(a <= b) for a, b in zip(*rooms, strict=True)), "the wide box is not shown to hold the other one")
-        self.own_room = rooms[1]
+        narrow, wide = (
+            [Fraction(part) for part in entry.get(name, entry["box"])["radii"]] for name in ("box", "wide box")
+        )
+        need(all(a <= b for a, b in zip(narrow, wide, strict=True)), "the wide box does not hold the other one")
+        self.own_room = [exact_ball(part) for part in wide]
         rows = [[exact_ball(part) for part in row] for row in entry["curve"]]
         high = exact_ball(entry["end"])
         self.low, self.high = ([sum(part * sign**k for k, part in enumerate(row)) for row in rows] for sign in (-1, 1))
