@@ -19,7 +19,8 @@ ALLOWED = {
     "theory": {"errors", "model", "theory"},
     "flow": {"errors", "model", "flow"},
     "orbits": {"errors", "model", "theory", "flow", "orbits"},
-    "certified": {"errors", "model", "certified"},
+    "checker": {"checker"},
+    "certified": {"errors", "model", "checker", "certified"},
     "audit": {"errors", "model", "theory", "flow", "orbits", "audit"},
     "reference_values": {
         *("errors", "files", "checksums", "fingerprint", "parallel"),

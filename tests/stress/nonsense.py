@@ -198,13 +198,20 @@ SHAPES: dict[str, Shape] = {
             **_JOBS,
             "--to": ("3", st.one_of(NOT_ANGLES, st.sampled_from(["0", "-1", "3.1416"]))),
             "--arcs": ("arcs", NOT_TARGETS),
+            "--box": ("1e-6", st.one_of(NOT_DISTANCES, st.sampled_from(["0.02", "1", "1e-31"]))),
             "--out": ("out", NOT_FOLDERS),
         },
     ),
     "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(
-        ("certify", "heteroclinic"), {**_COMMON, "--near": ("30.05", NOT_SPEEDS), "--cycles": ("1e-3", NOT_DISTANCES)}
+        ("certify", "heteroclinic"),
+        {
+            **_COMMON,
+            "--near": ("30.05", NOT_SPEEDS),
+            "--cycles": ("1e-3", NOT_DISTANCES),
+            "--certificate": ("c.json", NOT_TARGETS),
+        },
     ),
     "reference list": Shape(
         ("reference", "list"), {}, (("printed", NOT_NAMES.filter(lambda text: text and not text.startswith("-"))),)

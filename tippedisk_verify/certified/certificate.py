@@ -31,7 +31,7 @@ from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 
-__all__ = ["certificate_text", "cycle_certificate", "fold_certificate"]
+__all__ = ["certificate_text", "cycle_certificate", "dyadic", "fold_certificate", "parameter_texts"]
 
 _PAD = 10  # -log2 of what a box is padded by, relative to its radius
 _MORE_BITS = 24  # of the certificate than of the proof
@@ -44,11 +44,13 @@ class _RefusedError(Exception):
     """A step that cannot be written down in this precision."""
 
 
-def certificate_text(claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any]) -> str:
+def certificate_text(
+    claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any], mapped: checker.Mapped = map
+) -> str:
     """The file's text. Raises `checker.Unproved` if the checker does not accept it."""
     content: dict[str, Any] = {"format": checker.FORMAT, "claim": claim, "bits": bits, "evidence": evidence}
     content["sha256"] = checker.digest(content)
-    checker.proved(content)
+    checker.proved(content, mapped)
     return json.dumps(content, indent=None, separators=(",", ":")) + "\n"
 
 
@@ -57,7 +59,7 @@ def cycle_certificate(proof: OrbitProof) -> str:
     numbers = proof.json()
     claim = {
         "kind": "limit cycle" if isinstance(proof, CycleProof) else "rotating limit cycle",
-        "parameters": _parameters(proof.parameters),
+        "parameters": parameter_texts(proof.parameters),
         "omega": exact_text(proof.omega),
         "numbers": {name: numbers[name] for name in proof.names()},
         "stable": proof.stable,
@@ -72,7 +74,7 @@ def cycle_certificate(proof: OrbitProof) -> str:
         drift = speed - speed.mid()
         radii = [abs(point) * arb(2) ** (_BOX_BITS - bits) for point in middle]
         wide = [_rounded_up(distance.upper() * (1 + arb(2) ** -6)) for distance in proof.unique_within]
-        made: dict[str, Any] = {"middle": [_dyadic(part) for part in middle], "centre": writer.flight([arb(0)] * 3)}
+        made: dict[str, Any] = {"middle": [dyadic(part) for part in middle], "centre": writer.flight([arb(0)] * 3)}
         for name, sizes, precision in (("box", radii, bits), ("wide box", wide, _WIDE_BITS)):
             made[name] = writer.box([*(arb(0, size) for size in map(_rounded_up, sizes)), drift], (0, 1), precision)
         return made
@@ -90,7 +92,7 @@ def fold_certificate(proof: FoldProof) -> str:
     numbers = {name: getattr(proof, name) for name in ("omega", first, second, "period")}
     claim = {
         "kind": f"fold of {'rotating ' * (proof.laps == 1)}limit cycles",
-        "parameters": _parameters(proof.parameters),
+        "parameters": parameter_texts(proof.parameters),
         "numbers": {
             name: (number if name == first else Measured(number.value, number.uncertainty * 5 / 4)).json()
             for name, number in numbers.items()
@@ -106,7 +108,7 @@ def fold_certificate(proof: FoldProof) -> str:
             middle = [part.mid() for part in searched]
             writer = _Writer(proof.parameters, proof.laps == 1, [place.mid(), *middle])
             away = [place - place.mid(), *(arb(0, part.rad()) for part in searched)]
-            made = {"middle": [_dyadic(part) for part in middle], "centre": writer.flight([arb(0)] * 3)}
+            made = {"middle": [dyadic(part) for part in middle], "centre": writer.flight([arb(0)] * 3)}
             points.append(made | {"box": writer.box(away, (1, 2), bits)})
         return {**points[0], "lower end": points[1], "upper end": points[2]}
 
@@ -125,7 +127,7 @@ def _checked(claim: Mapping[str, Any], bits: int, evidence: Callable[[int], dict
     raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}")
 
 
-def _parameters(parameters: Parameters) -> dict[str, str]:
+def parameter_texts(parameters: Parameters) -> dict[str, str]:
     return {name: exact_text(getattr(parameters, name)) for name in SYMBOLS}
 
 
@@ -143,8 +145,8 @@ class _Writer:
         rows = [[*row, by] for row, by in zip(flight.matrix, flight.by_omega, strict=True)]
         by = [[row[k] - int(i == k) for k in unknown] for i, row in enumerate(rows)]
         return {
-            "radii": [_dyadic(away[k].rad()) for k in unknown],
-            "inverse": [[_dyadic(entry) for entry in row] for row in midpoint_inverse(by)],
+            "radii": [dyadic(away[k].rad()) for k in unknown],
+            "inverse": [[dyadic(entry) for entry in row] for row in midpoint_inverse(by)],
             "flight": self._written(steps, away),
         }
 
@@ -162,7 +164,7 @@ class _Writer:
         return steps, flight
 
     def _written(self, steps: Sequence[Step], away: Sequence[Any]) -> list[dict[str, Any]]:
-        constants = _parameters(self.parameters)
+        constants = parameter_texts(self.parameters)
         flow = checker.Flow(constants, self.at[2] + away[2])
         axis, zero = 0 if self.turning else 1, arb(0)
         middle, width = ([part[0], zero] if self.turning else [zero, part[0]] for part in (self.at, away))
@@ -194,7 +196,7 @@ def written_step(flow: checker.Flow, states: checker.States, step: Step) -> tupl
         entries.append(entry)
         enclosure.append(held)
     piece = checker.Piece(flow, states, length, orders, enclosure)
-    return piece, {"length": _dyadic(length), "orders": orders, "enclosure": entries}
+    return piece, {"length": dyadic(length), "orders": orders, "enclosure": entries}
 
 
 def written_states(piece: checker.Piece, axes: Any, entry: dict[str, Any]) -> checker.States:
@@ -205,11 +207,11 @@ def written_states(piece: checker.Piece, axes: Any, entry: dict[str, Any]) -> ch
     rest, spread = piece.carried(middle, lead, axes)
     radii = [[_rounded_up(part.abs_upper()) for part in row] for row in (rest.entries(), *spread.tolist())]
     entry["states"] = {
-        "middle": [_dyadic(part) for part in middle.entries()],
-        "lead": [[_dyadic(part) for part in row] for row in lead.tolist()],
-        "axes": [[_dyadic(part) for part in row] for row in axes.tolist()],
-        "rest": [_dyadic(part) for part in radii[0]],
-        "spread": [[_dyadic(part) for part in row] for row in radii[1:]],
+        "middle": [dyadic(part) for part in middle.entries()],
+        "lead": [[dyadic(part) for part in row] for row in lead.tolist()],
+        "axes": [[dyadic(part) for part in row] for row in axes.tolist()],
+        "rest": [dyadic(part) for part in radii[0]],
+        "spread": [[dyadic(part) for part in row] for row in radii[1:]],
     }
     held = [[arb(0, part) for part in row] for row in radii]
     return checker.States(piece.states.deviation, middle.entries(), lead, axes, held[0], held[1:])
@@ -229,7 +231,7 @@ def _moments(piece: checker.Piece, index: int, level: Any) -> list[str]:
         ends.append((low, high))
     early, late = ends[0][0], ends[1][1]
     pad = (late - early) * arb(2) ** -_PAD
-    return [_dyadic((early - pad).lower().max(ball(0))), _dyadic((late + pad).upper().min(piece.length))]
+    return [dyadic((early - pad).lower().max(ball(0))), dyadic((late + pad).upper().min(piece.length))]
 
 
 def _written_ball(x: Any) -> tuple[list[str], Any]:
@@ -239,7 +241,7 @@ def _written_ball(x: Any) -> tuple[list[str], Any]:
     radius = x.rad()
     middle = _shortened(x.mid(), _exponent(radius) - 2 * _PAD)
     size = _rounded_up((radius + abs(x.mid() - middle)).upper())
-    return [_dyadic(middle), _dyadic(size)], middle + arb(0, size)
+    return [dyadic(middle), dyadic(size)], middle + arb(0, size)
 
 
 def _rounded_up(x: Any) -> Any:
@@ -265,7 +267,7 @@ def _exponent(x: Any) -> int:
     return int(mantissa).bit_length() + int(exponent)
 
 
-def _dyadic(point: Any) -> str:
+def dyadic(point: Any) -> str:
     mantissa, exponent = point.man_exp()
     return f"{int(mantissa):x}p{int(exponent)}"
 

@@ -6,6 +6,7 @@ Where a ball becomes a point or a float: axes are chosen, by midpoints, and any 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ def product(a: Matrix, b: Matrix) -> Matrix:
 
 
 def applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2] for row in matrix]
+    return [sum(map(mul, row[1:], vector[1:]), row[0] * vector[0]) for row in matrix]
 
 
 def added(a: Matrix, b: Matrix) -> Matrix:

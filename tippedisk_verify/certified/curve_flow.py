@@ -10,6 +10,9 @@ where middle and lead are polynomials of s with points for coefficients and axes
 `frame`, with everything that depends on s in a polynomial (`jets`). What is linear in d is never wrapped into a box,
 and what depends on s is neither, up to s^D.
 
+Of a box of disks d has more entries, what the disks differ by, and the start and the speed may move with these
+(`disk_box`). Then the derivatives have more columns, and the rest is as it was.
+
 **One step.** The Taylor coefficients of the orbits from middle(s) come as jets, and so do those of the derivatives
 M(s) by state and Omega, whose starts are all states of the set at that s. *For each s by itself* the argument is that
 of `flow`: polynomials in time and the next coefficient over a box E that holds the polynomials' ranges for all s; if
@@ -58,6 +61,7 @@ from tippedisk_verify.certified.curve_axes import (
     left_over,
     product,
 )
+from tippedisk_verify.certified.disk_box import Disks
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.jets import Jet, inside, negative, positive, symmetric
 from tippedisk_verify.certified.section import UPRIGHT
@@ -83,7 +87,9 @@ class Curve:
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]
     omega: Jet  #: [rad/s]
-    deviation: Sequence[Any]  #: of the three, balls about zero
+    deviation: Sequence[Any]  #: of the three and of the disks' numbers, balls about zero
+    #: of each of the disks' numbers: how v, Omega and the pace of time (`disk_box`) move with it; points
+    along: Sequence[tuple[Jet, Jet, Jet]] = ()
 
     unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
     columns: ClassVar[tuple[int, ...]] = (2,)  #: of which of the three the equations depend
@@ -96,8 +102,19 @@ class Curve:
 
     @property
     def numbers(self) -> tuple[Jet, ...]:
-        """The values of `columns`, with the deviation."""
+        """The values of `columns`, with the deviation; of the middle disk."""
         return (self.omega + self.deviation[2],)
+
+    @property
+    def disks(self) -> Disks:
+        """All disks, and how the speed and the pace move with them."""
+        return Disks(self.deviation[3:], [omega for _, omega, _ in self.along], [pace for *_, pace in self.along])
+
+    @property
+    def start_by(self) -> Matrix:
+        """Derivatives of `start` by all that has a deviation."""
+        first, second = self.unit
+        return (*first, *(0 for _ in self.along)), (*second, *(v for v, *_ in self.along))
 
     def trace(self, matrix: Matrix) -> Jet:
         """Of the half map's derivative by gamma_bar and v at a fixed point, from that by the three numbers."""
@@ -114,47 +131,55 @@ class CurveFlight:
     """What is proved of the orbits from a curve of starts. Only where ``proved`` the rest means anything.
 
     Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
-    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
+    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers,
+    and by the disks'.
     """
 
     proved: Any  #: bool, or one for each lane
     image: Sequence[Jet]
     own_time: Jet  #: of the curve's own orbits [s]
     time: Jet  #: [s]
-    matrix: Sequence[Sequence[Jet]]  #: (2, 3): of the half map
-    time_by: Sequence[Jet]  #: (3,)
+    matrix: Sequence[Sequence[Jet]]  #: (2, 3), or more with the disks' numbers: of the half map
+    time_by: Sequence[Jet]  #: (3,), or more
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
     #: beta_bar, and its derivatives by the three numbers at a fixed time, in times that hold all moments with v = 0
     turning: Sequence[tuple[Any, Sequence[Jet]]]
+    #: of each step the share of the time of flight, and the axes of the set behind it, but for the last one
+    steps: Sequence[tuple[float, Matrix | None]]
 
 
 class _Systems:
     """The equations of motion for the curve's speeds."""
 
     def __init__(self, constants: Constants, curve: Curve) -> None:
-        model = curve.equations(constants, *curve.numbers)
-        self.rates = model.rates
+        disks = curve.disks
+        model = curve.equations(constants, *curve.numbers, disks=disks)
+        self.rates, self.pace = model.rates, disks.pace
+        (self.faster,) = disks.paced([1])
         self.orbit, self.derivatives = model.orbit_at(curve.omega), model.with_divergence
-        bound = curve.equations(constants, *(part.range() for part in curve.numbers))
+        slopes = ([part.range() for part in row] for row in (disks.along, disks.pace))
+        disks = Disks(disks.off, *slopes)
+        bound = curve.equations(constants, *(part.range() for part in curve.numbers), disks=disks)
         self.orbit_bound, self.derivatives_bound = bound.orbit_at(bound.omega), bound.with_divergence
 
 
 class _Tube:
-    """The set, and the derivatives (3, 3) of its states by the curve's three numbers."""
+    """The set, and the derivatives (3, 3) of its states by the curve's three numbers, or more with the disks'."""
 
     __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
 
     def __init__(self, curve: Curve) -> None:
         zero = 0 * curve.v.mid()
-        nothing, one = zero.c[0], zero + 1
+        nothing = zero.c[0]
         self.middle: list[Jet] = [zero, *curve.start]
-        self.deviation, self.columns = curve.deviation, curve.columns
-        self.lead: Matrix = [[zero, zero, zero], *([one if part else zero for part in row] for row in curve.unit)]
+        count = len(curve.deviation)
+        self.deviation, self.columns = curve.deviation, (*curve.columns, *range(3, count))
+        self.lead: Matrix = [[zero] * count, *([zero + part for part in row] for row in curve.start_by)]
         self.axes: Matrix = [[nothing + int(i == j) for j in range(3)] for i in range(3)]
         self.rest: list[Any] = [nothing] * 3
         self.own: list[Any] = [nothing] * 3
-        self.spread: Matrix = [[nothing] * 3 for _ in range(3)]
+        self.spread: Matrix = [[nothing] * count for _ in range(3)]
 
     def box(self) -> list[Jet]:
         """All states, and the middle."""
@@ -163,7 +188,7 @@ class _Tube:
         return [middle + a + b.union(0 * b) for middle, a, b in parts]
 
     def image(self, centre: Sequence[Jet], rows: Matrix) -> list[Jet]:
-        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` (3, 4 or 5) its derivatives."""
+        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` its derivatives."""
         lead, turned = self._mapped(rows)
         parts = zip(centre, applied(lead, self.deviation), applied(turned, self.rest), strict=True)
         return [a + b + c for a, b, c in parts]
@@ -173,7 +198,7 @@ class _Tube:
         return [a + b for a, b in zip(centre, applied(self._mapped(rows)[1], self.own), strict=True)]
 
     def derivatives(self, rows: Matrix) -> Matrix:
-        """(3, 3) jets: those of the images by the three numbers."""
+        """(3, 3) jets, or more: those of the images by the three numbers and the disks'."""
         lead, turned = self._mapped(rows)
         return added(lead, product(turned, self.spread))
 
@@ -212,8 +237,9 @@ class _Step:
     length: Jet
     enclosure: Sequence[Any]  #: holds all states throughout, for all s
     included: Any
+    share: float  #: of the time of flight
     polynomials: list[list[Jet]]  #: of the middle's orbits, the remainder's coefficient last
-    derivatives: list[list[Jet]]  #: of the derivatives (twelve or fifteen) and the divergence's integral, likewise
+    derivatives: list[list[Jet]]  #: of the derivatives, 3 to a column, and the divergence's integral, likewise
 
     def centre(self, time: Any) -> list[Jet]:
         return [_polynomial(series, time) for series in self.polynomials]
@@ -279,6 +305,7 @@ class _Steps:
             length,
             padded[:3],
             included,
+            fraction,
             [[*series, nothing + end] for series, end in zip(thin, fine, strict=True)],
             [[*series, nothing + end] for series, end in zip(wide[3:], rough[3:], strict=True)],
         ), last
@@ -328,6 +355,7 @@ def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
         steps = _Steps(systems, total)
         proved = negative(tube.box()[2].range())
         divergence, time, least, turning = 0 * total, 0 * total, 0 * total.c[0], []
+        shares: list[tuple[float, Matrix | None]] = []
         for _ in range(_MOST_STEPS):
             step, last = steps.step(tube, proved)
             beta_bar, _, v = step.enclosure
@@ -336,11 +364,13 @@ def fly(constants: Constants, curve: Curve, total: Jet) -> CurveFlight:
             least = least.union(beta_bar)
             if not np.all(negative(v) | positive(v)):
                 turning += step.turning()
+            shares.append((step.share, None))
             if last or not np.any(proved):
                 break
             divergence = divergence + _polynomial(step.derivatives[-1], step.length)
             tube, time = step.carried(), time + step.length
-        return _landed(systems, step, proved & last, (time, divergence, least, turning))
+            shares[-1] = step.share, tube.axes
+        return _landed(systems, step, proved & last, (time, divergence, least, turning, shares))
 
 
 def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]) -> CurveFlight:
@@ -350,29 +380,35 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]
     tau = _moment(step.polynomials, length / 2)
     centre, rows = step.centre(tau), step.rows(tau)
     beta = tube.image(centre, rows)[0]
-    early = tau + symmetric(beta.range() / step.enclosure[2])
+    faster = systems.faster
+    slowest = step.enclosure[2] * (faster.range() if systems.pace else 1)
+    early = tau + symmetric(beta.range() / slowest)
     within = positive(early.range()) & positive((length - early).range())
     v = tube.image(step.centre(early), step.rows(early))[2]
-    moment = tau - beta / v
-    time, divergence, least, turning = so_far
+    moment = tau - beta / (v * faster)
+    time, divergence, least, turning, shares = so_far
     own_time = tau - tube.own_image(centre, rows)[0] / v
     own = tube.own_image(step.centre(own_time), step.rows(own_time))
     rows = step.rows(moment)
     _, gamma_bar, v = tube.image(step.centre(moment), rows)
     acceleration = systems.rates((0 * v, gamma_bar, v))[2]
     by_start = tube.derivatives(rows)
+    # A disk's pace is in the rates of both, and leaves the quotient.
     time_by = [-entry / v for entry in by_start[0]]
     v_row = [-(entry + acceleration * t) for entry, t in zip(by_start[2], time_by, strict=True)]
+    for k, pace in enumerate(systems.pace, 3):
+        time_by[k] = time_by[k] + pace * (moment + time)
     return CurveFlight(
-        proved & passed & within & positive(v.range()),
+        proved & passed & within & positive(v.range()) & positive(slowest),
         (-own[1], -own[2]),
         own_time + time,
-        moment + time,
+        (moment + time) * faster,
         ([-entry for entry in by_start[1]], v_row),
         time_by,
         divergence + _polynomial(step.derivatives[-1], moment),
         least,
         turning,
+        shares,
     )
 
 

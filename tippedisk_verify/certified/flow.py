@@ -50,6 +50,7 @@ from tippedisk_verify.certified.balls import (
     upper,
     working_precision,
 )
+from tippedisk_verify.certified.disk_box import ONE_DISK, Disks
 from tippedisk_verify.certified.frame import Frame
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.lanes import Lanes
@@ -93,11 +94,12 @@ class Model:
 
     ``constants`` as from `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a `Jet` of such; or `Lanes`
     for both. Built once, used for any number of runs; every enclosure holds for all constants and speeds in their
-    balls. ``law`` replaces the equations, for tests with exact answers.
+    balls. ``law`` replaces the equations, for tests with exact answers. With ``disks`` the systems with derivatives are
+    about all of these disks and have columns for what they differ by.
     """
 
-    def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
-        self.constants = constants
+    def __init__(self, constants: Constants, omega: Any, law: Law | None = None, disks: Disks = ONE_DISK) -> None:
+        self.constants, self.disks = constants, disks
         self.omega: Any = omega if isinstance(omega, Lanes | Jet) else ball(omega)
         self.law = law or _tippedisk
         # The speed's radius goes with the box, in mean-value form.
@@ -105,9 +107,10 @@ class Model:
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         speed = graph.number(self.omega, active=True)
-        rates = self._rates(graph, speed, variables)
-        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other one has the divergence's integral too
-        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
+        moved = disks.recorded(graph)
+        rates = self._rates(graph, moved.speed(speed), variables, moved)
+        #: state (3), derivatives by beta, gamma, v, Omega and d (3 each); the other has the divergence's integral too
+        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed, *moved.off], rates)
 
     def at_middle(self) -> Model:
         """The model at the midpoint of the speeds."""
@@ -123,13 +126,18 @@ class Model:
         """All orbits from a box of states, to be followed; see `Path`."""
         return Path(self, start, derivatives=derivatives, along=along)
 
-    def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
-        constants = Constants(*(graph.number(value) for value in self.constants))
-        return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
+    def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node], disks: Disks = ONE_DISK) -> tuple[Node, ...]:
+        constants = disks.constants(Constants(*(graph.number(value) for value in self.constants)))
+        return tuple(graph.number(rate) for rate in disks.paced(self.law(graph, constants, omega)(*variables)))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
-        return self.law(BallOps, self.constants, self.omega)(*state)
+        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls, for all disks, by the time in seconds."""
+        return self.law(BallOps, self.disks.constants(self.constants), self.speeds)(*state)
+
+    @property
+    def speeds(self) -> Any:
+        """Those of all disks [rad/s]."""
+        return self.disks.speed(self.omega)
 
 
 def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
@@ -145,12 +153,13 @@ class Step:
     enclosure: tuple[Any, Any, Any]  #: holds the state throughout, for every orbit from the box
     frame: Frame  #: of the states at its start
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
-    derivatives: list[list[Any]]  #: of the twelve derivatives (and the divergence's integral), likewise
+    derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
 
-    def rows_at(self, time: Any) -> tuple[tuple[Any, Any, Any, Any], ...]:
-        """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in [0, length]."""
-        entries = [polynomial(series, time) for series in self.derivatives[:12]]
-        return tuple((entries[row], entries[3 + row], entries[6 + row], entries[9 + row]) for row in range(3))
+    def rows_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
+        """d(state at ``time``)/d(state at the start, Omega, d) for every orbit from the box; ``time`` in the step."""
+        count = len(self.derivatives)
+        entries = [polynomial(series, time) for series in self.derivatives[: count - count % 3]]
+        return tuple(tuple(entries[row::3]) for row in range(3))
 
     def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
         """d(state at ``time``)/d(start of the path, Omega) for every orbit."""
@@ -158,7 +167,7 @@ class Step:
 
     def divergence_at(self, time: Any) -> Any:
         """Integral of div f from the step's start."""
-        return polynomial(self.derivatives[12], time)
+        return polynomial(self.derivatives[-1], time)
 
     def at(self, time: Any) -> tuple[Any, Any, Any]:
         """The state after ``time``, a number or ball within [0, length], for every orbit from the box."""
@@ -169,7 +178,7 @@ class Step:
         return self.frame.image(*self._end)
 
     @cached_property
-    def _end(self) -> tuple[Sequence[Any], tuple[tuple[Any, Any, Any, Any], ...]]:
+    def _end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
         time = alike(self.enclosure[0], self.length)
         return self.centre(time), self.rows_at(time)
 
@@ -204,7 +213,7 @@ class Path:
         if len(start) != 3:
             raise InputError("a state has three components: beta_bar, gamma_bar, v")
         self.model, self.time, self.sharp = model, ball(0), derivatives
-        self.frame = Frame([ball(part) for part in start], model.omega, along)
+        self.frame = Frame([ball(part) for part in start], model.omega, along, model.disks.off)
         self.box = self.frame.box()
         self.divergence = ball(0)
         self.steps = 0
@@ -214,7 +223,7 @@ class Path:
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4): d(state)/d(start, Omega)."""
+        """(3, 4), or wider by a column for each of the disks' numbers: d(state)/d(start, Omega, d)."""
         return self.frame.matrix()
 
     def step(self, longest: float | None = None) -> Step | None:
@@ -291,7 +300,8 @@ class Path:
     def _wide_series(self, order: int, bits: int) -> tuple[System, list[list[Any]]]:
         """The system of all orbits from the box with their derivatives, and its Taylor coefficients."""
         system = self.model.with_divergence if self.sharp else self.model.variational
-        start = [*self.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
+        columns = 4 + len(self.model.disks.off)
+        start = [*self.box, *(ball(int(row == column)) for column in range(columns) for row in range(3))]
         if self.sharp:
             start.append(ball(0))
         with working_precision(bits if self.sharp else _MEAN_VALUE_BITS):

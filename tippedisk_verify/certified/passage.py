@@ -63,15 +63,15 @@ from flint import arb, arb_mat
 from tippedisk_verify.certified.balls import ball, hull
 from tippedisk_verify.certified.local_manifolds import FAST, SLOW, UNSTABLE, Frame, rates_of_cones
 
-__all__ = ["EXTENTS", "Passage", "enclosed_passage"]
+__all__ = ["EXTENTS", "RETURN", "STEEP", "THIN", "Passage", "enclosed_passage"]
 
 #: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
 EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS, _FAST_CELLS = 32, 6  # along half of z_u and z_s, and of z_f
-_STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))  # k_u, k_s, k_f
+STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))  # k_u, k_s, k_f
 _COMPOUND = (Fraction(1, 2), Fraction(1))  # k_1, k_2
-_RETURN = 10  # p [1/s], between the two roots of p^2 - a_2 p + a_1
-_THIN = Fraction(1, 8)  # k_3
+RETURN = 10  # p [1/s], between the two roots of p^2 - a_2 p + a_1
+THIN = Fraction(1, 8)  # k_3
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Passage:
     @property
     def thin(self) -> Any:
         """k_3."""
-        return ball(_THIN)
+        return ball(THIN)
 
     @cached_property
     def flat(self) -> Any:
@@ -210,7 +210,7 @@ class Passage:
         yield "the thin set", fast - falls / k_3 + stable
         beta, gamma, v = self._row_of_v()
         yield "the set K", gamma
-        yield "the set K", beta - _RETURN * (v + _RETURN)
+        yield "the set K", beta - RETURN * (v + RETURN)
         yield from self.signs()
 
     def signs(self) -> Iterator[tuple[str, Any]]:
@@ -314,7 +314,7 @@ def enclosed_passage(frame: Frame, omega: Any, extents: Sequence[Fraction] = EXT
         second=second,
         by_speed=(B[0], B[1], B[2]),
         stirred=(stirred[0], stirred[1], stirred[2]),
-        steep=(ball(_STEEP[0]), ball(_STEEP[1]), ball(_STEEP[2])),
+        steep=(ball(STEEP[0]), ball(STEEP[1]), ball(STEEP[2])),
         compound=(ball(_COMPOUND[0]), ball(_COMPOUND[1])),
     )
 

@@ -1,7 +1,7 @@
 """Checks a certificate of `certify ... --certificate FILE`: ``python -m tippedisk_verify.checker FILE``.
 
-This folder stands alone. It imports nothing else of the package, searches for nothing and chooses nothing: the
-certificate gives every box, step, matrix and moment, and each is only tested, by strict comparisons of Arb's balls.
+This folder stands alone. It imports nothing else of the package and searches for nothing: what there is to choose
+(steps, matrices, moments, boxes, weights) is in the certificate, and is only tested, by strict comparisons of balls.
 docs/certified.md says what is shown, and why it suffices.
 
 Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certificate can be read.
@@ -10,12 +10,26 @@ Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certif
 from __future__ import annotations
 
 from tippedisk_verify.checker.claims import FORMAT, proved
+from tippedisk_verify.checker.family import Mapped, Shown, arc_shown
 from tippedisk_verify.checker.reading import Refused, content_of, digest
 from tippedisk_verify.checker.steps import Flow, Piece, States, Unproved
 
-__all__ = ["FORMAT", "Flow", "Piece", "Refused", "States", "Unproved", "check", "digest", "proved"]
+__all__ = [
+    "FORMAT",
+    "Flow",
+    "Mapped",
+    "Piece",
+    "Refused",
+    "Shown",
+    "States",
+    "Unproved",
+    "arc_shown",
+    "check",
+    "digest",
+    "proved",
+]
 
 
-def check(path: str) -> str:
+def check(path: str, mapped: Mapped = map) -> str:
     """The claim of a file in one sentence, if its evidence proves it. Raises Unproved or Refused if not."""
-    return proved(content_of(path))
+    return proved(content_of(path), mapped)

@@ -10,6 +10,8 @@ from typing import Any
 
 from flint import arb, arb_mat, ctx
 
+from tippedisk_verify.checker.connection import CHOICES, end_shown
+from tippedisk_verify.checker.family import CLAIM, EVIDENCE, Mapped, family_shown
 from tippedisk_verify.checker.reading import BOX, MEASURED, POINT, Refused, count, decimal, digest, one_of, parsed
 from tippedisk_verify.checker.steps import (
     UNITS,
@@ -207,10 +209,26 @@ def _fold(claim: dict[str, Any], evidence: dict[str, Any]) -> None:
     _holds(numbers["period"], whole.lap.time * (1 + whole.lap.axis), "period")
 
 
+def _end(claim: dict[str, Any], evidence: dict[str, Any]) -> None:
+    """The cycles next to the connection of saddles."""
+    end_shown(claim["parameters"], {**claim, **claim["numbers"], **evidence})
+
+
+def _family(claim: dict[str, Any], evidence: dict[str, Any], mapped: Mapped) -> None:
+    """The family of limit cycles, and that it runs into the cycles next to the connection, if that is claimed."""
+    last = family_shown(claim, evidence["arcs"], mapped)
+    if "end" in evidence:
+        end = end_shown(claim["parameters"], {**claim, **claim["numbers"], **evidence["end"]})
+        need(end.meets(*last), "the last arc is not shown to run into the cycles next to the connection")
+
+
 with open(os.path.join(os.path.dirname(__file__), "claims.toml"), "rb") as _stream:
     _KINDS: dict[str, dict[str, Any]] = tomllib.load(
         _stream
     )  #: names of the numbers and sentence of each kind of claim
+
+
+_PROOFS = {"cycle": _cycle, "fold": _fold, "end": _end}
 
 
 def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -220,7 +238,14 @@ def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         "parameters": dict.fromkeys(UNITS, decimal),
         "numbers": dict.fromkeys(kind["numbers"], MEASURED),
     }
-    if kind["fold"]:
+    room = dict.fromkeys(("low", "high", "gamma", "v"), decimal)
+    if kind["proof"] == "end":
+        return claim | room, CHOICES
+    if kind["proof"] == "family":
+        return claim | CLAIM, EVIDENCE
+    if kind["proof"] == "whole family":
+        return claim | CLAIM | room, {**EVIDENCE, "end": CHOICES}
+    if kind["proof"] == "fold":
         claim["extremum"] = one_of("smallest", "largest")
         return claim, {**POINT, "lower end": POINT, "upper end": POINT}
     unique = dict.fromkeys(kind["numbers"][1:3], decimal)
@@ -228,8 +253,11 @@ def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return claim, {**POINT, "wide box?": BOX}
 
 
-def proved(content: Any) -> str:
-    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not."""
+def proved(content: Any, mapped: Mapped = map) -> str:
+    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not.
+
+    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and are shown one by one.
+    """
     if not isinstance(content, dict) or content.get("format") != FORMAT or not isinstance(content.get("claim"), dict):
         raise Refused(f"it is no object with the format '{FORMAT}' and a claim")
     kind = _KINDS[parsed(content["claim"].get("kind"), one_of(*_KINDS), "claim kind")]
@@ -241,7 +269,10 @@ def proved(content: Any) -> str:
         ctx.prec = bits
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        (_fold if kind["fold"] else _cycle)(file["claim"], file["evidence"])
+        if kind["proof"].endswith("family"):
+            _family(file["claim"], file["evidence"], mapped)
+        else:
+            _PROOFS[kind["proof"]](file["claim"], file["evidence"])
     finally:
         ctx.prec, ctx.cap = precision, cap
     words = {name: value for name, value in file["claim"].items() if isinstance(value, str)}

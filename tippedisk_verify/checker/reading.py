@@ -11,7 +11,8 @@ from typing import Any, NoReturn
 
 from flint import arb
 
-__all__ = ["BOX", "MEASURED", "POINT", "Refused", "content_of", "count", "decimal", "digest", "one_of", "parsed"]
+__all__ = ["BOX", "MEASURED", "POINT", "Refused", "content_of", "count", "decimal", "digest", "dyadic", "one_of",
+           "order", "parsed"]  # fmt: skip
 
 _LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
 
@@ -20,7 +21,7 @@ class Refused(Exception):
     """The file is no certificate; the message says what is wrong, and where."""
 
 
-def _dyadic(value: Any) -> Any:
+def dyadic(value: Any) -> Any:
     """An exact point: a hexadecimal mantissa times a power of two."""
     match = re.fullmatch(r"(-?[0-9a-f]{1,6000})p(-?[0-9]{1,6})", value, re.ASCII) if isinstance(value, str) else None
     if not match:
@@ -30,7 +31,7 @@ def _dyadic(value: Any) -> Any:
 
 def _radius(value: Any) -> Any:
     """A ball about zero."""
-    size = _dyadic(value)
+    size = dyadic(value)
     if not size >= 0:
         raise ValueError("a radius must not be negative")
     return arb(0, size)
@@ -39,7 +40,7 @@ def _radius(value: Any) -> Any:
 def _enclosure(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 2:
         raise ValueError("a middle and a radius are needed")
-    return _dyadic(value[0]) + _radius(value[1])
+    return dyadic(value[0]) + _radius(value[1])
 
 
 def decimal(value: Any) -> str:
@@ -56,7 +57,7 @@ def count(value: Any) -> int:
     return value
 
 
-def _order(value: Any) -> int:
+def order(value: Any) -> int:
     if count(value) > _HIGHEST_ORDER:
         raise ValueError(f"an order of {_HIGHEST_ORDER} at most is needed")
     return int(value)
@@ -90,13 +91,13 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 
 
 MEASURED = {"value": decimal, "uncertainty": decimal}
-_STATES = {"middle": [_dyadic, 3], "lead": [[_dyadic, 4], 3], "axes": [[_dyadic, 3], 3],
+_STATES = {"middle": [dyadic, 3], "lead": [[dyadic, 4], 3], "axes": [[dyadic, 3], 3],
            "rest": [_radius, 3], "spread": [[_radius, 4], 3]}  # fmt: skip
-_STEP = {"length": _dyadic, "orders": [_order, 2], "enclosure": [_enclosure, 15],
-         "turn?": [_dyadic, 2], "states?": _STATES, "crossing?": [_dyadic, 2]}  # fmt: skip
+_STEP = {"length": dyadic, "orders": [order, 2], "enclosure": [_enclosure, 15],
+         "turn?": [dyadic, 2], "states?": _STATES, "crossing?": [dyadic, 2]}  # fmt: skip
 _FLIGHT = [_STEP, None]
-BOX = {"radii": [_radius, 2], "inverse": [[_dyadic, 2], 2], "flight": _FLIGHT}
-POINT = {"middle": [_dyadic, 2], "centre": _FLIGHT, "box": BOX}
+BOX = {"radii": [_radius, 2], "inverse": [[dyadic, 2], 2], "flight": _FLIGHT}
+POINT = {"middle": [dyadic, 2], "centre": _FLIGHT, "box": BOX}
 
 
 def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:

@@ -189,18 +189,24 @@ class Piece:
     """What is shown over one step: the enclosures of the middle's orbit and of all derivatives, as polynomials."""
 
     def __init__(
-        self, flow: Flow, states: States, length: Any, orders: Sequence[int], enclosure: Sequence[Any]
+        self, flow: Flow, states: States, length: Any, orders: Sequence[int], enclosure: Sequence[Any] | None
     ) -> None:
-        """Raises Unproved if ``enclosure`` (states and twelve derivatives) is not shown to hold them all along."""
-        self.states, self.length, self.enclosure = states, length, enclosure
+        """Raises Unproved if ``enclosure`` (states and twelve derivatives) is not shown to hold them all along.
+
+        Without one it is tried with the ranges of the polynomials, made a little wider.
+        """
         need(positive(length), "its length is not positive")
         fine, rough = orders
         wide = flow.taylor(
             [*states.box(), *(int(column == row) + arb(0) for row in range(3) for column in range(4))], rough
         )
+        span = arb(0).union(length)
+        if enclosure is None:
+            ranges = [_horner(series, span) for series in wide[:15]]
+            enclosure = [x + arb(0, (x.rad() / 256 + abs(x) / 2**30 + arb(2) ** -60).upper()) for x in ranges]
+        self.states, self.length, self.enclosure = states, length, enclosure
         for series, last in zip(wide, flow.taylor(enclosure, rough + 1), strict=True):
             series.append(last[-1])
-        span = arb(0).union(length)
         for series, room in zip(wide[:15], enclosure, strict=True):
             moved = _horner(series[:-1], span) + series[-1] * span ** (rough + 1)
             need(inside(moved, room), "the states and derivatives over it are not shown to stay in its enclosure")

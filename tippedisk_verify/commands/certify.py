@@ -5,7 +5,7 @@ Exit status 0: proved; 1: not proved, and the status says where the proof stoppe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,9 +13,12 @@ from tippedisk_verify.commands.certify_branch import branch
 from tippedisk_verify.commands.certify_orbit import orbit
 from tippedisk_verify.commands.common import (
     Common,
+    certificate_option,
+    checked_jobs,
     common_options,
     plain_options,
     print_result,
+    processes,
     progress,
     speed,
     speed_options,
@@ -23,7 +26,7 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import InputError, NoConnectionError, Shortfall
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Sequence
 
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
     from tippedisk_verify.certified.no_connection import ProvedAbsence
@@ -114,11 +117,23 @@ def table(common: Common, omega_h: bool) -> int:
     metavar="D",
     help="Prove also the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 decimals).",
 )
+@certificate_option
 @common_options
-def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str] | None, cycles: str | None) -> int:
+def heteroclinic(
+    common: Common,
+    near: str | None,
+    none_between: tuple[str, str] | None,
+    cycles: str | None,
+    certificate: str | None,
+) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
+    from tippedisk_verify.files import output_file, write_text
 
+    if certificate is not None:
+        if cycles is None:
+            raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
+        output_file(certificate)
     if cycles is not None:
         from tippedisk_verify.certified.connection_end import checked_distance
 
@@ -139,6 +154,13 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
     result, proved = proof.json(), proof.proved
     if cycles is not None:
         end = _end(common, proof, cycles)
+        if end.proved and certificate is not None:
+            from tippedisk_verify.certified.connection_certificate import end_certificate
+
+            with progress(common, 1) as advance:
+                advance("certificate", 0)
+                text = end_certificate(end)
+            write_text(output_file(certificate), text)
         result, proved = result | {"cycles": end.json()}, end.proved
     print_result(common, result)
     return 0 if proved else 1
@@ -146,13 +168,25 @@ def heteroclinic(common: Common, near: str | None, none_between: tuple[str, str]
 
 @certify.command()
 @click.argument("file")
+@click.option("--jobs", type=int, metavar="N", help="Processes, for a family's arcs; as many as cores if not given.")
 @plain_options
-def check(common: Common, file: str) -> int:
-    """Replay a certificate with a short checker of its own, which shares no code with the proofs."""
+def check(common: Common, file: str, jobs: int | None) -> int:
+    """Replay a certificate with a short checker of its own, which shares no code with the proofs.
+
+    A family of limit cycles takes some 12 minutes of CPU, all else seconds.
+    """
     from tippedisk_verify import checker
 
+    checked_jobs(jobs)
+
+    def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
+        with progress(common, len(arcs)) as advance, processes(jobs, needed=len(arcs) > 1) as pool:
+            for number, found in enumerate((map if pool is None else pool.map)(shown, arcs), 1):
+                advance(f"arc {number}", 1)
+                yield found
+
     try:
-        result = {"accepted": True, "statement": checker.check(file)}
+        result = {"accepted": True, "statement": checker.check(file, mapped)}
     except checker.Unproved as fault:
         result = {"accepted": False, "fails": str(fault)}
         if not common.json:

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 import click
 
 from tippedisk_verify.commands.certify_family import family_as_a_curve
-from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_result, processes, progress
+from tippedisk_verify.commands.common import (
+    Common,
+    certificate_option,
+    checked_jobs,
+    common_options,
+    print_result,
+    processes,
+    progress,
+)
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,22 +44,36 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option(
     "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
 )
+@click.option("--box", metavar="R", help="As one curve: of every disk whose four numbers are within R, relatively.")
 @click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
+@certificate_option
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @common_options
 def branch(
-    common: Common, where: str | None, until: str | None, arcs: str | None, out: str | None, jobs: int | None
+    common: Common,
+    where: str | None,
+    until: str | None,
+    arcs: str | None,
+    box: str | None,
+    out: str | None,
+    certificate: str | None,
+    jobs: int | None,
 ) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
     It takes some 20 minutes of CPU. With --at the cycles at many speeds are proved one by one instead: the period to
     DIGITS digits, stability, and the rest of `orbit`. A^in and A^de are the paper's sets, each with Omega_0 =
     Omega_crit - 0.5.
+
+    With --box the curve is proved of all disks at once of which e / r, A / (m r^2), (B - m e^2) / (m r^2) and
+    mu sqrt(g r) / epsilon differ by no more than R, relatively, from those of the parameters.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until, out)
-    if (until, arcs, out) != (None, None, None):
-        raise InputError("--to, --arcs and --out belong to the family as one curve: leave out --at")
+        return family_as_a_curve(common, jobs, arcs, until, out, box, certificate)
+    if (until, arcs, box, out, certificate) != (None,) * 5:
+        raise InputError(
+            "--to, --arcs, --box, --out and --certificate belong to the family as one curve: leave out --at"
+        )
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")
     checked_jobs(jobs)

@@ -16,6 +16,7 @@ from tippedisk_verify.commands.common import (
     result_lines,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.files import output_file, write_text
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.branch import BranchProof
@@ -35,9 +36,18 @@ _UNITS = 1000  # of the bar, for each rad
 _KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
 _NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
+_NARROWEST, _WIDEST = Fraction(1, 10**30), Fraction(1, 100)  # boxes of disks
 
 
-def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until: str | None, out: str | None) -> int:
+def family_as_a_curve(
+    common: Common,
+    jobs: int | None,
+    arcs: str | None,
+    until: str | None,
+    out: str | None,
+    box: str | None,
+    certificate: str | None,
+) -> int:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
@@ -47,9 +57,14 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
     wanted = _amplitude(_DEFAULT_END if until is None else until)
+    width = Fraction(0) if box is None else _width(box)
     checked_jobs(jobs)
     folder = alone_in(out)
-    pieces = [] if arcs is None else read_pieces(arcs, parameters)
+    if certificate is not None:
+        if width:
+            raise InputError("a certificate is written of one disk: leave out --box")
+        output_file(certificate)
+    pieces = [] if arcs is None else read_pieces(arcs, parameters, width)
     stopped = None
     connection: ProvedConnection | None = None
     near: ProvedEnd | None = None
@@ -66,38 +81,55 @@ def family_as_a_curve(common: Common, jobs: int | None, arcs: str | None, until:
         # Without the piece at the Hopf point the others are of no use.
         if not chain(pieces):
             advance("the Hopf point", 0)
-            stopped = prove_intervals(parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep)
+            first = open_intervals(pieces, min(wanted, HOPF_END))
+            stopped = prove_intervals(parameters, first, [], watch=keep, width=width)
         if chain(pieces):
             advance("the connection", 0)
             connection = _connection(parameters)
             known = _known(parameters, connection)
             if until is None and connection is not None:
                 advance("the cycles next to the connection", 0)
-                near = _next_to(connection)
+                near = _next_to(connection, known, width)
                 wanted = _end_for(near, known) or wanted
             if stopped is None and (left := open_intervals(pieces, wanted)):
                 with processes(jobs, needed=len(left) > 1) as pool:
-                    stopped = prove_intervals(parameters, left, known, pool, keep)
+                    stopped = prove_intervals(parameters, left, known, pool, keep, width)
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    proof = BranchProof(parameters, tuple(found), stopped, connection, near)
+    proof = BranchProof(parameters, tuple(found), stopped, connection, near, width)
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
+    if certificate is not None and proof.hopf_closed:
+        _certify(common, proof, certificate, jobs)
     print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
 
 
-def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
+def _certify(common: Common, proof: BranchProof, name: str, jobs: int | None) -> None:
+    """Write the certificate of the arcs."""
+    from tippedisk_verify.certified.family_certificate import family_certificate
+
+    with progress(common, len(proof.pieces)) as advance, processes(jobs, needed=len(proof.pieces) > 1) as pool:
+        advance("certificate", 0)
+        text = family_certificate(proof, pool, lambda done: advance(f"certificate: arc {done}", 1))
+    write_text(output_file(name), text)
+
+
+def _next_to(connection: ProvedConnection, known: list[Known], width: Fraction) -> ProvedEnd | None:
     """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
     from tippedisk_verify.certified.connection_end import prove_end
+    from tippedisk_verify.certified.cover import moving_box
 
     end = None
-    for reach in _REACHES if connection.proved else ():
-        end = prove_end(connection, reach)
+    for reach in _REACHES if connection.proved and connection.parameters is not None else ():
+        box = None
+        if width and connection.parameters is not None:
+            box = moving_box(connection.parameters, width, _inside(connection, Fraction(reach), known))
+        end = prove_end(connection, reach, box=box)
         if end.proved:
             break
     return end
@@ -107,10 +139,24 @@ def _end_for(near: ProvedEnd | None, known: list[Known]) -> Fraction | None:
     """An amplitude up to which pieces have to be proved if they are to reach the cycles next to the connection."""
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
-    low = near.connection.omega_h.value
-    # The first one of the known cycles that is far enough inside.
-    inside = [amplitude for amplitude, _, omega, _ in known if omega - low < _OVERLAP * (near.high - low)]
-    return round(min(inside), 4) if inside else None
+    return round(_inside(near.connection, near.high - near.connection.omega_h.value, known)[0], 4)
+
+
+def _inside(connection: ProvedConnection, reach: Fraction, known: list[Known]) -> Known:
+    """The first one of the known cycles that is far enough inside a reach; the last of all if none is."""
+    assert connection.omega_h is not None
+    low = connection.omega_h.value
+    inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * reach]
+    return min(inside) if inside else known[-1]
+
+
+def _width(text: str) -> Fraction:
+    from tippedisk_verify.model.exact import exact
+
+    number = exact(text)
+    if number.pi_multiple or not _NARROWEST <= number.rational <= _WIDEST:
+        raise InputError(f"--box must be a decimal between 1e-30 and 0.01, not {text[:40]}")
+    return number.rational
 
 
 def _amplitude(text: str) -> Fraction:
