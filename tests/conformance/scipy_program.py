@@ -97,7 +97,7 @@ def _variational(p: dict[str, float], omega: float, smooth: bool) -> Callable[[f
 def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> dict[str, float]:
     """Newton on the half map, from the cycle itself and a millionth beside it."""
     p, omega, smooth = _setting(store, asked[0])
-    near = {quantity.name: float(quantity) for quantity in asked}
+    near = {quantity.name: quantity.for_doubles for quantity in asked}
     x = np.array([near["gamma_bar_0"] * (1 + 1e-6), near["v_0"] * (1 - 1e-6)])
     rates = _variational(p, omega, smooth)
 

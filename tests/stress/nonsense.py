@@ -229,6 +229,11 @@ SHAPES: dict[str, Shape] = {
         {"--set": ("printed", NOT_NAMES), "--friction": ("linear", NOT_NAMES), "--levels": ("3", NOT_COUNTS)},
         (("q.csv", st.one_of(NOT_TARGETS, st.just("answered.csv"), st.just("file.csv"))),),
     ),
+    "conformance questions, fresh": Shape(
+        ("conformance", "questions"),
+        {"--states": ("2", NOT_COUNTS), "--seed": ("7", NOT_COUNTS.filter(lambda text: text != "0"))},
+        (("q.csv", NOT_TARGETS),),
+    ),
     "conformance grade": Shape(
         ("conformance", "grade"),
         {

@@ -39,6 +39,23 @@ class Report:
     mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
 
     @property
+    def failed(self) -> list[Grade]:
+        """The answers that failed, easiest first."""
+        return [grade for grade in self.grades if grade.failed]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there are graded answers, and none failed."""
+        return any(grade.verdict != "no-truth" for grade in self.grades) and not self.failed
+
+    def __str__(self) -> str:
+        """The result in a sentence, what was noticed, the diagnosis, and the failures, one to a line."""
+        lines = [self.headline(), *self.remarks(), *(diagnosis.says() for diagnosis in self.diagnoses)]
+        lines += [grade.shortfall(grade.needs) for grade in self.failed[:_WORST]]
+        more = len(self.failed) - _WORST
+        return "\n".join([*lines, *([f"and {more} more"] if more > 0 else [])])
+
+    @property
     def first_failure(self) -> LevelGrade | None:
         return next((level for level in self.levels if level.failed), None)
 

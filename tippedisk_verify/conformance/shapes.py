@@ -164,7 +164,7 @@ def borne_out(answer: Decimal, expected: float, quantity: Quantity, wrong: bool)
     It has to have the digits that its question needs. A wrong one has to be much closer to what is expected than to the
     truth, and so has a right one where the cause moves the value by more than the last digits that matter.
     """
-    right, digits = float(quantity), _digits(answer, expected, quantity)
+    right, digits = quantity.for_doubles, _digits(answer, expected, quantity)
     moved = _digits(Decimal(right), expected, quantity) + _CLOSER
     if digits < max(needed(quantity), min(moved, needed(quantity) + _BEYOND)):
         return None
@@ -175,7 +175,7 @@ def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
     """By the same measure as against the truth; what is expected has no more than sixteen digits."""
     if not math.isfinite(expected):
         return -99.0
-    scale = max(scale_of(quantity, Decimal(expected)), scale_of(quantity, Decimal(float(quantity))))
+    scale = max(scale_of(quantity, Decimal(expected)), scale_of(quantity, Decimal(quantity.for_doubles)))
     return digits_between(answer, Decimal(expected), scale, 16.0)
 
 
@@ -183,7 +183,7 @@ def _shapes(
     here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """(What the answers are, these answers); a number that was read off an answer is marked by ~."""
-    right = {quantity.id: float(quantity) for quantity in here}
+    right = {quantity.id: quantity.for_doubles for quantity in here}
     given = {id_: float(answers[id_]) for id_ in right}
     worst = max((id_ for id_ in right if id_ in wrong), key=lambda id_: abs(right[id_]))
     yield "of the wrong sign", {id_: -x for id_, x in right.items()}
@@ -241,18 +241,21 @@ def _relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, di
     for one, two, text in _PAIRS:
         yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
     before = at(numbered("#", -1))
-    yield "counted from the previous crossing, an interval,", {q.id: float(q) - before.get(q.id, 0.0) for q in here}
+    yield (
+        "counted from the previous crossing, an interval,",
+        {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
+    )
     mine = _stem(here[0])
     for name in dict.fromkeys(_stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
         other = at(partial(_renamed, f"/{mine}", f"/{name}"))
         yield f"{_INSTEAD}{name}", other
         yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
         if name == "period":
-            rates = {q.id: float(q) / other[q.id] for q in here if q.id in other}
+            rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
             yield "those per unit of time, divided by the period,", rates
     if mine.endswith("_n"):
         for text, weight in _WEIGHTS.items():
-            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * float(q) for q in here}
+            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * q.for_doubles for q in here}
 
 
 def _exchanged(one: str, two: str, id_: str) -> str:
@@ -268,7 +271,7 @@ def _rounded(asked: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str |
     """How all answers are rounded alike: to so many digits or decimals, or to single precision."""
     import struct
 
-    pairs = [(answers[quantity.id], float(quantity)) for quantity in asked]
+    pairs = [(answers[quantity.id], quantity.for_doubles) for quantity in asked]
     if not any(answer for answer, _ in pairs):
         return None
     for digits in range(2, 13):

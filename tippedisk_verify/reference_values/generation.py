@@ -28,7 +28,7 @@ from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
 from tippedisk_verify.reference_values.store import data_folder
 
-__all__ = ["Piece", "computed", "file_text", "generate", "pieces_of", "values_csv"]
+__all__ = ["Piece", "computed", "document_head", "file_text", "generate", "pieces_of", "values_csv"]
 
 Advance = Callable[[str, int], None]
 _COLUMNS = (
@@ -162,16 +162,15 @@ def _generate(
     return written
 
 
-def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
-    """A reference file: one quantity to a line, so that a changed number is a changed line."""
-    parameters = Parameters.named(set_name)
+def document_head(kind: Kind, parameters: Parameters) -> dict[str, Any]:
+    """What a reference file says before its entries."""
     doubles = as_doubles(parameters)
-    head = {
+    return {
         "format": FORMAT,
         "kind": kind.name,
         "level": kind.level,
         "says": kind.says,
-        "set": set_name,
+        "set": parameters.name,
         "parameters": {
             name: {
                 "decimal": Measured.of(getattr(parameters, name), 0).decimals()[0],
@@ -181,6 +180,11 @@ def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
         },
         "methods": {road.name: {"says": road.says, "independent": road.independent} for road in kind.roads},
     }
+
+
+def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
+    """A reference file: one quantity to a line, so that a changed number is a changed line."""
+    head = document_head(kind, Parameters.named(set_name))
     lines = ["{"]
     lines += [f" {_json(name)}: {_json(value)}," for name, value in head.items()]
     lines.append(' "entries": [')
