@@ -133,7 +133,7 @@ def test_whoever_reads_refuses(
     )
     done = pytester.runpytest_inprocess("-n", "0", "-p", "no:cacheprovider")
     done.assert_outcomes(failed=2)
-    done.stdout.fnmatch_lines(["*InputError: the reference data in * are damaged *"])
+    done.stdout.fnmatch_lines(["*: the reference data in * are damaged *"])
 
 
 @pytest.mark.parametrize(

@@ -219,6 +219,7 @@ SHAPES: dict[str, Shape] = {
             "--seed": ("0", st.sampled_from(["x", "", "1.5", "nan"])),
         },
     ),
+    "reference mistakes": Shape(("reference", "mistakes"), {"--data": ("data", NOT_FOLDERS)}),
     "reference prove": Shape(("reference", "prove"), {**_JOBS, "--data": ("data", NOT_FOLDERS)}),
     "reference generate": Shape(
         ("reference", "generate"),
@@ -239,6 +240,7 @@ SHAPES: dict[str, Shape] = {
         {
             "--from": ("doubles", NOT_NAMES),
             "--html": ("o.html", NOT_TARGETS),
+            "--csv": ("o2.csv", NOT_TARGETS),
             "--badge": ("o.svg", NOT_TARGETS),
             "--require": ("4", NOT_COUNTS),
             "--expected-failures": ("expected", NOT_SOURCES),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["COMMANDS"]
 
 _SHOWN = 40  # changes on a terminal
+_LARGEST = 64_000_000  # bytes of a file that --csv may replace
 
 
 @click.group(invoke_without_command=True)
@@ -118,6 +120,7 @@ def _levels(text: str | None) -> tuple[int, ...]:
     "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
 )
 @click.option("--html", metavar="FILE.html", help="Write a page with all grades there.")
+@click.option("--csv", "table", metavar="FILE.csv", help="Write the grades by quantity there.")
 @click.option("--badge", metavar="FILE.svg", help="Write a picture there that says which levels agree.")
 @click.option("--require", metavar="N-M", help="Exit with 1 unless these levels are answered and agree.")
 @click.option(
@@ -132,6 +135,7 @@ def grade(
     file: str,
     reading: str | None,
     html: str | None,
+    table: str | None,
     badge: str | None,
     require: str | None,
     expected: str | None,
@@ -146,16 +150,14 @@ def grade(
     from tippedisk_verify.conformance.pages import Report, html_page, print_report
     from tippedisk_verify.conformance.regression import badge as drawn
     from tippedisk_verify.conformance.regression import expected_failures, shortcomings
-    from tippedisk_verify.conformance.sheet import store_for
     from tippedisk_verify.files import printable, write_text
-    from tippedisk_verify.reference_values.store import stored
 
     page, picture = _output(html, "--html", ".html", ".htm"), _output(badge, "--badge", ".svg")
+    rows = _table_output(table)
     required = _levels(require) or None
     with progress(common, 0) as advance:
-        store = store_for(Path(file), stored(), advance)
+        answers, store = _read(file, reading, advance)
     expectable = frozenset[str]() if expected is None else expected_failures(Path(expected), store)
-    answers = _read(file, store, reading)
     grades = graded(answers, store)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
     levels = levels_of(grades, asked)
@@ -167,6 +169,8 @@ def grade(
     report = Report(printable(Path(file).name), answers, grades, levels, diagnoses, short, mended)
     if page is not None:
         write_text(page, html_page(report))
+    if rows is not None:
+        write_text(rows, report.csv())
     if picture is not None:
         write_text(picture, drawn(levels))
     if common.json:
@@ -191,11 +195,9 @@ def compare(common: Common, old: str, new: str, reading: str | None) -> int:
     """
     from tippedisk_verify.conformance.grading import graded
     from tippedisk_verify.conformance.regression import changes
-    from tippedisk_verify.conformance.sheet import store_for
-    from tippedisk_verify.reference_values.store import stored
 
-    store = store_for(Path(new), store_for(Path(old), stored()))
-    found = changes(*(graded(_read(file, store, reading), store) for file in (old, new)))
+    with progress(common, 0) as advance:
+        found = changes(*(graded(*_read(file, reading, advance)) for file in (old, new)))
     counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
     lines = [f"{change.kind:8}{change.id}  {_digits(change.json())}" for change in found[:_SHOWN]]
     if len(found) > _SHOWN:
@@ -219,19 +221,32 @@ def _output(name: str | None, option: str, *endings: str) -> Path | None:
     return target
 
 
-def _read(file: str, store: Store, reading: str | None) -> Answers:
-    from tippedisk_verify.conformance.sheet import read_answers
+def _table_output(name: str | None) -> Path | None:
+    """Where a table of grades may go: over another one, and over nothing else, since answers are CSV as well."""
+    from tippedisk_verify.files import read_text
+
+    target = _output(name, "--csv", ".csv")
+    if target is not None and target.exists() and not read_text(target, _LARGEST).startswith("level,quantity,"):
+        raise InputError(f"{target} is no table of grades: --csv would write over it; give another name")
+    return target
+
+
+def _read(file: str, reading: str | None, advance: Callable[[str, int], None]) -> tuple[Answers, Store]:
+    """The answers of a sheet, and the truths that they are graded by."""
+    from tippedisk_verify.conformance.sheet import read_answers, store_for
     from tippedisk_verify.files import printable
+    from tippedisk_verify.reference_values.store import stored
 
     if reading not in (None, "decimals", "doubles"):
         raise InputError(f"--from says decimals or doubles, not '{reading!s:.40}'")
+    store = store_for(Path(file), stored(), advance)
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
             f"{printable(Path(file).name)}: none of its ids is a question, such as {answers.unknown[0][:80]}: "
             "`conformance questions` writes a sheet that has them"
         )
-    return answers
+    return answers, store
 
 
 COMMANDS = (conformance,)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
 from tippedisk_verify.conformance.sheet import Answers, looks_like
+from tippedisk_verify.files import csv_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -148,6 +149,11 @@ class Report:
                     f" {len(here)}, the most at {most.id}, off as if all inputs were changed by {most.off:.0e}"
                 )
         return said
+
+    def csv(self) -> str:
+        """The grades by level, quantity and friction law, as a table."""
+        columns = list(QuantityGrade(0, "", "", 0, 0, 0, math.nan).json())
+        return csv_text(columns, (list(row.json().values()) for row in by_quantity(self.grades)))
 
     def json(self) -> dict[str, Any]:
         first = self.first_failure

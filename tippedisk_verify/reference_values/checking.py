@@ -14,10 +14,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_measured, case_of, disagreements
-from tippedisk_verify.reference_values.generation import values_csv
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files
 from tippedisk_verify.reference_values.store import data_folder
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
 __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
 
@@ -175,9 +175,10 @@ def _faults_in_form(folder: Path) -> list[str]:
                 faults.append(f"{set_folder.name}/{kind.name}.json is not of the form of schema.json: {fault.message}")
                 continue
             documents.append(document)
-        table = set_folder / "values.csv"
         if faults:  # what is not of the form cannot be tabulated
             continue
-        if not table.exists() or read_text(table, LARGEST) != values_csv(documents):
-            faults.append(f"{set_folder.name}/values.csv does not hold the same numbers as the JSON files")
+        for name, text in tables(documents, known_mistakes(folder)).items():
+            path = set_folder / name
+            if not path.exists() or read_text(path, LARGEST) != text:
+                faults.append(f"{set_folder.name}/{name} does not hold the same numbers as the JSON files")
     return faults

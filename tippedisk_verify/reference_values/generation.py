@@ -18,7 +18,7 @@ from typing import Any
 
 from tippedisk_verify.checksums import digest, read_checked, write_checked
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, csv_text, output_folder, read_text, remains_of
+from tippedisk_verify.files import alone, output_folder, read_text, remains_of
 from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -27,13 +27,11 @@ from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_d
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
 from tippedisk_verify.reference_values.store import data_folder
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
-__all__ = ["Piece", "computed", "document_head", "file_text", "generate", "pieces_of", "values_csv"]
+__all__ = ["Piece", "computed", "document_head", "file_text", "generate", "pieces_of"]
 
 Advance = Callable[[str, int], None]
-_COLUMNS = (
-    *("id", "quantity", "unit", "value", "uncertainty", "value_from_doubles", "uncertainty_from_doubles", "grade"),
-)
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def _remove_remains(folder: Path) -> None:
     """What a killed run left unfinished beside its own targets."""
     targets = [folder / name for name in (*STATIC, "manifest.json")]
     targets += [folder / name / f"{kind.name}.json" for name in SETS for kind in KINDS]
-    targets += [folder / name / "values.csv" for name in SETS]
+    targets += [folder / name / table for name in SETS for table in tables([], {})]
     remains = [path for target in targets for path in remains_of(target)]
     for path in (*remains, *(folder / ".work").glob(".*.json-*")):  # nobody else writes into .work
         path.unlink(missing_ok=True)
@@ -147,11 +145,13 @@ def _generate(
         for (kind, name), of_kind in keys.items()
     }
     whole = _others(folder, kinds, sets) | texts
+    mistakes = known_mistakes(data_folder())
     for set_name in sets:
         output_folder(folder / set_name)
         present = [whole[name] for kind in KINDS if (name := f"{set_name}/{kind.name}.json") in whole]
         try:
-            texts[f"{set_name}/values.csv"] = values_csv([json.loads(text) for text in present])
+            beside = tables([json.loads(text) for text in present], mistakes)
+            texts |= {f"{set_name}/{name}": text for name, text in beside.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None
     if folder.resolve() != data_folder().resolve():
@@ -201,15 +201,3 @@ def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
 
 def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
-
-
-def values_csv(documents: Sequence[dict[str, Any]]) -> str:
-    """All numbers of a set as one table, for those who would rather not read JSON."""
-    rows = []
-    for document in documents:
-        for entry in document["entries"]:
-            for name, quantity in entry["quantities"].items():
-                doubles = quantity.get("from_doubles", {"value": "", "uncertainty": ""})
-                given = (entry["id"], name, quantity["unit"], quantity["value"], quantity["uncertainty"])
-                rows.append((*given, doubles["value"], doubles["uncertainty"], quantity["grade"]))
-    return csv_text(_COLUMNS, rows)
