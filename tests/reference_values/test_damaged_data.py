@@ -15,7 +15,7 @@ from tippedisk_verify.conformance.grading import compare
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values import store as reading
-from tippedisk_verify.reference_values.generation import generate, values_csv
+from tippedisk_verify.reference_values.generation import generate
 from tippedisk_verify.reference_values.kinds import KINDS
 from tippedisk_verify.reference_values.manifest import (
     SETS,
@@ -26,6 +26,7 @@ from tippedisk_verify.reference_values.manifest import (
 )
 from tippedisk_verify.reference_values.proofs import prove
 from tippedisk_verify.reference_values.store import Store, data_folder, reference
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
 _LARGE = ("rhs", "trajectory", "slow-manifold")
 _ID = "printed/linear/hopf/point/omega_crit"
@@ -41,7 +42,9 @@ def folder(tmp_path: Path) -> Path:
         for kind in _LARGE:
             (found / name / f"{kind}.json").unlink()
         small = [found / name / f"{kind.name}.json" for kind in KINDS if kind.name not in _LARGE]
-        (found / name / "values.csv").write_text(values_csv([json.loads(path.read_text()) for path in small]))
+        documents = [json.loads(path.read_text()) for path in small]
+        for table, text in tables(documents, known_mistakes(found)).items():
+            (found / name / table).write_text(text)
     write_manifest(found)
     return found
 

@@ -17,9 +17,9 @@ from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.reference_values.checking import check
-from tippedisk_verify.reference_values.generation import values_csv
 from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
 from tippedisk_verify.reference_values.store import Store, data_folder
+from tippedisk_verify.reference_values.tables import tables
 from tippedisk_verify.sweep.plan import Plan, here
 from tippedisk_verify.sweep.running import swept
 
@@ -176,7 +176,8 @@ def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
     for name in ("README.md", "schema.json", "printed/hopf.json", "printed/heteroclinic.json"):
         shutil.copy(data_folder() / name, data / name)
     documents = [json.loads((data / "printed" / name).read_text()) for name in ("hopf.json", "heteroclinic.json")]
-    (data / "printed/values.csv").write_text(values_csv(documents))
+    for table, text in tables(documents, {}).items():
+        (data / "printed" / table).write_text(text)
     write_manifest(data)
     assert check(data, sample=0).faults == ()
     names = ["schema.json", "printed/hopf.json", "printed/heteroclinic.json", "printed/values.csv", "manifest.json"]

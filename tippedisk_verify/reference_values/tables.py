@@ -63,7 +63,12 @@ def retabulate(folder: Path, mistakes: str) -> list[Path]:
 
 
 def known_mistakes(folder: Path) -> Mistakes:
-    """By question, the mistakes that it catches, as the folder's file says. Raises InputError if it is damaged."""
+    """By question, the mistakes that it catches, as the folder's file says, if it has one.
+
+    Raises InputError if that is damaged.
+    """
+    if not (folder / MISTAKES).exists():
+        return {}
     try:
         return _read(read_text(folder / MISTAKES, LARGEST))
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):
