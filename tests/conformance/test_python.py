@@ -155,7 +155,7 @@ def test_what_is_a_number_by_another_name() -> None:
     ):
         assert tv.compare(OMEGA_CRIT, answer).answer == str(Decimal(mine))
     assert tv.compare(OMEGA_CRIT, tv.reference(OMEGA_CRIT), reading="decimals").verdict == "exact"
-    assert tv.compare(OMEGA_CRIT, tv.Disk("printed").omega_crit, reading="decimals").verdict == "exact"
+    assert tv.compare(OMEGA_CRIT, tv.Disk("printed").omega_crit, reading="decimals").digits > 15
     assert tv.compare(OMEGA_CRIT, np.array([np.nan])).verdict == "not-a-number"
 
 

@@ -125,7 +125,10 @@ def test_tables_are_made_anew_and_checked(tmp_path: Path) -> None:
 
     write_manifest(tmp_path)
     assert "does not hold the same numbers" in " ".join(check(tmp_path, sample=0).faults)
-    text = mistakes_json(Store(tmp_path))
+    text = (DATA / "mistakes.json").read_text()
+    found = json.loads(mistakes_json(Store(tmp_path)))
+    assert found["mistakes"] == json.loads(text)["mistakes"]
+    assert {id_.split("/")[2] for id_ in found["caught"]} == {"hopf", "equilibrium"}
     assert [path.name for path in retabulate(tmp_path, text)] == [
         "mistakes.json", "values.csv", "values.jsonl", "manifest.json"
     ]  # fmt: skip
