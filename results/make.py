@@ -1,7 +1,8 @@
 """Sheets of the programs that we run ourselves, graded: SciPy's five methods, and heyoka in double.
 
-    python -m results.make            # in a checkout; a few minutes
-    python -m results.make --table    # the table in README.md only, after a file has been added
+    python -m results.make                  # in a checkout; ten minutes
+    python -m results.make heyoka-double    # this one only
+    python -m results.make --table          # the table in README.md only, after a file has been added
 
 Each program answers trajectories and librating cycles of the printed set from doubles. Its grades by quantity are
 written as CSV, as `tippedisk-verify conformance grade ANSWERS --csv results/NAME.csv` writes them for any program.
@@ -13,7 +14,7 @@ import csv
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import tippedisk_verify as tv
@@ -71,11 +72,14 @@ def _cycle(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
     return {name: float(getattr(cycle, name)) for name in names}
 
 
-def programs() -> Iterator[tuple[str, dict[str, str]]]:
-    """Each program's name and answers."""
-    for method, tolerance in SCIPY:
-        yield f"scipy-{method}-{tolerance:.0e}".replace("e-0", "e-"), answered(stored(), PREFIXES, method, tolerance)
-    yield "heyoka-double", heyoka()
+def _scipy(method: str, tolerance: float) -> dict[str, str]:
+    return answered(stored(), PREFIXES, method, tolerance)
+
+
+PROGRAMS = {
+    f"scipy-{method}-{tolerance:.0e}".replace("e-0", "e-"): partial(_scipy, method, tolerance)
+    for method, tolerance in SCIPY
+} | {"heyoka-double": heyoka}
 
 
 def table() -> str:
@@ -99,11 +103,12 @@ def _cell(rows: list[dict[str, str]]) -> str:
     return f"{failed} of {asked} fail, least {least:.1f} digits"
 
 
-def main(arguments: list[str]) -> None:
-    for name, given in () if "--table" in arguments else programs():
+def main(names: list[str]) -> None:
+    for name in () if names == ["--table"] else names or PROGRAMS:
+        given = PROGRAMS[name]()
         with tempfile.TemporaryDirectory() as folder:
-            sheet = write_text(Path(folder) / f"{name}.csv", csv_text(("id", "from", "answer"), (
-                (id_, "doubles", answer) for id_, answer in given.items())))  # fmt: skip
+            rows = ((id_, "doubles", answer) for id_, answer in given.items())
+            sheet = write_text(Path(folder) / f"{name}.csv", csv_text(("id", "from", "answer"), rows))
             command = ["conformance", "grade", str(sheet), "--csv", str(HERE / f"{name}.csv"), "--quiet"]
             subprocess.run([sys.executable, "-m", "tippedisk_verify", *command], check=True)
         print(name, len(given), flush=True)

@@ -39,7 +39,7 @@ _TIMES = ("0.5", "1", "1.5", "2")
 _STATE = ("beta", "gamma", "v")
 _HALF_PI = Fraction("1.5708")
 _ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
-_MOST_ENTRIES = 43 * MOST_STATES // STATES_PER_DISK  # of so many states
+_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of so many states
 
 
 @lru_cache(maxsize=MOST_STATES // STATES_PER_DISK)
