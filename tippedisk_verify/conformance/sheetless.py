@@ -29,19 +29,19 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles") -> Rep
         raise InputError("there is no answer to grade")
     if reading not in ("decimals", "doubles"):
         raise InputError(f"answers are computed from decimals or doubles, not from '{reading!s:.40}'")
+    store = stored()
+    if any(str(id_).startswith("fresh-") for id_ in answers):
+        from tippedisk_verify.reference_values.fresh import with_fresh
+
+        store = with_fresh(store, "\n".join(map(str, answers)))
     given, notes = Answers(), {}
     for id_, answer in answers.items():
-        given.sets.add(reference(id_).set)
+        given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
         try:
             text = answer_text(answer)
         except InputError as fault:
             notes[id_], text = str(fault), f"({type(answer).__name__})"
         given.given[id_] = reading, text
-    store = stored()
-    if any(id_.startswith("fresh-") for id_ in answers):
-        from tippedisk_verify.reference_values.fresh import with_fresh
-
-        store = with_fresh(store, "\n".join(answers))
     grades = [replace(one, note=notes[one.id]) if one.id in notes else one for one in graded(given, store)]
     asked = [quantity for quantity in store.values() if quantity.set in given.sets]
     return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store))
