@@ -26,7 +26,7 @@ from tippedisk_verify.reference_values.manifest import (
 )
 from tippedisk_verify.reference_values.proofs import prove
 from tippedisk_verify.reference_values.store import Store, data_folder, reference
-from tippedisk_verify.reference_values.tables import tables
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
 _LARGE = ("rhs", "trajectory", "slow-manifold")
 _ID = "printed/linear/hopf/point/omega_crit"
@@ -42,7 +42,8 @@ def folder(tmp_path: Path) -> Path:
         for kind in _LARGE:
             (found / name / f"{kind}.json").unlink()
         small = [found / name / f"{kind.name}.json" for kind in KINDS if kind.name not in _LARGE]
-        for table, text in tables([json.loads(path.read_text()) for path in small]).items():
+        documents = [json.loads(path.read_text()) for path in small]
+        for table, text in tables(documents, known_mistakes(found)).items():
             (found / name / table).write_text(text)
     write_manifest(found)
     return found
@@ -135,7 +136,7 @@ def test_whoever_reads_refuses(
     )
     done = pytester.runpytest_inprocess("-n", "0", "-p", "no:cacheprovider")
     done.assert_outcomes(failed=2)
-    done.stdout.fnmatch_lines(["*InputError: the reference data in * are damaged *"])
+    done.stdout.fnmatch_lines(["*: the reference data in * are damaged *"])
 
 
 @pytest.mark.parametrize(
