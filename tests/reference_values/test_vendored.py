@@ -130,7 +130,7 @@ def test_tables_are_made_anew_and_checked(tmp_path: Path) -> None:
     assert found["mistakes"] == json.loads(text)["mistakes"]
     assert {id_.split("/")[2] for id_ in found["caught"]} == {"hopf", "equilibrium"}
     assert [path.name for path in retabulate(tmp_path, text)] == [
-        "mistakes.json", "values.csv", "values.jsonl", "manifest.json"
+        "mistakes.json", "values.csv", "values.jsonl", "sheet_with_truths.csv", "manifest.json"
     ]  # fmt: skip
     assert check(tmp_path, sample=2).faults == ()
     lines = (tmp_path / "printed/values.jsonl").read_text().splitlines()
@@ -147,7 +147,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert main(["reference", "mistakes", "--data", str(tmp_path)]) == 2
     assert capsys.readouterr().err.count("\n") == 2
     assert list(tmp_path.iterdir()) == []
-    assert tables([], {}).keys() == {"values.csv", "values.jsonl"}
+    assert tables([], {}).keys() == {"values.csv", "values.jsonl", "sheet_with_truths.csv"}
 
 
 # ------------------------------------------------------------------------------------------ definitions
