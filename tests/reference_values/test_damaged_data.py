@@ -74,9 +74,12 @@ def _one_line(fault: InputError) -> None:
 
 
 def _silent(folder: Path, draws: int) -> dict[str, int]:
+    """How reading ends after one flipped bit; one that a file with values lets pass is silent whatever it changes."""
     whole = Store(folder)
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    draw, ends = random.Random(5), {"refused": 0, "as before": 0, "silently changed": 0}
+    read = {path for path in paths if path.match("printed/*.json") or path.match("calibrated/*.json")}
+    read.add(folder / "manifest.json")
+    draw, ends = random.Random(5), {"refused": 0, "not read": 0, "silently changed": 0}
     for n in range(draws):
         path = paths[n % len(paths)]
         content = _flip(path, draw)
@@ -86,8 +89,8 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
             _one_line(fault)
             ends["refused"] += 1
         else:
-            same = dict(found) == dict(whole) and found.parameters == whole.parameters
-            ends["as before" if same else "silently changed"] += 1
+            same = path not in read and dict(found) == dict(whole) and found.parameters == whole.parameters
+            ends["not read" if same else "silently changed"] += 1
         path.write_bytes(content)
     return ends
 
@@ -95,7 +98,7 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
 def test_five_hundred_flipped_bits_change_nothing_silently(folder: Path) -> None:
     ends = _silent(folder, 500)
     assert ends["silently changed"] == 0
-    assert ends["refused"] > 300  # of the files, four are not read: the README, the schema, two tables
+    assert ends["refused"] > 280  # 17 of the 29 files are read, and the files take turns
 
 
 @pytest.mark.slow(minutes=4)
