@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
+    from tippedisk_verify.conformance.sheetless import grade
     from tippedisk_verify.disk import Disk, Solution
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.near_connection import cycle_above
     from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
-    from tippedisk_verify.reference_values.store import reference
+    from tippedisk_verify.reference_values.store import reference, references
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
@@ -75,7 +76,8 @@ _HOMES = {
     "errors": ("InputError", "Shortfall"),
     "audit.claims": ("Audit", "Verdict"),
     "conformance.grading": ("compare",),
-    "reference_values.store": ("reference",),
+    "conformance.sheetless": ("grade",),
+    "reference_values.store": ("reference", "references"),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.lanes": ("BatchTaylor",),
@@ -135,6 +137,7 @@ __all__ = [
     "cycle_above",
     "equilibrium",
     "exact",
+    "grade",
     "heteroclinic",
     "hopf_point",
     "limit_cycle",
@@ -144,6 +147,7 @@ __all__ = [
     "one_harmonic",
     "period_crit",
     "reference",
+    "references",
     "scene_named",
     "study",
 ]

@@ -49,7 +49,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _right(chosen: list[Quantity]) -> Sheet:
     return {
-        quantity.id: ("doubles" if "doubles" in quantity.values else "decimals", repr(float(quantity)))
+        quantity.id: ("doubles" if "doubles" in quantity.values else "decimals", repr(quantity.for_doubles))
         for quantity in chosen
     }
 

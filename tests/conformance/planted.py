@@ -105,7 +105,7 @@ def rhs(program: Program, change: Callable[[dict[str, float]], dict[str, float]]
 def right(quantity: Quantity) -> float:
     """What a correct program in doubles says: not quite the truth, but the same each time."""
     noise = random.Random(quantity.id).uniform(-1, 1) * (1e-14 if quantity.level < 6 else 1e-11)
-    return float(quantity) * (1 + noise)
+    return quantity.for_doubles * (1 + noise)
 
 
 Output = Callable[[Quantity, Store], float | str | None]

@@ -38,7 +38,7 @@ def _reversed(q: Quantity, store: Store) -> float | None:
 
 def _modulus(q: Quantity, store: Store) -> float | None:
     stem = q.id.removesuffix("_re").removesuffix("_im")
-    size = math.hypot(float(store[f"{stem}_re"]), float(store[f"{stem}_im"]))
+    size = math.hypot(store[f"{stem}_re"].for_doubles, store[f"{stem}_im"].for_doubles)
     return size if q.id.endswith("_re") else 0.0
 
 

@@ -97,7 +97,7 @@ def _variational(p: dict[str, float], omega: float, smooth: bool) -> Callable[[f
 def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> dict[str, float]:
     """Newton on the half map, from the cycle itself and a millionth beside it."""
     p, omega, smooth = _setting(store, asked[0])
-    near = {quantity.name: float(quantity) for quantity in asked}
+    near = {quantity.name: quantity.for_doubles for quantity in asked}
     x = np.array([near["gamma_bar_0"] * (1 + 1e-6), near["v_0"] * (1 - 1e-6)])
     rates = _variational(p, omega, smooth)
 
@@ -111,6 +111,8 @@ def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> 
     for _ in range(6):
         start = np.concatenate([[_SECTION, _SECTION + x[0], x[1]], np.eye(3, 4).ravel(), [0]])
         run = solve_ivp(rates, (0, 20), start, events=(section, turn), **options)
+        if not len(run.t_events[0]):
+            return {}  # at this tolerance Newton's steps have left the cycle
         half, y = run.t_events[0][0], run.y_events[0][0]
         speed, change = rates(0, y)[:3], y[3:15].reshape(3, 4)
         dtime = -change[0] / speed[0]

@@ -176,8 +176,8 @@ def test_what_is_no_number(answer: object, verdict: str) -> None:
 def test_the_nearest_double_is_exact(store: Store) -> None:
     """Its last digits are not the truth's, but no program in doubles can have better ones."""
     for quantity in store.matching("printed/both/rhs/0"):
-        assert compare(quantity.id, float(quantity)).verdict == "exact"
-        assert compare(quantity.id, f"{float(quantity) * (1 + 1e-14):.16e}").verdict == "agrees"
+        assert compare(quantity.id, quantity.for_doubles).verdict == "exact"
+        assert compare(quantity.id, f"{quantity.for_doubles * (1 + 1e-14):.16e}").verdict == "agrees"
 
 
 def test_rounding_explains_no_nonsense() -> None:
@@ -447,13 +447,13 @@ def test_each_mistake_in_the_answers_is_named(alternative, store: Store) -> None
     set_name = "calibrated" if alternative.counterpart.get("set") == "printed" else "printed"
     for entry in entries:
         quantities = store.matching(f"{set_name}/{entry}/")
-        truth = {quantity.id: float(quantity) for quantity in quantities}
+        truth = {quantity.id: quantity.for_doubles for quantity in quantities}
         found = predicted(alternative, quantities, store, truth)
         if any(compare(id_, value).failed for id_, value in found.items()):
             wrong.setdefault(quantities[0].level, {}).update({id_: repr(value) for id_, value in found.items()})
     assert wrong, "a mistake that changes nothing has no place in the list"
     equations = {
-        q.id: repr(float(q)) for law in ("linear", "smooth") for q in store.matching(f"{set_name}/{law}/rhs/0")
+        q.id: repr(q.for_doubles) for law in ("linear", "smooth") for q in store.matching(f"{set_name}/{law}/rhs/0")
     }
     for level, given in wrong.items():
         if level > 1:
@@ -476,7 +476,7 @@ def test_two_mistakes_and_unlisted_ones_stay_unexplained(store: Store) -> None:
         name = ("h-1-sign", "B-for-Bbar", "gravity-sign")[turn]
         return predicted(by_name[name], [quantity], store, {})[quantity.id]
 
-    for change in (two, lambda quantity, turn: float(quantity) + turn):
+    for change in (two, lambda quantity, turn: quantity.for_doubles + turn):
         (diagnosis,) = diagnosed(graded(_answers(answers(change)), store), store)
         assert diagnosis.causes == ()
         assert "unexplained" in diagnosis.says()
@@ -486,7 +486,9 @@ def test_two_mistakes_and_unlisted_ones_stay_unexplained(store: Store) -> None:
 def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Store) -> None:
     """Right answers, but for crossing times with few decimals."""
     given = {
-        quantity.id: repr(round(float(quantity), places) if "crossing_time" in quantity.id else float(quantity))
+        quantity.id: repr(
+            round(quantity.for_doubles, places) if "crossing_time" in quantity.id else quantity.for_doubles
+        )
         for quantity in store.matching("printed/linear/trajectory/")
     }
     (diagnosis,) = diagnosed(graded(_answers(given), store), store)
@@ -508,7 +510,7 @@ def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, nonsense: list[str
 
 def test_equations_that_pass_are_not_blamed_later(store: Store) -> None:
     """With the right-hand side right, a wrong trajectory is no fault of the equations."""
-    given = {quantity.id: repr(float(quantity)) for quantity in store.matching("printed/linear/rhs/")}
+    given = {quantity.id: repr(quantity.for_doubles) for quantity in store.matching("printed/linear/rhs/")}
     quantities = store.matching("printed/linear/trajectory/d1/")
     by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
     given |= {id_: repr(x) for id_, x in predicted(by_name["h-2-sign"], quantities, store, {}).items()}

@@ -101,7 +101,7 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
 def test_failures_are_counted_by_quantity(store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All states right, all crossing times wrong."""
     entry = store.matching("printed/linear/trajectory/d1/")
-    given = {q.id: repr(float(q) + ("crossing_time" in q.name)) for q in entry}
+    given = {q.id: repr(q.for_doubles + ("crossing_time" in q.name)) for q in entry}
     rows = {row.quantity: row for row in by_quantity(_grades(given, store))}
     assert set(rows) == {"beta", "gamma", "v", "crossing_time", "crossing_gamma", "crossing_v"}
     assert [name for name, row in rows.items() if row.failed] == ["crossing_time"]
@@ -138,7 +138,7 @@ def test_other_forms_of_a_sheet(text: str, store: Store, tmp_path: Path) -> None
 def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Path) -> None:
     rows = ["printed/linear/hopf/point/period,NaN", f"{CRIT},NA"]
     other = "printed/linear/limit-cycle/crit-0.5"
-    rows += [f"{other}/period,nan", f"{other}/v_0,{float(store[f'{other}/v_0'])!r}"]
+    rows += [f"{other}/period,nan", f"{other}/v_0,{store[f'{other}/v_0'].for_doubles!r}"]
     path = tmp_path / "a.csv"
     path.write_text("id,answer\n" + "\n".join(rows) + "\n")
     answers = read_answers(path, store)
@@ -169,5 +169,5 @@ def test_what_looks_like_nothing_known_is_shown_only(store: Store) -> None:
     (said,) = _report({CRIT: "thirty"}, store).remarks()
     assert said.endswith(f"the first is 'thirty' at {CRIT}")
     # One unreadable answer among many is that answer's matter.
-    many = {quantity.id: str(Decimal(float(quantity))) for quantity in store.matching("printed/both/rhs/00")}
+    many = {quantity.id: str(Decimal(quantity.for_doubles)) for quantity in store.matching("printed/both/rhs/00")}
     assert _report(many | {CRIT: "thirty"}, store).remarks() == []

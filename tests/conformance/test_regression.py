@@ -25,7 +25,7 @@ WORKFLOWS = sorted((Path(__file__).parents[2] / "examples" / "ci").iterdir())
 def _sheet(path: Path, **factors: float) -> str:
     """Right answers at levels 1 and 3, some of them times a factor; the name is the quantity's."""
     rows = [*stored().matching(f"{RHS}/"), stored()[CRIT]]
-    lines = [f"{q.id},{float(q) * factors.get(q.name, 1)!r}" for q in rows if factors.get(q.name) != 0]
+    lines = [f"{q.id},{q.for_doubles * factors.get(q.name, 1)!r}" for q in rows if factors.get(q.name) != 0]
     path.write_text("id,answer\n" + "\n".join(lines) + "\n")
     return str(path)
 

@@ -39,7 +39,7 @@ ASKED = [quantity.id for quantity in stored().values() if quantity.level == 3 an
 RUN = ["conformance", "run", "--set", "printed", "--levels", "3"]
 _HEAD = f"""
 import json, os, signal, sys, time
-TRUTHS = {json.dumps({id_: float(stored()[id_]) for id_ in ASKED})}
+TRUTHS = {json.dumps({id_: stored()[id_].for_doubles for id_ in ASKED})}
 def asked():
     return json.loads(sys.stdin.readline() or sys.exit())["id"]
 def said(id_, **more):

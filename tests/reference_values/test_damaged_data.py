@@ -26,7 +26,7 @@ from tippedisk_verify.reference_values.manifest import (
 )
 from tippedisk_verify.reference_values.proofs import prove
 from tippedisk_verify.reference_values.store import Store, data_folder, reference
-from tippedisk_verify.reference_values.tables import tables
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
 _LARGE = ("rhs", "trajectory", "slow-manifold")
 _ID = "printed/linear/hopf/point/omega_crit"
@@ -42,7 +42,8 @@ def folder(tmp_path: Path) -> Path:
         for kind in _LARGE:
             (found / name / f"{kind}.json").unlink()
         small = [found / name / f"{kind.name}.json" for kind in KINDS if kind.name not in _LARGE]
-        for table, text in tables([json.loads(path.read_text()) for path in small]).items():
+        documents = [json.loads(path.read_text()) for path in small]
+        for table, text in tables(documents, known_mistakes(found)).items():
             (found / name / table).write_text(text)
     write_manifest(found)
     return found
@@ -73,9 +74,12 @@ def _one_line(fault: InputError) -> None:
 
 
 def _silent(folder: Path, draws: int) -> dict[str, int]:
+    """How reading ends after one flipped bit; one that a file with values lets pass is silent whatever it changes."""
     whole = Store(folder)
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    draw, ends = random.Random(5), {"refused": 0, "as before": 0, "silently changed": 0}
+    read = {path for path in paths if path.match("printed/*.json") or path.match("calibrated/*.json")}
+    read.add(folder / "manifest.json")
+    draw, ends = random.Random(5), {"refused": 0, "not read": 0, "silently changed": 0}
     for n in range(draws):
         path = paths[n % len(paths)]
         content = _flip(path, draw)
@@ -85,8 +89,8 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
             _one_line(fault)
             ends["refused"] += 1
         else:
-            same = dict(found) == dict(whole) and found.parameters == whole.parameters
-            ends["as before" if same else "silently changed"] += 1
+            same = path not in read and dict(found) == dict(whole) and found.parameters == whole.parameters
+            ends["not read" if same else "silently changed"] += 1
         path.write_bytes(content)
     return ends
 
@@ -94,7 +98,7 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
 def test_five_hundred_flipped_bits_change_nothing_silently(folder: Path) -> None:
     ends = _silent(folder, 500)
     assert ends["silently changed"] == 0
-    assert ends["refused"] > 300  # of the files, four are not read: the README, the schema, two tables
+    assert ends["refused"] > 280  # 17 of the 29 files are read, and the files take turns
 
 
 @pytest.mark.slow(minutes=4)
@@ -135,7 +139,7 @@ def test_whoever_reads_refuses(
     )
     done = pytester.runpytest_inprocess("-n", "0", "-p", "no:cacheprovider")
     done.assert_outcomes(failed=2)
-    done.stdout.fnmatch_lines(["*InputError: the reference data in * are damaged *"])
+    done.stdout.fnmatch_lines(["*: the reference data in * are damaged *"])
 
 
 @pytest.mark.parametrize(

@@ -226,6 +226,7 @@ SHAPES: dict[str, Shape] = {
             "--seed": ("0", st.sampled_from(["x", "", "1.5", "nan"])),
         },
     ),
+    "reference mistakes": Shape(("reference", "mistakes"), {"--data": ("data", NOT_FOLDERS)}),
     "reference prove": Shape(("reference", "prove"), {**_JOBS, "--data": ("data", NOT_FOLDERS)}),
     "reference generate": Shape(
         ("reference", "generate"),
@@ -236,11 +237,17 @@ SHAPES: dict[str, Shape] = {
         {"--set": ("printed", NOT_NAMES), "--friction": ("linear", NOT_NAMES), "--levels": ("3", NOT_COUNTS)},
         (("q.csv", st.one_of(NOT_TARGETS, st.just("answered.csv"), st.just("file.csv"))),),
     ),
+    "conformance questions, fresh": Shape(
+        ("conformance", "questions"),
+        {"--states": ("2", NOT_COUNTS), "--seed": ("7", NOT_COUNTS.filter(lambda text: text != "0"))},
+        (("q.csv", NOT_TARGETS),),
+    ),
     "conformance grade": Shape(
         ("conformance", "grade"),
         {
             "--from": ("doubles", NOT_NAMES),
             "--html": ("o.html", NOT_TARGETS),
+            "--csv": ("o2.csv", NOT_TARGETS),
             "--badge": ("o.svg", NOT_TARGETS),
             "--require": ("4", NOT_COUNTS),
             "--expected-failures": ("expected", NOT_SOURCES),
@@ -257,6 +264,7 @@ SHAPES: dict[str, Shape] = {
             "--out": ("out", NOT_FOLDERS),
             "--from": ("doubles", NOT_NAMES),
             "--html": ("o.html", NOT_TARGETS),
+            "--csv": ("o2.csv", NOT_TARGETS),
             "--badge": ("o.svg", NOT_TARGETS),
             "--require": ("4", NOT_COUNTS),
             "--expected-failures": ("expected", NOT_SOURCES),

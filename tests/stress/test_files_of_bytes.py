@@ -176,7 +176,7 @@ def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
     for name in ("README.md", "schema.json", "printed/hopf.json", "printed/heteroclinic.json"):
         shutil.copy(data_folder() / name, data / name)
     documents = [json.loads((data / "printed" / name).read_text()) for name in ("hopf.json", "heteroclinic.json")]
-    for table, text in tables(documents).items():
+    for table, text in tables(documents, {}).items():
         (data / "printed" / table).write_text(text)
     write_manifest(data)
     assert check(data, sample=0).faults == ()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_result
+from tippedisk_verify.commands.common import Common, plain_options, print_result, progress
 from tippedisk_verify.commands.conformance_run import run
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.commands.grading import Wanted, checked_reading, from_option, grading_options, levels_named
@@ -31,28 +33,58 @@ def conformance(context: click.Context) -> None:
 
 
 @conformance.command()
-@click.argument("file", metavar="FILE.csv|FILE.json")
+@click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
 @click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given.")
 @click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only.")
 @click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given.")
+@click.option("--states", type=int, metavar="N", help="Fresh questions instead: N drawn states, ten to a drawn disk.")
+@click.option("--seed", type=int, metavar="S", help="What they are drawn from; 0 if not given.")
 @plain_options
-def questions(common: Common, file: str, sets: tuple[str, ...], laws: tuple[str, ...], levels: str | None) -> int:
-    """Write an answer sheet: inputs only, easiest first."""
+def questions(
+    common: Common,
+    file: str | None,
+    sets: tuple[str, ...],
+    laws: tuple[str, ...],
+    levels: str | None,
+    states: int | None,
+    seed: int | None,
+) -> int:
+    """Write an answer sheet, to FILE or to standard output: inputs only, easiest first.
+
+    With --states the questions are drawn, on every machine the same ones from the same seed. Their ids hold the seed,
+    and `grade` computes the truths anew, with half-widths that hold them.
+    """
     from tippedisk_verify.conformance.sheet import questions as asked
     from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
     from tippedisk_verify.files import output_file, write_text
     from tippedisk_verify.reference_values.store import stored
 
-    target = output_file(file)
-    if target.suffix.lower() not in (".csv", ".json"):
-        raise InputError(f"'{file[:60]}' must end in .csv or .json: that decides the form of the sheet")
+    target = None if file is None else output_file(file)
+    if target is not None and target.suffix.lower() not in (".csv", ".json"):
+        raise InputError(f"'{str(file)[:60]}' must end in .csv or .json: that decides the form of the sheet")
     store = stored()
-    _refuse_filled_in(target, store)
+    if target is not None:
+        _refuse_filled_in(target, store)
+    if states is not None:
+        store = _fresh(states, seed or 0, sets)
+    elif seed is not None:
+        raise InputError("--seed is for fresh questions: say with --states how many")
     chosen = asked(store, sets=sets, frictions=laws, levels=levels_named(levels))
+    if target is None:
+        print_result(common, json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
+        return 0
     write_text(target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen))
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
     print_result(common, {"questions": len(chosen), "file": str(target)}, [line])
     return 0
+
+
+def _fresh(states: int, seed: int, sets: tuple[str, ...]) -> Store:
+    from tippedisk_verify.reference_values.fresh import blank_questions
+
+    if sets:
+        raise InputError("--set is for the published questions: fresh ones are about disks of their own")
+    return blank_questions(states, seed)
 
 
 def _refuse_filled_in(target: Path, store: Store) -> None:
@@ -81,11 +113,10 @@ def grade(common: Common, file: str, reading: str | None, **more: str | None) ->
     """
     from tippedisk_verify.conformance.grading import graded
     from tippedisk_verify.files import printable
-    from tippedisk_verify.reference_values.store import stored
 
-    store = stored()
+    with progress(common, 0) as advance:
+        answers, store = _read(file, reading, advance)
     wanted = Wanted.checked(store, **more)
-    answers = _read(file, store, reading)
     asked = [quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets]
     return wanted.report(common, store, asked, graded(answers, store), answers, printable(Path(file).name))
 
@@ -103,10 +134,9 @@ def compare(common: Common, old: str, new: str, reading: str | None) -> int:
     """
     from tippedisk_verify.conformance.grading import graded
     from tippedisk_verify.conformance.regression import changes
-    from tippedisk_verify.reference_values.store import stored
 
-    store = stored()
-    found = changes(*(graded(_read(file, store, reading), store) for file in (old, new)))
+    with progress(common, 0) as advance:
+        found = changes(*(graded(*_read(file, reading, advance)) for file in (old, new)))
     counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
     lines = [f"{change.kind:8}{change.id}  {_digits(change.json())}" for change in found[:_SHOWN]]
     if len(found) > _SHOWN:
@@ -121,18 +151,21 @@ def _digits(change: dict[str, Any]) -> str:
     return f"{shown[0]} -> {shown[1]} digits"
 
 
-def _read(file: str, store: Store, reading: str | None) -> Answers:
-    from tippedisk_verify.conformance.sheet import read_answers
+def _read(file: str, reading: str | None, advance: Callable[[str, int], None]) -> tuple[Answers, Store]:
+    """The answers of a sheet, and the truths that they are graded by."""
+    from tippedisk_verify.conformance.sheet import read_answers, store_for
     from tippedisk_verify.files import printable
+    from tippedisk_verify.reference_values.store import stored
 
     checked_reading(reading)
+    store = store_for(Path(file), stored(), advance)
     answers = read_answers(Path(file), store, reading)
     if answers.unknown and not answers.given:
         raise InputError(
             f"{printable(Path(file).name)}: none of its ids is a question, such as {answers.unknown[0][:80]}: "
             "`conformance questions` writes a sheet that has them"
         )
-    return answers
+    return answers, store
 
 
 for _command in (run, client, grader, guide):

@@ -32,9 +32,11 @@ def grading_options(command: Any) -> Any:
     return command
 
 
+_LARGEST = 64_000_000  # bytes of a file that --csv may replace
 _GRADING_OPTIONS = (
     from_option,
     click.option("--html", metavar="FILE.html", help="Write a page with all grades there."),
+    click.option("--csv", "table", metavar="FILE.csv", help="Write the grades by quantity there."),
     click.option("--badge", metavar="FILE.svg", help="Write a picture there that says which levels agree."),
     click.option("--require", metavar="N-M", help="Exit with 1 unless these levels are answered and agree."),
     click.option(
@@ -51,6 +53,7 @@ class Wanted:
     """What is asked for beside the grades, checked: files, and what must pass."""
 
     page: Path | None
+    table: Path | None
     picture: Path | None
     gated: bool
     required: tuple[int, ...] | None
@@ -58,15 +61,22 @@ class Wanted:
 
     @classmethod
     def checked(
-        cls, store: Store, html: str | None, badge: str | None, require: str | None, expected: str | None
+        cls,
+        store: Store,
+        html: str | None,
+        table: str | None,
+        badge: str | None,
+        require: str | None,
+        expected: str | None,
     ) -> Wanted:
         """From the options. Raises InputError for what they cannot be."""
         from tippedisk_verify.conformance.regression import expected_failures
 
         page, picture = _output(html, "--html", ".html", ".htm"), _output(badge, "--badge", ".svg")
+        rows = _table_output(table)
         required = levels_named(require) or None
         expectable = frozenset[str]() if expected is None else expected_failures(Path(expected), store)
-        return cls(page, picture, require is not None or expected is not None, required, expectable)
+        return cls(page, rows, picture, require is not None or expected is not None, required, expectable)
 
     def report(
         self,
@@ -95,6 +105,8 @@ class Wanted:
         report = Report(source, answers, grades, levels, diagnoses, short, mended, **more)
         if self.page is not None:
             write_text(self.page, html_page(report))
+        if self.table is not None:
+            write_text(self.table, report.csv())
         if self.picture is not None:
             write_text(self.picture, badge(levels))
         if common.json:
@@ -132,4 +144,14 @@ def _output(name: str | None, option: str, *endings: str) -> Path | None:
     target = None if name is None else output_file(name)
     if target is not None and target.suffix.lower() not in endings:
         raise InputError(f"'{str(name)[:60]}' must end in {endings[0]}: {option} writes there, over what it holds")
+    return target
+
+
+def _table_output(name: str | None) -> Path | None:
+    """Where a table of grades may go: over another one, and over nothing else, since answers are CSV as well."""
+    from tippedisk_verify.files import read_text
+
+    target = _output(name, "--csv", ".csv")
+    if target is not None and target.exists() and not read_text(target, _LARGEST).startswith("level,quantity,"):
+        raise InputError(f"{target} is no table of grades: --csv would write over it; give another name")
     return target

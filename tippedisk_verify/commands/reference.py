@@ -84,17 +84,36 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
     return 1 if report.faults else 0
 
 
+@reference.command()
+@click.option("--data", default="reference_data", show_default=True, metavar="DIR", help="The folder to work on.")
+@plain_options
+def mistakes(common: Common, data: str) -> int:
+    """Find out which known mistakes each question catches (a minute), and write that, the tables and the manifest."""
+    from tippedisk_verify.conformance.catches import mistakes_json
+    from tippedisk_verify.reference_values.store import stored
+    from tippedisk_verify.reference_values.tables import retabulate
+
+    if not data or not Path(data).is_dir():
+        raise InputError(f"--data needs a folder with reference files, not '{data[:100]}'")
+    with progress(common, 0) as advance:
+        text = mistakes_json(stored(Path(data)), advance)
+    written = retabulate(Path(data), text)
+    print_result(common, {"written": [str(path) for path in written]}, written)
+    return 0
+
+
 @reference.command("list")
 @click.argument("prefix", default="")
 @plain_options
 def listed(common: Common, prefix: str) -> int:
-    """The ids that start with PREFIX, such as printed/linear/limit-cycle."""
+    """The ids that start with PREFIX, such as printed/linear/limit-cycle, after a line with the data's version."""
+    from tippedisk_verify.reference_values.manifest import DATA_VERSION
     from tippedisk_verify.reference_values.store import stored
 
     ids = [quantity.id for quantity in stored().matching(prefix)]
     if not ids:
         raise InputError(f"no reference value starts with '{prefix[:100]}': try printed/ or calibrated/")
-    print_result(common, {"ids": ids}, ids)
+    print_result(common, {"data_version": DATA_VERSION, "ids": ids}, [f"# reference data {DATA_VERSION}", *ids])
     return 0
 
 
@@ -102,23 +121,30 @@ def listed(common: Common, prefix: str) -> int:
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
 @plain_options
 def show(common: Common, ids: tuple[str, ...]) -> int:
-    """Values with all that is known of them.
+    """Values with all that is known of them, and which known mistakes they catch.
 
     The condition says by how much a value changes, in its own unit, per relative change of
     each parameter or input.
     """
+    from tippedisk_verify.reference_values.definitions import definition
     from tippedisk_verify.reference_values.store import reference as value_of
 
     quantities = [value_of(id_) for id_ in ids]
     lines = (line for quantity in quantities for line in _lines(quantity))
-    print_result(common, {"values": [quantity.json() for quantity in quantities]}, lines)
+    told = [
+        {**quantity.json(), "definition": definition(quantity.kind, quantity.name), "catches": _caught(quantity)}
+        for quantity in quantities
+    ]
+    print_result(common, {"values": told}, lines)
     return 0
 
 
 def _lines(quantity: Quantity) -> Iterator[str]:
     from tippedisk_verify.commands.quantities import heading
+    from tippedisk_verify.reference_values.definitions import definition
 
     yield f"{quantity.id} [{quantity.unit}]"
+    yield f"  is            {definition(quantity.kind, quantity.name)}"
     for reading, (value, uncertainty) in quantity.values.items():
         yield f"  from {reading:8s} {value} ± {uncertainty}"
     inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
@@ -130,6 +156,14 @@ def _lines(quantity: Quantity) -> Iterator[str]:
         yield f"  by            {quantity.proof['command']}"
     slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
     yield f"  condition     {slopes or 'depends on nothing'}"
+    yield f"  catches       {', '.join(_caught(quantity)) or 'no known mistake alone'}"
+
+
+def _caught(quantity: Quantity) -> list[str]:
+    from tippedisk_verify.reference_values.store import data_folder
+    from tippedisk_verify.reference_values.tables import known_mistakes
+
+    return known_mistakes(data_folder()).get(quantity.id, [])
 
 
 COMMANDS = (reference,)

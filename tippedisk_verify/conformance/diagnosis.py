@@ -236,7 +236,7 @@ def _fit(
     """(least digits, wrong answers tried) if every answer passes with the alternative for the truth."""
     least, tried = math.inf, set()
     for quantities in entries:
-        truth = {quantity.id: float(quantity) for quantity in quantities}
+        truth = {quantity.id: quantity.for_doubles for quantity in quantities}
         given = {quantity.id: near_float(answers[quantity.id]) for quantity in quantities}
         expected = predicted(alternative, quantities, store, truth, given)
         if not expected:

@@ -20,7 +20,8 @@ from functools import partial
 
 from tippedisk_verify.conformance.alternatives import CORRECT, Alternative
 from tippedisk_verify.conformance.predictions import Model, predicted
-from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["free_values", "term_factors"]
@@ -100,7 +101,7 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
 
 def _values(set_name: str) -> dict[str, float]:
     """The parameters that a term's factor may be made of."""
-    p = Parameters.named(set_name)
+    p = parameters_of(set_name)
     return {name: float(getattr(p, name)) for name in ("r", "e", "m", "g", "mu", "epsilon", "A", "B")}
 
 
@@ -160,14 +161,14 @@ def free_values(
     that it moves most of the answers ``beside`` as far as they are off.
     """
     answer = float(answers[worst.id])
-    exact = Parameters.named(worst.set)
+    exact = parameters_of(worst.set)
     known = {name: float(getattr(exact, name)) for name in SYMBOLS}
     known["Bbar"] = known["B"] - known["m"] * known["e"] ** 2
     if worst.level >= 6:  # each prediction is an orbit: from the slopes that the reference knows
         makes: list[tuple[Callable[[float], Alternative], Sequence[float]]] = []
         for name, slope in worst.condition.items():
-            shift = (answer - float(worst)) / float(slope) if float(slope) else math.inf
-            moved = [(float(answers[q.id]) - float(q), shift * float(q.condition.get(name, 0))) for q in beside]
+            shift = (answer - worst.for_doubles) / float(slope) if float(slope) else math.inf
+            moved = [(float(answers[q.id]) - q.for_doubles, shift * float(q.condition.get(name, 0))) for q in beside]
             alike = sum(abs(error - move) <= _ALIKE * abs(move) for error, move in moved)
             if abs(shift) < _NEAR and alike >= _MOST * len(moved):
                 near = [1 + share * shift for share in (0.6, 1.0, 1.6)]

@@ -14,6 +14,7 @@ from typing import Any
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
+from tippedisk_verify.model.measured import Bounded
 from tippedisk_verify.reference_values.questions import (
     FAILS_BELOW,
     ROUNDING,
@@ -32,6 +33,7 @@ __all__ = [
     "Grade",
     "LevelGrade",
     "QuantityGrade",
+    "answer_text",
     "as_decimal",
     "by_quantity",
     "compare",
@@ -70,6 +72,11 @@ class Grade:
     @property
     def failed(self) -> bool:
         return self.verdict in ("few-digits", "wrong", "not-a-number", "unreadable")
+
+    def shortfall(self, wanted: float) -> str:
+        """In one line how it falls short of ``wanted`` digits."""
+        short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
+        return f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
 
     def json(self) -> dict[str, Any]:
         entry = {
@@ -278,22 +285,33 @@ def by_quantity(grades: Iterable[Grade]) -> list[QuantityGrade]:
 def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
     """The grade of one answer: a number of any kind or a decimal string. ``reading`` is what it was computed from.
 
-    Raises InputError for an unknown id or something that is not a number.
+    Of a number with a half-width the value is graded; an array of one element stands for that element. Raises
+    InputError for an unknown id or something that is not a number.
     """
     quantity = reference(id_)
     if reading not in ("decimals", "doubles"):
         raise InputError(f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'")
-    text = answer.strip()[:2_001] if isinstance(answer, str) else _exact_text(answer)
-    if isinstance(answer, str) and (len(text) > 2_000 or not _NUMBER.fullmatch(text)):
-        raise InputError(f"an answer is a number or a decimal string, not '{printable(text)[:40]}'")
+    text = answer_text(answer)
     with localcontext() as context:
         context.prec = _PRECISION
         return _grade(quantity, reading, text)
 
 
-def _exact_text(answer: object) -> str:
-    if isinstance(answer, bool):
-        raise InputError(f"an answer is a number, not {answer}")
+def answer_text(answer: Any) -> str:
+    """An answer as the decimal that it stands for. Raises InputError for what is not one real number."""
+    if isinstance(answer, str):
+        text = answer.strip()[:2_001]
+        if len(text) > 2_000 or not _NUMBER.fullmatch(text):
+            raise InputError(f"an answer is a number or a decimal string, not '{printable(text)[:40]}'")
+        return text
+    if hasattr(answer, "flat"):  # NumPy takes an array of one element as a number in most places
+        if answer.size != 1:
+            raise InputError(f"an answer is one number, not an array of {answer.size}")
+        answer = answer.flat[0]
+    if isinstance(answer, Bounded):
+        answer = answer.value
+    if answer is None or isinstance(answer, bool | complex):
+        raise InputError(f"an answer is a real number, not {answer}")
     if isinstance(answer, float):
         return repr(float(answer))
     if isinstance(answer, int | Decimal):

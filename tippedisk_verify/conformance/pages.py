@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
 from tippedisk_verify.conformance.sheet import Answers, looks_like
+from tippedisk_verify.files import csv_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -42,6 +43,23 @@ class Report:
     times: Sequence[Mapping[str, Any]] = ()  #: how long a program took, by level and kind
     race: Sequence[Mapping[str, Any]] = ()  #: its error and seconds on problems of `bench`
     picture: str = ""  #: an SVG of these beside other integrators'
+
+    @property
+    def failed(self) -> list[Grade]:
+        """The answers that failed, easiest first."""
+        return [grade for grade in self.grades if grade.failed]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there are graded answers, and none failed."""
+        return any(grade.verdict != "no-truth" for grade in self.grades) and not self.failed
+
+    def __str__(self) -> str:
+        """The result in a sentence, what was noticed, the diagnosis, and the failures, one to a line."""
+        lines = [self.headline(), *self.remarks(), *(diagnosis.says() for diagnosis in self.diagnoses)]
+        lines += [grade.shortfall(grade.needs) for grade in self.failed[:_WORST]]
+        more = len(self.failed) - _WORST
+        return "\n".join([*lines, *([f"and {more} more"] if more > 0 else [])])
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -136,6 +154,11 @@ class Report:
                     f" {len(here)}, the most at {most.id}, off as if all inputs were changed by {most.off:.0e}"
                 )
         return said
+
+    def csv(self) -> str:
+        """The grades by level, quantity and friction law, as a table."""
+        columns = list(QuantityGrade(0, "", "", 0, 0, 0, math.nan).json())
+        return csv_text(columns, (list(row.json().values()) for row in by_quantity(self.grades)))
 
     def json(self) -> dict[str, Any]:
         first = self.first_failure

@@ -12,6 +12,7 @@ from typing import Any
 from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
+from tippedisk_verify.reference_values.draws import DRAWN_SET, parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Model", "predicted"]
@@ -30,7 +31,7 @@ class Model:
     def __init__(self, alternative: Alternative, set_name: str, friction: str) -> None:
         self.alternative = alternative
         self.friction = "smooth" if friction == "smooth" else "linear"
-        exact = Parameters.named(set_name)
+        exact = parameters_of(set_name)
         values: dict[str, Any] = {name: getattr(exact, name) for name in SYMBOLS}
         if alternative.parameters is not None:
             values |= alternative.parameters(exact)
@@ -89,6 +90,9 @@ def predicted(
     ``truth`` has the right answers by id. A cycle is looked for where ``answers`` (the right ones if None) have it.
     """
     first = quantities[0]
+    if "set" in alternative.counterpart and DRAWN_SET.fullmatch(first.set):  # no stored value is the counterpart
+        other = Parameters.named(alternative.counterpart["set"])
+        alternative = Alternative("", "", parameters=lambda _: {name: getattr(other, name) for name in SYMBOLS})
     if alternative.counterpart:
         return _counterparts(alternative, quantities, store, truth)
     if alternative.output is not None:
@@ -118,7 +122,7 @@ def _counterparts(
             entry = f"{change['form']}-{entry.split('-', 1)[1]}"
         other = store.get(f"{set_name}/{friction}/{kind}/{entry}/{name}")
         if other is not None:
-            counterparts[quantity.id] = float(other)
+            counterparts[quantity.id] = other.for_doubles
     return counterparts
 
 
@@ -239,7 +243,7 @@ def _cycle(model: Model, quantities: Sequence[Quantity], near: Mapping[str, floa
     from scipy.optimize import root
 
     omega = model.inputs(quantities[0])["Omega"]
-    answered = {quantity.name: near.get(quantity.id, float(quantity)) for quantity in quantities}
+    answered = {quantity.name: near.get(quantity.id, quantity.for_doubles) for quantity in quantities}
     if not {"gamma_bar_0", "v_0"} <= answered.keys():
         return {}
     rates = model.rates(omega)

@@ -1,7 +1,8 @@
 """Fixtures for the test suites of other implementations; pytest finds them where this package is installed.
 
 ``tippedisk_reference(id)`` is a reference value; ``tippedisk_agrees(id, answer, digits=10)`` fails a test with
-one line that says how many digits the answer has. Nothing is loaded until a test asks for one of them.
+one line that says how many digits the answer has. An unknown id, and what is not one real number, fail it with one line
+as well. Nothing is loaded until a test asks for one of them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
+from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
@@ -20,10 +23,10 @@ __all__ = ["tippedisk_agrees", "tippedisk_reference"]
 
 @pytest.fixture(scope="session")
 def tippedisk_reference() -> Callable[[str], Quantity]:
-    """The function id -> reference value; ``float`` of it is the nearest double, ``.inputs`` what was asked."""
+    """The function (id, reading="decimals") -> reference value, a number; its ``.inputs`` are what was asked."""
     from tippedisk_verify.reference_values.store import reference
 
-    return reference
+    return _in_one_line(reference)
 
 
 @pytest.fixture(scope="session")
@@ -34,15 +37,29 @@ def tippedisk_agrees() -> Callable[..., Grade]:
     """
     from tippedisk_verify.conformance.grading import compare
 
+    compared = _in_one_line(compare)
+
     def agrees(id_: str, answer: Any, *, digits: float | None = None, reading: Reading = "doubles") -> Grade:
         __tracebackhide__ = True
-        grade = compare(id_, answer, reading=reading)
+        grade: Grade = compared(id_, answer, reading=reading)
         wanted = grade.needs if digits is None else digits
         # An answer that is right to the reference's own digits has as many as anyone can ask for.
         if not (grade.digits >= wanted or grade.verdict == "exact"):
-            pytest.fail(
-                f"{id_} = {grade.answer}: {grade.digits:.1f} digits, not {wanted:g}; the truth is {grade.truth}"
-            )
+            pytest.fail(grade.shortfall(wanted), pytrace=False)
         return grade
 
     return agrees
+
+
+def _in_one_line(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function, with a failed test in place of an InputError."""
+
+    def called(id_: str, *given: Any, **options: Any) -> Any:
+        __tracebackhide__ = True
+        try:
+            return function(id_, *given, **options)
+        except InputError as fault:
+            reason = str(fault)
+        pytest.fail(f"{id_}: {reason}", pytrace=False)  # out here pytest has no other error to show
+
+    return called

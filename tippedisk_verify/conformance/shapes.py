@@ -164,7 +164,7 @@ def borne_out(answer: Decimal, expected: float, quantity: Quantity, wrong: bool)
     It has to have the digits that its question needs. A wrong one has to be much closer to what is expected than to the
     truth, and so has a right one where the cause moves the value by more than the last digits that matter.
     """
-    right, digits = float(quantity), _digits(answer, expected, quantity)
+    right, digits = quantity.for_doubles, _digits(answer, expected, quantity)
     moved = _digits(Decimal(right), expected, quantity) + _CLOSER
     if digits < max(needed(quantity), min(moved, needed(quantity) + _BEYOND)):
         return None
@@ -175,7 +175,7 @@ def _digits(answer: Decimal, expected: float, quantity: Quantity) -> float:
     """By the same measure as against the truth; what is expected has no more than sixteen digits."""
     if not math.isfinite(expected):
         return -99.0
-    scale = max(scale_of(quantity, Decimal(expected)), scale_of(quantity, Decimal(float(quantity))))
+    scale = max(scale_of(quantity, Decimal(expected)), scale_of(quantity, Decimal(quantity.for_doubles)))
     return digits_between(answer, Decimal(expected), scale, 16.0)
 
 
@@ -183,7 +183,7 @@ def _shapes(
     here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """(What the answers are, these answers); a number that was read off an answer is marked by ~."""
-    right = {quantity.id: float(quantity) for quantity in here}
+    right = {quantity.id: quantity.for_doubles for quantity in here}
     given = {id_: float(answers[id_]) for id_ in right}
     worst = max((id_ for id_ in right if id_ in wrong), key=lambda id_: abs(right[id_]))
     yield "of the wrong sign", {id_: -x for id_, x in right.items()}
@@ -222,7 +222,7 @@ def _relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, di
 
     def at(rename: Callable[[str], str]) -> dict[str, float]:
         other = {q.id: store.get(rename(q.id)) for q in here}
-        return {id_: float(found) for id_, found in other.items() if found is not None and found.id != id_}
+        return {id_: found.for_doubles for id_, found in other.items() if found is not None and found.id != id_}
 
     def numbered(mark: str, by: int, factor: int = 1) -> Callable[[str], str]:
         return lambda id_: re.sub(rf"(?<={mark})\d+$", lambda n: str(factor * int(n[0]) + by), id_)
@@ -241,18 +241,21 @@ def _relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, di
     for one, two, text in _PAIRS:
         yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
     before = at(numbered("#", -1))
-    yield "counted from the previous crossing, an interval,", {q.id: float(q) - before.get(q.id, 0.0) for q in here}
+    yield (
+        "counted from the previous crossing, an interval,",
+        {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
+    )
     mine = _stem(here[0])
     for name in dict.fromkeys(_stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
         other = at(partial(_renamed, f"/{mine}", f"/{name}"))
         yield f"{_INSTEAD}{name}", other
         yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
         if name == "period":
-            rates = {q.id: float(q) / other[q.id] for q in here if q.id in other}
+            rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
             yield "those per unit of time, divided by the period,", rates
     if mine.endswith("_n"):
         for text, weight in _WEIGHTS.items():
-            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * float(q) for q in here}
+            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * q.for_doubles for q in here}
 
 
 def _exchanged(one: str, two: str, id_: str) -> str:
@@ -268,7 +271,7 @@ def _rounded(asked: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str |
     """How all answers are rounded alike: to so many digits or decimals, or to single precision."""
     import struct
 
-    pairs = [(answers[quantity.id], float(quantity)) for quantity in asked]
+    pairs = [(answers[quantity.id], quantity.for_doubles) for quantity in asked]
     if not any(answer for answer, _ in pairs):
         return None
     for digits in range(2, 13):
@@ -305,7 +308,7 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
     if failing == {"log_multiplier_fast"}:
         bad = [float(as_decimal(grade.answer)) for grade in usable if grade.id in wrong]
         # An eigenvalue below 1e-16 of the largest is rounding in doubles, exp(-36.7), or what an integrator leaves.
-        if all(-45 < x < -20 for x in bad) and all(float(store[id_]) < -50 for id_ in wrong):
+        if all(-45 < x < -20 for x in bad) and all(store[id_].for_doubles < -50 for id_ in wrong):
             text = "log_multiplier_fast: rounding, as of a monodromy matrix's eigenvalue; integrate the divergence"
             return (("rounding", text),), frozenset(wrong)
     if level == 1:
@@ -324,7 +327,7 @@ def _motion(
     """Trajectories by right equations: crossings located badly, or errors smaller than those of any wrong equation."""
     if all(name.startswith("crossing_") for name in failing) and {"beta", "gamma", "v"} <= passing:
         times = [
-            abs(float(as_decimal(grade.answer)) - float(store[grade.id]))
+            abs(float(as_decimal(grade.answer)) - store[grade.id].for_doubles)
             for grade in usable
             if store[grade.id].name.startswith("crossing_time")
         ]
@@ -349,7 +352,7 @@ def _smooth(samples: Sequence[Grade], store: Store) -> bool:
     asked = [store[grade.id] for grade in samples]
     names = sorted({name for quantity in asked for name in quantity.condition})
     table = numpy.array([[float(quantity.condition.get(name, 0)) for name in names] for quantity in asked])
-    errors = numpy.array([float(as_decimal(grade.answer)) - float(store[grade.id]) for grade in samples])
+    errors = numpy.array([float(as_decimal(grade.answer)) - store[grade.id].for_doubles for grade in samples])
     weights = 1 / numpy.maximum(abs(table).sum(axis=1), 1e-300)
     shifts = numpy.linalg.lstsq(table * weights[:, None], errors * weights, rcond=1e-6)[0]
     left = (errors - table @ shifts) * weights

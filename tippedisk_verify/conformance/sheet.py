@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ __all__ = [
     "read_answers",
     "sheet_csv",
     "sheet_json",
+    "store_for",
 ]
 
 _QUESTION = COLUMNS[1:-2]  # what says what is asked, beside the id
@@ -123,6 +124,16 @@ def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
     """The sheet as JSON: one question to a line."""
     lines = [json.dumps(question_row(store, quantity), ensure_ascii=False) for quantity in asked]
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
+
+
+def store_for(path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
+    """The store with the truths of the fresh questions that a sheet names. Raises InputError for an unreadable file."""
+    text = read_text(path, _LARGEST)
+    if "fresh-" not in text:
+        return store
+    from tippedisk_verify.reference_values.fresh import with_fresh
+
+    return with_fresh(store, text.replace("\\/", "/"), advance)  # as some languages write JSON
 
 
 def read_answers(path: Path, store: Store, default_reading: str | None = None) -> Answers:

@@ -10,69 +10,39 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact, fraction, quotient, shown
 
-__all__ = ["DISTANCES", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
+__all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
 #: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Measured:
-    """A value and the absolute half-width that is claimed to hold the true value.
+class Bounded:
+    """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
-    Both are exact rationals; `json` and ``str`` print decimals. What they print still holds the truth: the rounding
-    of the printed value is added to the printed half-width, which itself is rounded up.
-
-    It behaves as a number: float(), format(), `mpf` and arrays of floats take its value. Sums, differences,
-    products and quotients hold whatever the true values in the half-widths give; numbers without one are exact. Each
-    half-width counts as independent, so x - x is zero with twice the half-width. A comparison that the half-widths
-    leave open raises Shortfall. Equality is that of value and half-width.
+    float() and `mpf` take its value. Sums, differences, products and quotients hold whatever the true values in the
+    half-widths give; numbers without one are exact. Each half-width counts as independent, so x - x is zero with twice
+    the half-width. A comparison that the half-widths leave open raises Shortfall.
     """
 
-    value: Fraction
-    uncertainty: Fraction
+    __slots__ = ()
 
-    @classmethod
-    def of(cls, value: object, uncertainty: object) -> Measured:
-        """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
-        number, width = (_rational(part) for part in (value, uncertainty))
-        if width < 0:
-            raise InputError("an uncertainty cannot be negative")
-        return cls(number, width)
+    if TYPE_CHECKING:  # a dataclass would take these for the defaults of its fields
 
-    @classmethod
-    def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
-        """A value with the half-width that its distance to a run with more digits gives.
+        @property
+        def value(self) -> Fraction: ...
 
-        The half-width is twice that distance (`DISTANCES`), and an ulp (``epsilon`` relative) of the value is the least
-        that can be claimed.
-        """
-        mine = fraction(value)
-        return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
-
-    def holds(self, truth: object) -> bool:
-        """Whether ``truth`` lies within the half-width."""
-        return abs(fraction(truth) - self.value) <= self.uncertainty
-
-    def contains(self, other: Measured) -> bool:
-        """Whether all that ``other`` may stand for lies within the half-width."""
-        return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
+        @property
+        def uncertainty(self) -> Fraction: ...
 
     def __float__(self) -> float:
         """The double nearest to the value."""
         return float(self.value)
-
-    def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
-        if not spec:
-            return str(self)
-        return format(Decimal(self.decimals()[0]) if self.value else 0.0, spec)
 
     def mpf(self) -> Any:
         """The value as an mpmath number, to the precision that mpmath has at the time."""
@@ -96,7 +66,7 @@ class Measured:
         """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
         if (theirs := _operand(other)) is None:
             return NotImplemented  # type: ignore[no-any-return]
-        difference = self - theirs
+        difference: Measured = self - theirs
         low, high = (difference.value + sign * difference.uncertainty for sign in (-1, 1))
         if answer(low) != answer(high):
             raise Shortfall(
@@ -144,6 +114,50 @@ class Measured:
             raise ZeroDivisionError(f"{self} may be zero")
         return Measured(1 / self.value, self.uncertainty / (abs(self.value) * least))
 
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Measured(Bounded):
+    """A value and its half-width, both exact rationals; what computations return.
+
+    `json` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is added
+    to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
+    """
+
+    value: Fraction
+    uncertainty: Fraction
+
+    @classmethod
+    def of(cls, value: object, uncertainty: object) -> Measured:
+        """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
+        number, width = (_rational(part) for part in (value, uncertainty))
+        if width < 0:
+            raise InputError("an uncertainty cannot be negative")
+        return cls(number, width)
+
+    @classmethod
+    def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
+        """A value with the half-width that its distance to a run with more digits gives.
+
+        The half-width is twice that distance (`DISTANCES`), and an ulp (``epsilon`` relative) of the value is the least
+        that can be claimed.
+        """
+        mine = fraction(value)
+        return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
+
+    def holds(self, truth: object) -> bool:
+        """Whether ``truth`` lies within the half-width."""
+        return abs(fraction(truth) - self.value) <= self.uncertainty
+
+    def contains(self, other: Measured) -> bool:
+        """Whether all that ``other`` may stand for lies within the half-width."""
+        return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
+
+    def __format__(self, spec: str) -> str:
+        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
+        if not spec:
+            return str(self)
+        return format(Decimal(self.decimals()[0]) if self.value else 0.0, spec)
+
     def decimals(self) -> tuple[str, str]:
         """``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
@@ -178,8 +192,8 @@ def _rational(value: object) -> Fraction:
 
 def _operand(other: object) -> Measured | None:
     """The other side of an operation: a number with a half-width, or one of any other kind, which is exact."""
-    if isinstance(other, Measured):
-        return other
+    if isinstance(other, Bounded):
+        return other if isinstance(other, Measured) else Measured(other.value, other.uncertainty)
     if isinstance(other, str | None):
         return None
     try:

@@ -33,6 +33,7 @@ __all__ = [
     "cycle_condition",
     "cycle_unit",
     "heteroclinic_condition",
+    "named_numbers",
     "near_condition",
     "period_from",
     "period_multipliers",
@@ -63,19 +64,20 @@ def _omega_h(parameters: Parameters, digits: int) -> Measured:
     return heteroclinic(parameters, default_engine(), digits=digits).omega_h
 
 
-def _named(cycle: LimitCycle) -> Values:
+def named_numbers(cycle: LimitCycle) -> Values:
+    """The numbers of a cycle that are asked for."""
     return {name: getattr(cycle, name) for name in _NAMES}
 
 
 # ------------------------------------------------------------------------------------------ limit cycles
 def _shooting(case: Case, known: Values) -> Values:
-    return _named(followed_cycle(case.parameters, case.inputs["Omega"], default_engine(), digits=_DIGITS))
+    return named_numbers(followed_cycle(case.parameters, case.inputs["Omega"], default_engine(), digits=_DIGITS))
 
 
 def _near(case: Case, known: Values) -> Values:
     omega = case.inputs["Omega"]
     omega_h = _omega_h(case.parameters, _distance_digits(omega))
-    return _named(cycle_near(case.parameters, omega, omega_h.value, default_engine(), digits=_DIGITS))
+    return named_numbers(cycle_near(case.parameters, omega, omega_h.value, default_engine(), digits=_DIGITS))
 
 
 def _distance_digits(omega: Fraction) -> int:

@@ -15,6 +15,7 @@ from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Friction, Parameters
+from tippedisk_verify.reference_values.draws import parameters_of
 
 __all__ = [
     "READINGS",
@@ -103,7 +104,7 @@ def as_measured(told: Mapping[str, Any]) -> Measured:
 
 def case_of(item: Item, reading: Reading) -> Case:
     """The item's parameters and inputs as that reading takes them."""
-    parameters = Parameters.named(item.set).with_friction("smooth" if item.friction == "smooth" else "linear")
+    parameters = parameters_of(item.set).with_friction("smooth" if item.friction == "smooth" else "linear")
     if reading == "doubles":
         parameters = as_doubles(parameters)
     inputs: dict[str, Any] = {}

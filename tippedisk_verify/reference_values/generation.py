@@ -27,9 +27,9 @@ from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_d
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
 from tippedisk_verify.reference_values.store import data_folder
-from tippedisk_verify.reference_values.tables import tables
+from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
-__all__ = ["Piece", "computed", "file_text", "generate", "pieces_of"]
+__all__ = ["Piece", "computed", "document_head", "file_text", "generate", "pieces_of"]
 
 Advance = Callable[[str, int], None]
 
@@ -113,7 +113,7 @@ def _remove_remains(folder: Path) -> None:
     """What a killed run left unfinished beside its own targets."""
     targets = [folder / name for name in (*STATIC, "manifest.json")]
     targets += [folder / name / f"{kind.name}.json" for name in SETS for kind in KINDS]
-    targets += [folder / name / table for name in SETS for table in tables([])]
+    targets += [folder / name / table for name in SETS for table in tables([], {})]
     remains = [path for target in targets for path in remains_of(target)]
     for path in (*remains, *(folder / ".work").glob(".*.json-*")):  # nobody else writes into .work
         path.unlink(missing_ok=True)
@@ -145,12 +145,13 @@ def _generate(
         for (kind, name), of_kind in keys.items()
     }
     whole = _others(folder, kinds, sets) | texts
+    mistakes = known_mistakes(data_folder())
     for set_name in sets:
         output_folder(folder / set_name)
         present = [whole[name] for kind in KINDS if (name := f"{set_name}/{kind.name}.json") in whole]
         try:
-            made = tables([json.loads(text) for text in present])
-            texts |= {f"{set_name}/{name}": text for name, text in made.items()}
+            beside = tables([json.loads(text) for text in present], mistakes)
+            texts |= {f"{set_name}/{name}": text for name, text in beside.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None
     if folder.resolve() != data_folder().resolve():
@@ -161,16 +162,15 @@ def _generate(
     return written
 
 
-def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
-    """A reference file: one quantity to a line, so that a changed number is a changed line."""
-    parameters = Parameters.named(set_name)
+def document_head(kind: Kind, parameters: Parameters) -> dict[str, Any]:
+    """What a reference file says before its entries."""
     doubles = as_doubles(parameters)
-    head = {
+    return {
         "format": FORMAT,
         "kind": kind.name,
         "level": kind.level,
         "says": kind.says,
-        "set": set_name,
+        "set": parameters.name,
         "parameters": {
             name: {
                 "decimal": Measured.of(getattr(parameters, name), 0).decimals()[0],
@@ -180,6 +180,11 @@ def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
         },
         "methods": {road.name: {"says": road.says, "independent": road.independent} for road in kind.roads},
     }
+
+
+def file_text(kind: Kind, set_name: str, entries: list[dict[str, Any]]) -> str:
+    """A reference file: one quantity to a line, so that a changed number is a changed line."""
+    head = document_head(kind, Parameters.named(set_name))
     lines = ["{"]
     lines += [f" {_json(name)}: {_json(value)}," for name, value in head.items()]
     lines.append(' "entries": [')

@@ -17,8 +17,10 @@ from tippedisk_verify.files import printable, read_bytes, write_text
 
 __all__ = [
     "COMMAND",
+    "DATA_VERSION",
     "FORMAT",
     "LARGEST",
+    "MISTAKES",
     "SETS",
     "STATIC",
     "faults_in_files",
@@ -28,9 +30,13 @@ __all__ = [
 ]
 
 FORMAT = 1
+#: Of the values, apart from the program's; reference_data/CHANGELOG.md says what each version changed.
+DATA_VERSION = "1.0.0"
 COMMAND = "tippedisk-verify reference generate --out reference_data"
-#: Written by hand, and taken along to where data are generated.
-STATIC = ("README.md", "schema.json")
+#: Which known mistakes each question catches.
+MISTAKES = "mistakes.json"
+#: Not made by `generate`, and taken along to where data are generated.
+STATIC = ("README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "schema.json", MISTAKES)
 #: The parameter sets that reference data is made for; each has a folder.
 SETS = ("printed", "calibrated")
 LARGEST = 64_000_000  #: bytes of a reference file; the largest has some three million
@@ -51,7 +57,14 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> Path
     }
     for name, text in (ahead or {}).items():
         files.setdefault(name, {"sha256": None, "bytes": 0})["becoming"] = digest(text.encode())
-    content = {"format": FORMAT, "generator": f"tippedisk-verify {__version__}", "command": COMMAND, "files": files}
+    content = {
+        "format": FORMAT,
+        "data_version": DATA_VERSION,
+        "license": "MIT",
+        "generator": f"tippedisk-verify {__version__}",
+        "command": COMMAND,
+        "files": files,
+    }
     return write_text(folder / _NAME, _text(content))
 
 

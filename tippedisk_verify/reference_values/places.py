@@ -6,13 +6,13 @@ that a mistake could hide behind. Speeds are rounded to few decimals, so that th
 
 from __future__ import annotations
 
-from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.reference_values.draws import decimal_text
 from tippedisk_verify.reference_values.entries import READINGS, Item, Reading
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -60,10 +60,10 @@ def rhs(set_name: str) -> list[Item]:
         width = Fraction(1, 1000) if n % 10 == 0 else Fraction(1)
         beta = Fraction("1.5707") + width * (2 * shares[0] - 1) * Fraction("1.5")
         inputs = {
-            "Omega": _decimal(Fraction(5) + shares[3] * 55 if n % 4 == 0 else 29 + shares[3] * 3, 4),
-            "beta": _decimal(beta, 6),
-            "gamma": _decimal(Fraction("1.5707") + (2 * shares[1] - 1) * Fraction("4.7"), 5),
-            "v": _decimal((2 * shares[2] - 1) * 12, 4),
+            "Omega": decimal_text(Fraction(5) + shares[3] * 55 if n % 4 == 0 else 29 + shares[3] * 3, 4),
+            "beta": decimal_text(beta, 6),
+            "gamma": decimal_text(Fraction("1.5707") + (2 * shares[1] - 1) * Fraction("4.7"), 5),
+            "v": decimal_text((2 * shares[2] - 1) * 12, 4),
         }
         items += [Item(f"{set_name}/{law}/rhs/{n:03d}", "rhs", set_name, law, inputs) for law in ("both", *_LAWS)]
     return items
@@ -100,7 +100,7 @@ def slow_manifolds(set_name: str) -> list[Item]:
 
     return [
         Item(f"{set_name}/linear/slow-manifold/{n:02d}", "slow-manifold", set_name, "linear",
-             {"Omega": _MANIFOLD_SPEED, "beta": _decimal(beta, 4), "gamma": _decimal(gamma, 4)})
+             {"Omega": _MANIFOLD_SPEED, "beta": decimal_text(beta, 4), "gamma": decimal_text(gamma, 4)})
         for n, (beta, gamma) in enumerate(POINTS, start=1)
     ]  # fmt: skip
 
@@ -109,12 +109,15 @@ def trajectories(set_name: str) -> list[Item]:
     """The two orbits of each of the six scenes."""
     from tippedisk_verify.orbits.scenes import SCENES
 
-    starts = ((_QUARTER, f"-{_QUARTER}", "2"), (_QUARTER, _text(exact(_QUARTER).rational + Fraction("0.4")), "0"))
+    starts = (
+        (_QUARTER, f"-{_QUARTER}", "2"),
+        (_QUARTER, decimal_text(exact(_QUARTER).rational + Fraction("0.4"), 50), "0"),
+    )
     items = []
     for law in _LAWS:
         for scene in SCENES:
             base = _omega_h(set_name, law).value if scene.base == "Omega_h" else _crit(set_name)
-            speed = _decimal(base + scene.offset, 12)
+            speed = decimal_text(base + scene.offset, 12)
             for n, (beta, gamma, v) in enumerate(starts, start=1):
                 inputs = {"Omega": speed, "beta": beta, "gamma": gamma, "v": v}
                 items.append(Item(f"{set_name}/{law}/trajectory/{scene.name}{n}", "trajectory", set_name, law, inputs))
@@ -142,7 +145,7 @@ def near_heteroclinics(set_name: str) -> list[Item]:
     for law in _LAWS:
         omega_h = _omega_h(set_name, law, max(_NEAR) + _NEAR_DIGITS + 4).value
         for k in _NEAR:
-            speed = _decimal(omega_h + Fraction(1, 10**k), k + _NEAR_DIGITS if k > _NEAREST_IN_DOUBLES else 15)
+            speed = decimal_text(omega_h + Fraction(1, 10**k), k + _NEAR_DIGITS if k > _NEAREST_IN_DOUBLES else 15)
             readings: tuple[Reading, ...] = READINGS if k <= _NEAREST_IN_DOUBLES else ("decimals",)
             name = f"{set_name}/{law}/near-heteroclinic/het+1e-{k}"
             items.append(Item(name, "near-heteroclinic", set_name, law, {"Omega": speed}, readings))
@@ -156,7 +159,7 @@ def rotations(set_name: str) -> list[Item]:
         for form, base, away in _ROTATIONS:
             speed = (_crit(set_name) if base == "crit" else _omega_h(set_name, law).value) + Fraction(away)
             name = f"{set_name}/{law}/rotating-cycle/{form}-{base}{away}"
-            items.append(Item(name, "rotating-cycle", set_name, law, {"Omega": _decimal(speed, 12), "form": form}))
+            items.append(Item(name, "rotating-cycle", set_name, law, {"Omega": decimal_text(speed, 12), "form": form}))
     return items
 
 
@@ -178,7 +181,7 @@ def _crit(set_name: str) -> Fraction:
 
 
 def _below_crit(set_name: str, below: str) -> str:
-    return _decimal(_crit(set_name) - Fraction(below), 12)
+    return decimal_text(_crit(set_name) - Fraction(below), 12)
 
 
 def _kronecker(n: int, dimensions: int) -> list[Fraction]:
@@ -187,14 +190,3 @@ def _kronecker(n: int, dimensions: int) -> list[Fraction]:
     for _ in range(60):
         phi = (1 + phi) ** (1 / (dimensions + 1))
     return [Fraction(round((0.5 + n * phi ** -(k + 1)) % 1 * 10**6), 10**6) for k in range(dimensions)]
-
-
-def _decimal(value: Fraction, places: int) -> str:
-    return _text(Fraction(round(value * 10**places), 10**places))
-
-
-def _text(value: Fraction) -> str:
-    """A finite decimal, written out."""
-    with localcontext() as context:
-        context.prec = 400
-        return format((Decimal(value.numerator) / value.denominator).normalize(), "f")

@@ -6,25 +6,32 @@ Every byte is held against the manifest on the way in, once in a process.
 from __future__ import annotations
 
 import json
+import numbers
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Bounded, Measured
 from tippedisk_verify.reference_values.manifest import sound_files
 
-__all__ = ["Quantity", "Store", "data_folder", "reference", "stored"]
+__all__ = ["Quantity", "Store", "data_folder", "reference", "references", "stored"]
 
 Reading = Literal["decimals", "doubles"]
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
-    """One reference value with what is known of it."""
+class Quantity(Bounded):
+    """One reference value with what is known of it.
+
+    It behaves as a number: the value, with its half-width, of one of its two readings. ``reading`` says which, and
+    everything goes by it: float(), `measured`, `mpf`, str(), format(), arithmetic and comparisons, NumPy's functions,
+    numpy.testing.assert_allclose, pytest.approx.
+    """
 
     id: str  #: ``set/friction/kind/entry/quantity``
     level: int
@@ -39,35 +46,55 @@ class Quantity:
     methods: Mapping[str, str]  #: how far each road's value lies from the one given
     condition: Mapping[str, str]  #: change of the value per relative change of a parameter or input
     proof: Mapping[str, str] | None = None  #: the enclosure's value and uncertainty, the statement and the command
+    reading: Reading = "decimals"  #: which of `values` this is as a number
 
-    def measured(self, reading: Reading = "decimals") -> Measured:
-        """The value from the decimals as they stand, or from the doubles nearest to them.
+    def read_from(self, reading: Reading) -> Quantity:
+        """The same from the decimals as they stand, or from the doubles nearest to them.
 
         Raises InputError where there is no value for that reading.
         """
-        from tippedisk_verify.model.exact import exact
-
         if reading not in ("decimals", "doubles"):
             raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
         if reading not in self.values:
             raise InputError(f"{self.id} has no value from {reading}: doubles cannot tell its inputs apart")
-        value, uncertainty = self.values[reading]
-        return Measured(exact(value).rational, exact(uncertainty).rational)
+        return self if reading == self.reading else replace(self, reading=reading)
 
-    def __float__(self) -> float:
-        """The double nearest to the value from doubles, or from decimals where there is none."""
+    @property
+    def value(self) -> Fraction:
+        return Fraction(self.values[self.reading][0])
+
+    @property
+    def uncertainty(self) -> Fraction:
+        return Fraction(self.values[self.reading][1])
+
+    def measured(self, reading: Reading | None = None) -> Measured:
+        """Value and half-width alone, from ``reading`` if one is given. Raises InputError as `read_from`."""
+        chosen = self if reading is None else self.read_from(reading)
+        return Measured(chosen.value, chosen.uncertainty)
+
+    @property
+    def for_doubles(self) -> float:
+        """What a program in doubles should say: the double nearest to the value from doubles.
+
+        It is the one from decimals where doubles cannot tell the inputs apart.
+        """
         return float(self.values.get("doubles", self.values["decimals"])[0])
 
+    real = property(float)  # these two are asked of a number by pytest.approx
+    imag = 0.0
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """For NumPy: the double nearest to the value, as an array without dimensions."""
+        import numpy
+
+        return numpy.array(float(self), dtype=dtype)
+
     def __str__(self) -> str:
-        """The value from decimals, with its half-width."""
-        return " ± ".join(self.values["decimals"])
+        """The value with its half-width."""
+        return " ± ".join(self.values[self.reading])
 
     def __format__(self, spec: str) -> str:
         return format(self.measured(), spec) if spec else str(self)
-
-    def mpf(self) -> Any:
-        """The value from decimals as an mpmath number, to the precision that mpmath has at the time."""
-        return self.measured().mpf()
 
     def json(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
@@ -81,6 +108,9 @@ class Quantity:
             "inputs": dict(self.inputs),
             **({} if self.proof is None else {"proof": dict(self.proof)}),
         }
+
+
+numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too
 
 
 class Store(Mapping[str, Quantity]):
@@ -106,6 +136,13 @@ class Store(Mapping[str, Quantity]):
         """What documents of the files' form say, in their order."""
         store = cls.__new__(cls)
         store._fill(documents)
+        return store
+
+    def joined(self, documents: Iterable[dict[str, Any]]) -> Store:
+        """These values and those of more documents."""
+        store = self.of(documents)
+        store.parameters = self.parameters | store.parameters
+        store._quantities = self._quantities | store._quantities
         return store
 
     def _fill(self, documents: Iterable[dict[str, Any]]) -> None:
@@ -170,14 +207,30 @@ def stored(folder: Path | None = None) -> Store:
     return Store(folder if folder is not None else data_folder())
 
 
-def reference(id_: str) -> Quantity:
+def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
+    """The installed reference values whose id starts with ``prefix``, in order of difficulty.
+
+    ``fresh-7-1/`` is the first disk that seed 7 draws, whose truths are computed here. From doubles, those are left
+    out whose inputs doubles cannot tell apart. Raises InputError if none is left.
+    """
+    if not isinstance(prefix, str):
+        raise InputError(f"the ids of reference values start with a string, not with {type(prefix).__name__}")
+    store = _with_drawn(prefix)
+    found = [q.read_from(reading) for q in store.matching(prefix) if reading != "doubles" or reading in q.values]
+    if not found:
+        raise InputError(f"no reference value starts with '{prefix[:100]}': try printed/ or calibrated/")
+    return found
+
+
+def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
     """The installed reference value of that id, for example ``printed/linear/limit-cycle/crit-0.5/period``.
 
-    Raises InputError if there is none, with the nearest ids.
+    ``reading`` says what its inputs are taken as: the decimals as they stand, or the doubles nearest to them. Raises
+    InputError if there is no such value, with the nearest ids.
     """
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
-    quantity = stored().get(id_)
+    quantity = _with_drawn(id_).get(id_)
     if quantity is None:
         from difflib import get_close_matches
 
@@ -186,4 +239,13 @@ def reference(id_: str) -> Quantity:
         near = near or get_close_matches(asked, list(stored()), 3, 0.5)
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
-    return quantity
+    return quantity.read_from(reading)
+
+
+def _with_drawn(prefix: str) -> Store:
+    """What is stored, and the truths of a drawn disk if ids start with its name."""
+    if not prefix.startswith("fresh-"):
+        return stored()
+    from tippedisk_verify.reference_values.fresh import entries_of, with_fresh
+
+    return with_fresh(stored(), entries_of(prefix))

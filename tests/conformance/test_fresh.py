@@ -1,0 +1,266 @@
+"""Fresh questions: drawn alike everywhere, with truths that hold, and answered by nothing that was published."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+import tippedisk_verify as tv
+from tests.conformance.scipy_program import motion
+from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json, store_for
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.reference_values.draws import drawn_disk, parameters_of
+from tippedisk_verify.reference_values.entries import Item, case_of, disagreements
+from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
+from tippedisk_verify.reference_values.kinds import kind_named
+from tippedisk_verify.reference_values.store import Store, stored
+
+
+def sheet(states: int, seed: int, *levels: int) -> str:
+    store = blank_questions(states, seed)
+    return sheet_csv(store, questions(store, levels=levels))
+
+
+# ------------------------------------------------------------------------------------------ what is asked
+def test_a_draw_is_a_hash_and_a_line() -> None:
+    """So it is the same on every processor and under every version of Python; here it is written a second time."""
+    for seed, number in ((7, 1), (7, 2), (0, 100), (999_999_999, 1)):
+        disk = drawn_disk(seed, number)
+        for name, low, high, places in (("r", "0.038", "0.052", 4), ("g", "9.78", "9.83", 3), ("mu", "0.2", "0.45", 3)):
+            text = hashlib.sha256(f"{seed}/{number}/{name}".encode()).hexdigest()[:12]
+            drawn = Decimal(low) + (Decimal(high) - Decimal(low)) * int(text, 16) / 16**12
+            assert getattr(disk, name) == Fraction(round(drawn, places))
+
+
+def test_more_states_begin_with_the_same_ones() -> None:
+    few, many = sheet(7, 3).splitlines(), sheet(23, 3).splitlines()
+    assert set(few) < set(many)
+    assert sheet(7, 3) == sheet(7, 3)
+    rows = list(csv.DictReader(io.StringIO(sheet(23, 3))))
+    states = {row["id"].split("/", 3)[0] + row["id"].split("/")[3] for row in rows if row["kind"] == "rhs"}
+    assert len(states) == 23
+    assert {row["set"] for row in rows} == {"fresh-3-1", "fresh-3-2", "fresh-3-3"}
+    assert {int(row["level"]) for row in rows} == set(range(1, 8))
+    assert [int(row["level"]) for row in rows] == sorted(int(row["level"]) for row in rows)
+    assert '"' not in sheet(23, 3)
+
+
+def test_seeds_and_disks_have_nothing_in_common() -> None:
+    rows = [row for seed in (1, 2) for row in csv.DictReader(io.StringIO(sheet(30, seed)))]
+    disks = {tuple(row[name] for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")) for row in rows}
+    assert len(disks) == 6
+    speeds = {(row["set"], row["Omega"]) for row in rows if row["kind"] == "rhs"}
+    assert len({speed for _, speed in speeds}) == len(speeds) == 60
+
+
+@pytest.mark.parametrize("number", range(1, 41))
+def test_every_drawn_disk_is_like_the_papers(number: int) -> None:
+    """Cycles are born stable at Omega_crit, so that each question of a sheet has an answer."""
+    assert tv.hopf_point(parameters_of(f"fresh-12-{number}")).criticality == "supercritical"
+
+
+# ------------------------------------------------------------------------------------------ truths
+@pytest.fixture(scope="module")
+def truths() -> Store:
+    return with_fresh(stored(), "\n".join(id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_))
+
+
+def test_each_question_has_a_truth_in_both_readings(truths: Store) -> None:
+    asked = [id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_]
+    assert [id_ for id_ in truths if id_.startswith("fresh-")] == asked
+    for id_ in asked:
+        quantity = truths[id_]
+        assert set(quantity.values) == {"decimals", "doubles"}
+        # Orbits of two seconds lose a digit or two of doubles; a real eigenvalue's imaginary part is 0 exactly.
+        assert quantity.uncertainty < 1e-13 * max(abs(quantity.value), 1)
+        assert quantity.condition or not quantity.value
+
+
+@pytest.mark.parametrize("kind", ["rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"])
+def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
+    asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
+    for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
+        here = [quantity for quantity in asked if quantity.id.startswith(f"{entry}/")]
+        item = Item(entry, kind, here[0].set, here[0].friction, here[0].inputs)
+        for reading in ("decimals", "doubles"):
+            known = {quantity.name: quantity.measured(reading) for quantity in here}
+            for road in kind_named(kind).roads[1:]:
+                if road.name != "symbolic":  # compiles for seconds; another road confirms the same
+                    assert disagreements(known, road.compute(case_of(item, reading), known)) == []
+
+
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_half_widths_of_orbits_hold_what_more_digits_say(law: str, truths: Store) -> None:
+    disk = tv.Disk(**{name: getattr(drawn_disk(5, 1), name) for name in tv.PRINTED.decimals()}, friction=law)
+    samples = {quantity.name: quantity for quantity in truths.matching(f"fresh-5-1/{law}/trajectory/")}
+    given = next(iter(samples.values())).inputs
+    start = [given[name] for name in ("beta", "gamma", "v")]
+    run = disk.integrate(given["Omega"], start, 2, times=["0.5", "1", "1.5", "2"], digits=20)
+    for name, row in zip(("beta", "gamma", "v"), run.y, strict=True):
+        for time, value in zip(("0.5", "1", "1.5", "2"), row, strict=True):
+            assert samples[f"{name}@{time}"].measured().holds(value)
+
+
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_half_widths_of_cycles_hold_what_more_digits_say(law: str) -> None:
+    numbers = {quantity.name: quantity for quantity in tv.references(f"fresh-5-1/{law}/limit-cycle/")}
+    disk = tv.Disk(**{name: getattr(drawn_disk(5, 1), name) for name in tv.PRINTED.decimals()}, friction=law)
+    cycle = disk.limit_cycle(numbers["period"].inputs["Omega"], digits=20)
+    for name, quantity in numbers.items():
+        assert quantity.measured().contains(getattr(cycle, name)), name
+
+
+@pytest.mark.slow(minutes=2)
+def test_every_sheet_has_all_its_cycles_and_orbits() -> None:
+    for seed in range(100, 120):
+        asked = [id_ for id_ in blank_questions(20, seed) if "/trajectory/" in id_ or "/limit-cycle/" in id_]
+        found = with_fresh(stored(), "\n".join(asked))
+        assert set(asked) <= set(found)
+        assert all(found[id_].value < 1 for id_ in asked if id_.endswith("/multiplier_slow"))
+
+
+# ------------------------------------------------------------------------------------------ grading
+def answered(text: str, **wrong: float) -> str:
+    """The answers of a program with the right equations, in doubles, to the questions about states."""
+    lines = ["id,answer"]
+    for row in csv.DictReader(io.StringIO(text)):
+        if row["kind"] != "rhs" or row["quantity"] not in ("gamma_rate", "v_rate", "gamma_y"):
+            continue
+        p = {name: float(row[name]) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")} | wrong
+        state = [float(row[name]) for name in ("beta", "gamma", "v")]
+        gamma_rate, v_rate, slip = motion(math, p, float(row["Omega"]), row["friction"] == "smooth", state)
+        answer = {"gamma_rate": gamma_rate, "v_rate": v_rate, "gamma_y": slip}[row["quantity"]]
+        lines.append(f"{row['id']},{answer!r}")
+    return "\n".join(lines) + "\n"
+
+
+def test_a_right_program_passes_and_a_number_of_its_own_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn = ["--states", "20", "--seed", "8", "--levels", "1"]
+    assert main(["conformance", "questions", str(tmp_path / "q.csv"), *drawn]) == 0
+    text = (tmp_path / "q.csv").read_text()
+    for name, wrong in (("right", {}), ("mu", {"mu": 0.3})):
+        (tmp_path / f"{name}.csv").write_text(answered(text, **wrong))
+    capsys.readouterr()
+    assert main(["conformance", "grade", str(tmp_path / "right.csv"), "--json", "--require", "1"]) == 0
+    (level,) = json.loads(capsys.readouterr().out)["levels"]
+    assert (level["failed"], level["asked"]) == (0, 20 * 16)
+    assert level["least_digits"] > 12
+    assert main(["conformance", "grade", str(tmp_path / "mu.csv"), "--json"]) == 0
+    causes = [one["causes"] for one in json.loads(capsys.readouterr().out)["diagnoses"]]
+    values = [float(drawn_disk(8, number).mu) for number in (1, 2)]
+    assert [[cause["cause"] for cause in here] for here in causes] == [[f"mu = 0.3 instead of {mu:g}"] for mu in values]
+    assert main(["conformance", "compare", str(tmp_path / "right.csv"), str(tmp_path / "mu.csv"), "--quiet"]) == 1
+    (tmp_path / "expected").write_text("fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n")
+    expected = ["--expected-failures", str(tmp_path / "expected"), "--quiet"]
+    assert main(["conformance", "grade", str(tmp_path / "mu.csv"), *expected]) == 0
+
+
+def test_table_1_for_every_disk_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table_1 = {name: float(value) for name, value in tv.PRINTED.decimals().items() if name != "C"}
+    (tmp_path / "a.csv").write_text(answered(sheet(12, 8, 1), **table_1))
+    assert main(["conformance", "grade", str(tmp_path / "a.csv"), "--json"]) == 0
+    (diagnosis,) = json.loads(capsys.readouterr().out)["diagnoses"]
+    assert [cause["cause"] for cause in diagnosis["causes"]] == ["Table 1's parameters where others are asked"]
+
+
+def test_a_copy_of_the_published_values_fails(tmp_path: Path) -> None:
+    published = {q.id.partition("/")[2].replace("/rhs/0", "/rhs/"): q for q in tv.references("printed/")}
+    (tmp_path / "a.csv").write_text(
+        "id,answer\n" + "".join(
+            f"{id_},{published[id_.partition('/')[2]].for_doubles!r}\n"
+            for id_ in blank_questions(10, 1) if id_.partition("/")[2] in published
+        )
+    )  # fmt: skip
+    store = store_for(tmp_path / "a.csv", stored())
+    grades = graded(read_answers(tmp_path / "a.csv", store), store)
+    assert len(grades) > 150
+    assert not [grade.id for grade in grades if not grade.failed]
+
+
+def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store) -> None:
+    ids = [id_ for id_ in blank_questions(3, 5) if "/rhs/" in id_ or "/hopf/" in id_]
+    short = {id_: truths[id_].for_doubles for id_ in ids}
+    store = blank_questions(3, 5)
+    full = json.loads(sheet_json(store, [store[id_] for id_ in ids]))
+    for row in full["questions"]:
+        row["answer"] = short[row["id"]]
+    for text in (json.dumps(short), json.dumps(short).replace("/", "\\/"), json.dumps(full)):
+        (tmp_path / "a.json").write_text(text)
+        found = store_for(tmp_path / "a.json", stored())
+        answers = read_answers(tmp_path / "a.json", found)
+        grades = graded(answers, found)
+        assert [grade.id for grade in grades] == ids
+        assert not any(grade.failed for grade in grades)
+        assert (answers.unknown, answers.altered) == ([], [])
+    full["questions"][0]["mu"] = "0.3"
+    (tmp_path / "a.json").write_text(json.dumps(full))
+    assert read_answers(tmp_path / "a.json", found).altered == [f"{ids[0]}, mu"]
+
+
+def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = (
+        *("fresh-5-1/both/rhs/11/M", "fresh-05-1/both/rhs/01/M", "fresh-5-0/both/rhs/01/M", "fresh-5-1/both/rhs/1/M"),
+        *("fresh-5-1/linear/heteroclinic/point/omega_h", "fresh-1234567890-1/both/rhs/01/M", "fresh-5-1/both/rhs/01/m"),
+        *("fresh-5-1000/both/rhs/01/M", "refresh-5-1/both/rhs/01/M", "fresh-x-1/both/rhs/01/M"),
+    )  # fmt: skip
+    (tmp_path / "a.csv").write_text("id,answer\nfresh-5-1/both/rhs/01/M,1\n" + "".join(f"{id_},1\n" for id_ in wrong))
+    assert main(["conformance", "grade", str(tmp_path / "a.csv"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["unknown"] == list(wrong)
+    for id_ in wrong[:2]:
+        with pytest.raises(InputError, match="no reference value"):
+            tv.reference(id_)
+    many = "".join(f"fresh-{seed}-{n}/both/rhs/01/M,1\n" for seed in range(9) for n in range(1, 600))
+    (tmp_path / "a.csv").write_text(f"id,answer\n{many}")
+    assert main(["conformance", "grade", str(tmp_path / "a.csv")]) == 2
+    assert "fresh questions for 5391 entries" in capsys.readouterr().err
+
+
+def test_from_python(truths: Store) -> None:
+    found = tv.references("fresh-5-1/linear/rhs/02")
+    assert [quantity.name for quantity in found] == [
+        "lambda_Ty",
+        "v_rate",
+        "dv_rate_dbeta",
+        "dv_rate_dgamma",
+        "dv_rate_dv",
+    ]
+    assert tv.reference(found[1].id) == truths[found[1].id] == found[1]
+    assert tv.grade({quantity.id: quantity.for_doubles for quantity in found}).passed
+    assert tv.compare(found[1].id, float(found[1]) * 1.001).failed
+    with pytest.raises(InputError, match="no reference value starts with"):
+        tv.references("fresh-5-1")  # which is also how fresh-5-10 starts
+
+
+def test_bad_numbers_of_states_and_seeds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = str(tmp_path / "q.csv")
+    for words, says in (
+        (["--states", "0"], "from 1 to 1000"), (["--states", "1001"], "from 1 to 1000"), (["--seed", "3"], "--states"),
+        (["--states", "5", "--seed", "-1"], "from 0 to 999999999"), (["--states", "5", "--set", "printed"], "--set"),
+        (["--states", "5", "--levels", "9"], "level '9'"), (["--states", "five"], "not a valid integer"),
+    ):  # fmt: skip
+        assert main(["conformance", "questions", target, *words]) == 2
+        told = capsys.readouterr().err
+        assert says in told
+        assert told.count("\n") == 1
+    assert not Path(target).exists()
+
+
+def test_without_a_file_the_sheet_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["conformance", "questions", "--states", "2", "--levels", "1"]) == 0
+    assert capsys.readouterr().out == sheet(2, 0, 1)
+    assert main(["conformance", "questions", "--states", "2", "--levels", "1", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["questions"]) == 2 * 16

@@ -1,0 +1,47 @@
+"""Grading from Python without a sheet: answers by id, in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
+from tippedisk_verify.conformance.pages import Report
+from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.reference_values.store import Reading, reference, stored
+
+__all__ = ["grade"]
+
+
+def grade(answers: Mapping[str, object], *, reading: Reading = "doubles") -> Report:
+    """The grades of many answers by id, with a diagnosis; ``reading`` is what they were computed from.
+
+    An answer is what `compare` takes. Anything else (None, a complex number, an array of several) is a failure with a
+    note. The result's ``passed`` and ``failed`` are for a test, and str() of it is the reason.
+
+    Raises InputError for an unknown id, and where there is no answer at all.
+    """
+    if not isinstance(answers, Mapping):
+        raise InputError(f"answers are given by id, as a dictionary, not as {type(answers).__name__}")
+    if not answers:
+        raise InputError("there is no answer to grade")
+    if reading not in ("decimals", "doubles"):
+        raise InputError(f"answers are computed from decimals or doubles, not from '{reading!s:.40}'")
+    store = stored()
+    if any(str(id_).startswith("fresh-") for id_ in answers):
+        from tippedisk_verify.reference_values.fresh import with_fresh
+
+        store = with_fresh(store, "\n".join(map(str, answers)))
+    given, notes = Answers(), {}
+    for id_, answer in answers.items():
+        given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
+        try:
+            text = answer_text(answer)
+        except InputError as fault:
+            notes[id_], text = str(fault), f"({type(answer).__name__})"
+        given.given[id_] = reading, text
+    grades = [replace(one, note=notes[one.id]) if one.id in notes else one for one in graded(given, store)]
+    asked = [quantity for quantity in store.values() if quantity.set in given.sets]
+    return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store))

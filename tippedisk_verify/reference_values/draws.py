@@ -1,0 +1,78 @@
+"""Disks drawn from a seed: decimals that are the same on every machine, because they come from SHA-256.
+
+A drawn disk is a parameter set by the name ``fresh-SEED-NUMBER``, so a question's id says all that it depends on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from functools import lru_cache
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+
+__all__ = ["DRAWN_SET", "Draw", "decimal_text", "drawn_disk", "parameters_of"]
+
+#: The name of a drawn set: its seed and its number.
+DRAWN_SET = re.compile(r"fresh-(0|[1-9][0-9]{0,8})-([1-9][0-9]{0,2})")
+# Least and greatest value, and decimals. The inertias follow from their ratio below.
+_RANGES = {
+    "r": ("0.038", "0.052", 4), "m": ("0.3", "0.6", 3), "B": ("0.00019", "0.00027", 6), "g": ("9.78", "9.83", 3),
+    "mu": ("0.2", "0.45", 3), "epsilon": ("0.06", "0.16", 3),
+}  # fmt: skip
+_ECCENTRICITY = ("0.04", "0.07")  # of the radius
+#: A / Bbar in units of the least ratio for which cycles are born stable. Close to 1 they turn round in a fold.
+_RATIO = ("1.05", "1.12")
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Decimals by name, from a seed: the first twelve hexadecimal digits of the SHA-256 of ``SEED/NUMBER/NAME``."""
+
+    seed: int
+    number: int
+
+    def share(self, name: str) -> Fraction:
+        """A number from 0 up to 1."""
+        text = f"{self.seed}/{self.number}/{name}"
+        return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
+
+    def between(self, name: str, low: object, high: object, places: int) -> str:
+        """A decimal between two numbers, with at most so many places."""
+        ends = [Fraction(str(end)) for end in (low, high)]
+        return decimal_text(ends[0] + self.share(name) * (ends[1] - ends[0]), places)
+
+
+@lru_cache(maxsize=4096)
+def drawn_disk(seed: int, number: int) -> Parameters:
+    """A disk whose limit cycles are born stable at Omega_crit, as the paper's are; Table 1 lies among such disks."""
+    draw = Draw(seed, number)
+    values = {name: draw.between(name, *bounds) for name, bounds in _RANGES.items()}
+    r, m, B = (Fraction(values[name]) for name in ("r", "m", "B"))
+    low, high = (r * Fraction(share) for share in _ECCENTRICITY)
+    values["e"] = draw.between("e", low, high, 5)
+    e = Fraction(values["e"])
+    least = r * (2 * r - e) / (2 * (r + e) * (r - 2 * e)) * (B - m * e**2)
+    low, high = (least * Fraction(ratio) for ratio in _RATIO)
+    values["A"] = draw.between("A", low, high, 7)
+    return Parameters(**{name: values[name] for name in SYMBOLS}, name=f"fresh-{seed}-{number}")  # type: ignore[arg-type]
+
+
+def parameters_of(set_name: str) -> Parameters:
+    """The parameters of a set of questions, drawn or named. Raises InputError if there is none."""
+    if (drawn := DRAWN_SET.fullmatch(set_name)) is not None:
+        return drawn_disk(int(drawn[1]), int(drawn[2]))
+    if set_name.startswith("fresh-"):
+        raise InputError(f"'{set_name[:40]}' is no drawn set: its name is fresh-SEED-NUMBER, such as fresh-7-1")
+    return Parameters.named(set_name)
+
+
+def decimal_text(value: Fraction, places: int) -> str:
+    """The nearest decimal with at most so many places, written out."""
+    with localcontext() as context:
+        context.prec = 400
+        return format((Decimal(round(value * 10**places)) / Decimal(10) ** places).normalize(), "f")

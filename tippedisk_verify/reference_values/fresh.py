@@ -1,0 +1,215 @@
+"""Fresh questions: states, speeds and disks drawn from a seed, with truths that are computed when they are asked for.
+
+They are of levels 1 to 7, ten states to a disk. A question's id holds the seed and the disk's number, so whoever has
+the id can draw the same inputs again: grading needs nothing but the answers. Each truth is the value of its kind's
+first method (an orbit's is computed in double), with the half-width that this method gives.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request, Status
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Friction
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.reference_values.cycle_roads import named_numbers
+from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk, parameters_of
+from tippedisk_verify.reference_values.entries import Case, Item, Kind, Method, Values, answered
+from tippedisk_verify.reference_values.generation import document_head
+from tippedisk_verify.reference_values.kinds import KINDS
+from tippedisk_verify.reference_values.local_roads import by_differences
+from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["MOST_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
+
+STATES_PER_DISK = 10
+MOST_STATES = 1000
+_LAWS: tuple[Friction, ...] = ("linear", "smooth")
+_TIMES = ("0.5", "1", "1.5", "2")
+_STATE = ("beta", "gamma", "v")
+_HALF_PI = Fraction("1.5708")
+_ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
+_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # of so many states
+
+
+@lru_cache(maxsize=MOST_STATES // STATES_PER_DISK)
+def _items(set_name: str) -> tuple[Item, ...]:
+    """All questions of a drawn disk, easiest first."""
+    return tuple(_drawn_items(set_name))
+
+
+def _drawn_items(set_name: str) -> Iterator[Item]:
+    drawn = DRAWN_SET.fullmatch(set_name)
+    assert drawn is not None
+    draw = Draw(int(drawn[1]), int(drawn[2]))
+    crit = omega_crit(drawn_disk(draw.seed, draw.number), 40).value
+
+    def near(name: str, below: str, above: str, places: int) -> str:
+        """A speed, by its relative distance from Omega_crit."""
+        return draw.between(name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places)
+
+    def item(law: str, kind: str, name: str, **inputs: str) -> Item:
+        return Item(f"{set_name}/{law}/{kind}/{name}", kind, set_name, law, inputs)
+
+    for n in range(1, STATES_PER_DISK + 1):
+        place = f"{n:02d}"
+        # A fourth of the speeds is from a wide range, the rest near Omega_crit; a tenth of the states near beta = pi/2.
+        speed = draw.between(f"Omega {n}", 5, 60, 4) if n % 4 == 0 else near(f"Omega {n}", "-0.05", "0.05", 4)
+        width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
+        state = {
+            "beta": draw.between(f"beta {n}", _HALF_PI - width, _HALF_PI + width, 6),
+            "gamma": draw.between(f"gamma {n}", _HALF_PI - Fraction("4.7"), _HALF_PI + Fraction("4.7"), 5),
+            "v": draw.between(f"v {n}", -12, 12, 4),
+        }
+        for law in ("both", *_LAWS):
+            yield item(law, "rhs", place, Omega=speed, **state)
+    for n, speed in enumerate((draw.between("equilibrium 1", 5, 60, 4), near("equilibrium 2", "-0.05", "0.05", 4)), 1):
+        for name in ("inverted", "noninverted"):
+            yield item("both", "equilibrium", f"{name}-{n}", Omega=speed, equilibrium=name)
+    yield item("linear", "hopf", "point")
+    speed = near("harmonic balance", "-0.02", "-0.0001", 6)
+    for form in ("printed", "consistent"):
+        yield item("linear", "harmonic-balance", form, Omega=speed, form=form)
+    angles = {
+        "beta": draw.between("slow beta", "0.8", "2.3", 4), "gamma": draw.between("slow gamma", "-1.5", "4.5", 4)
+    }  # fmt: skip
+    yield item("linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles)
+    # About inverted spinning: no such orbit lies flat within two seconds.
+    start = {
+        "beta": draw.between("orbit beta", _HALF_PI - Fraction("0.3"), _HALF_PI + Fraction("0.3"), 4),
+        "gamma": draw.between("orbit gamma", _HALF_PI - Fraction("0.8"), _HALF_PI + Fraction("0.8"), 4),
+        "v": draw.between("orbit v", -2, 2, 4),
+    }
+    for law in _LAWS:
+        yield item(law, "trajectory", "1", Omega=near("orbit speed", "-0.03", "0.03", 4), **start)
+    # Omega_h lies at least a fiftieth below Omega_crit for these disks.
+    for law in _LAWS:
+        yield item(law, "limit-cycle", "1", Omega=near("cycle speed", "-0.01", "-0.001", 6))
+
+
+# ------------------------------------------------------------------------------------------ truths
+def _motion(case: Case, error_estimate: bool) -> tuple[list[str], Any]:
+    request = Request(
+        case.parameters, case.inputs["Omega"], [case.inputs[name] for name in _STATE], Fraction(_TIMES[-1]),
+        precision=DOUBLE, times=[Fraction(time) for time in _TIMES], error_estimate=error_estimate,
+    )  # fmt: skip
+    result = default_engine()(request)
+    if result.status is not Status.REACHED:
+        raise Shortfall(f"{case.item.id}: {result.status.value}")
+    return [f"{name}@{time}" for time in _TIMES for name in _STATE], result
+
+
+def _samples(case: Case, known: Values) -> Values:
+    names, result = _motion(case, True)
+    pairs = zip(result.samples.ravel().tolist(), result.error.samples.ravel().tolist(), strict=True)
+    return {name: Measured.of(value, width) for name, (value, width) in zip(names, pairs, strict=True)}
+
+
+def _plain_samples(case: Case) -> dict[str, Any]:
+    names, result = _motion(case, False)
+    return dict(zip(names, result.samples.ravel().tolist(), strict=True))
+
+
+def _cycle(case: Case, known: Values) -> Values:
+    return named_numbers(limit_cycle(case.parameters, case.inputs["Omega"], default_engine()))
+
+
+def _drawn_kinds() -> Iterator[Kind]:
+    for kind in KINDS:
+        if kind.level < 6:
+            yield replace(kind, roads=kind.roads[:1])
+        elif kind.name == "trajectory":
+            road = Method("double", "heyoka's Taylor integrator in double, error seen in a wider arithmetic", _samples)
+            # A change by 1e-7 moves an orbit of two seconds by some 1e-6, and rounding by 1e-8 of that.
+            yield replace(kind, roads=(road,), condition=by_differences(_plain_samples, Fraction(1, 10**7)))
+        elif kind.name == "limit-cycle":
+            yield replace(kind, roads=(Method("double", "half-period shooting with heyoka in double", _cycle),))
+
+
+_DRAWN_KINDS = {kind.name: kind for kind in _drawn_kinds()}
+
+
+@lru_cache(maxsize=_MOST_ENTRIES)
+def _truth(item_id: str) -> dict[str, Any]:
+    item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
+    return answered(_DRAWN_KINDS[item.kind], item)
+
+
+# ------------------------------------------------------------------------------------------ as reference values
+def blank_questions(states: int, seed: int) -> Store:
+    """So many states and what else is asked of their disks, without the truths. Raises InputError for other numbers."""
+    if not 1 <= states <= MOST_STATES:
+        raise InputError(f"--states is a number from 1 to {MOST_STATES}, not {states}")
+    if not 0 <= seed < 10**9:
+        raise InputError(f"--seed is a number from 0 to 999999999, not {seed}")
+    disks = -(-states // STATES_PER_DISK)
+    items = [item for number in range(1, disks + 1) for item in _items(f"fresh-{seed}-{number}")]
+    last = states - (disks - 1) * STATES_PER_DISK
+    beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
+    items = [item for item in items if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)]
+    return Store.of(_documents((item.kind, item.set, _blank(item)) for item in items))
+
+
+def entries_of(prefix: str) -> str:
+    """The entries whose ids start so, or the one that a quantity with this id belongs to, one to a line."""
+    drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
+    items = () if drawn is None else _items(drawn[0])
+    return "\n".join(item.id for item in items if item.id.startswith(prefix) or prefix.startswith(f"{item.id}/"))
+
+
+def with_fresh(store: Store, text: str, advance: Callable[[str, int], None] = lambda label, steps: None) -> Store:
+    """The store with the truths of the fresh questions whose ids a text holds; computed once in a process.
+
+    Ids that no draw gives are left alone. Raises InputError for more than `MOST_STATES` give.
+    """
+    named = {found[0] for found in _ENTRY.finditer(text)}
+    if len(named) > _MOST_ENTRIES:
+        raise InputError(f"there are fresh questions for {len(named)} entries: a sheet has {_MOST_ENTRIES} at most")
+    sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
+    wanted = [item for name in sets for item in _items(name) if item.id in named]
+    entries = []
+    for item in wanted:
+        entries.append((item.kind, item.set, _truth(item.id)))
+        advance(item.id, 1)
+    return store.joined(_documents(entries)) if entries else store
+
+
+def _documents(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Entries by kind and set, as the files have them, easiest first."""
+    by_kind: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for kind, set_name, entry in entries:
+        by_kind.setdefault((kind, set_name), []).append(entry)
+    documents = [
+        {**document_head(_DRAWN_KINDS[kind], parameters_of(set_name)), "entries": here}
+        for (kind, set_name), here in by_kind.items()
+    ]
+    return sorted(documents, key=lambda document: document["level"])
+
+
+def _blank(item: Item) -> dict[str, Any]:
+    """The entry with its quantities, which are those of the published data, and nothing said of them."""
+    nothing = {"value": "", "uncertainty": ""}
+    units = _DRAWN_KINDS[item.kind].units
+    quantities = {
+        name: {"unit": units(name), **nothing, "from_doubles": nothing, "grade": "", "methods": {}, "condition": {}}
+        for name in _names(item.kind, item.friction)
+    }
+    return {"id": item.id, "inputs": dict(item.inputs), "quantities": quantities}
+
+
+@lru_cache(maxsize=32)
+def _names(kind: str, friction: str) -> tuple[str, ...]:
+    published = stored().matching(f"printed/{friction}/{kind}/")
+    first = published[0].id.rsplit("/", 1)[0]
+    names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]
+    return tuple(name for name in names if kind != "trajectory" or name.partition("@")[2] in _TIMES)
