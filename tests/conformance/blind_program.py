@@ -1,52 +1,51 @@
-"""A program that answers a sheet of questions, written from the paper's equations alone: NumPy, SciPy and mpmath.
+"""A program that answers a sheet of questions, levels 1 to 9, written from the paper's equations alone.
 
-    python blind_program.py SHEET.csv ANSWERS.csv [LEVELS]
+    python blind_program.py SHEET.csv ANSWERS.csv [FIRST-LAST]
 
-It answers levels 1 to 9. The lines `# ---- name` cut it into parts: `test_blind_faults.py` patches its text, and runs
-anew only what a patch can have changed.
+The lines `# ---- name` cut its text into parts: `test_blind_faults.py` runs changed texts, and a run is remembered as
+long as the head of the text and the parts that it names are as they were.
 """
 
 import cmath
 import csv
 import functools
-import hashlib
 import itertools
 import math
 import sys
-import warnings
 from pathlib import Path
 
-import mpmath
 import numpy as np
-from scipy.integrate import odeint, solve_ivp
+from blind_theory import harmonic_balance, hopf_point, slow_manifold
+from scipy.integrate import odeint
 
 PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 HALF_PI = math.pi / 2
-KEPT = {}  # results of runs, by the program text that they depend on
+FAILURES = (ArithmeticError, LookupError, ValueError, np.linalg.LinAlgError)
+KEPT = {}  # results of runs and their failures, by the text that they depend on
+TEXT = globals().get("TEXT") or Path(__file__).read_text()
+HEAD, *PIECES = TEXT.split("\n# ---- ")
+PARTS = {piece.split("\n", 1)[0]: piece for piece in PIECES}
 
 
 def kept(*parts):
-    """Remember results as long as the text of these parts of the program stays the same."""
+    """Remember a function's results as long as these parts of the text stay the same."""
 
     def decorate(function):
         @functools.wraps(function)
         def call(*given):
-            key = (function.__name__, given, hashlib.sha256("".join(PARTS[part] for part in parts).encode()).digest())
+            key = (function.__name__, given, HEAD, *(PARTS[part] for part in parts))
             if key not in KEPT:
-                KEPT[key] = function(*given)
+                try:
+                    KEPT[key] = function(*given)
+                except FAILURES as failure:
+                    KEPT[key] = failure
+            if isinstance(KEPT[key], Exception):
+                raise KEPT[key]
             return KEPT[key]
 
         return call
 
     return decorate
-
-
-def parts_of(text):
-    pieces = text.split("\n# ---- ")[1:]
-    return {piece.split("\n", 1)[0]: piece for piece in pieces}
-
-
-PARTS = parts_of(globals().get("SOURCE") or Path(__file__).read_text())
 
 
 # ---- model
@@ -68,10 +67,9 @@ def model(o, p, Omega, smooth, beta, gamma, v):
     w_y = rho * sb
     gamma_y = rho * v * sb - e * Omega * sb**2 * cg
     size = gamma_y if gamma_y.real >= 0 else -gamma_y
+    lambda_Ty = -mu * m * g / eps * gamma_y
     if smooth:
         lambda_Ty = -mu * m * g * gamma_y / (size + eps)
-    else:
-        lambda_Ty = -mu * m * g / eps * gamma_y
     gamma_rate = -Omega * cb
     v_rate = (h + f_G + w_y * lambda_Ty) / M
     return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate
@@ -102,11 +100,12 @@ def jacobian(p, Omega, smooth, y):
 # ---- integrator
 def integrate(f, y0, times):
     """States at these times, the first of which is the start."""
-    return odeint(lambda t, y: f(y.tolist()), y0, times, tfirst=True, rtol=1e-13, atol=1e-13, mxstep=100000)
-
-
-# ---- trajectories
-GRID = np.round(np.arange(5001) * 2e-3, 3)
+    states, notes = odeint(
+        lambda t, y: f(y.tolist()), y0, times, full_output=True, rtol=1e-13, atol=1e-13, mxstep=5000, tfirst=True
+    )
+    if notes["message"] != "Integration successful.":
+        raise ArithmeticError(notes["message"])
+    return states
 
 
 def crossing(f, y, width):
@@ -117,6 +116,10 @@ def crossing(f, y, width):
         shift = (HALF_PI - z[0]) / z[2]
         rest = min(max(rest + shift, 0), width)
     return rest, z + shift * np.array(f(z.tolist()))
+
+
+# ---- trajectories
+GRID = np.round(np.arange(5001) * 2e-3, 3)
 
 
 @kept("model", "integrator", "trajectories")
@@ -232,188 +235,13 @@ def equilibrium(p, row):
     return found
 
 
-# ---- hopf
-def critical_speed(p):
-    r, e, m, A, B, g, mu, eps = p
-    Bbar = B - m * e**2
-    return math.sqrt(m * g * (r + e) ** 2 / (Bbar * r))
-
-
-@kept("model", "jacobian", "hopf")
-def normal_form(p):
-    """Critical frequency, q, p.C(q, q, qbar) and the eigenvalue's derivative by Omega, all at the critical speed."""
-    mpmath.mp.dps = 60
-    Oc = critical_speed(p)
-    y0 = [mpmath.mpf(HALF_PI), mpmath.mpf(HALF_PI), mpmath.mpf(0)]
-
-    def cubic(u):
-        """Third derivative of the field in the direction u; the fifth order is taken off."""
-
-        def odd(d):
-            plus = model(mpmath, p, Oc, False, *[y + d * x for y, x in zip(y0, u)])
-            minus = model(mpmath, p, Oc, False, *[y - d * x for y, x in zip(y0, u)])
-            return [mpmath.mpf(0), *[(plus[i] - minus[i]) / 2 for i in (6, 7)]]
-
-        d = mpmath.mpf(10) ** -9
-        one, two = odd(d), odd(2 * d)
-        return np.array([complex((b - 2 * a) / d**3) for a, b in zip(one, two)])
-
-    J = jacobian(p, Oc, False, [HALF_PI, HALF_PI, 0.0])
-    values, right = np.linalg.eig(J)
-    k = np.argmax(values.imag)
-    omega, q = values[k].imag, right[:, k]
-    q = q / np.linalg.norm(q)
-    left_values, left = np.linalg.eig(J.T)
-    adjoint = left[:, np.argmin(left_values.imag)]
-    adjoint = adjoint / np.conj(np.vdot(adjoint, q))
-    big = [mpmath.mpc(z) for z in q]
-    bar = [mpmath.conj(z) for z in big]
-    sums = [cubic([a + b for a, b in zip(big, bar)]), cubic([a - b for a, b in zip(big, bar)]), cubic(bar)]
-    g21 = np.vdot(adjoint, (sums[0] - sums[1] - 2 * sums[2]) / 6)
-    d = 1e-4
-    slopes = [jacobian(p, Oc + k * d, False, [HALF_PI, HALF_PI, 0.0]) for k in (1, -1)]
-    by_Omega = np.vdot(adjoint, (slopes[0] - slopes[1]) / (2 * d) @ q)
-    return omega, q, g21, by_Omega
-
-
-def hopf(p, row):
-    omega, q, g21, by_Omega = normal_form(p)
-    c1 = g21 / 2
-    transversality = by_Omega.real
-    square = transversality / c1.real  # |z|^2 per unit of Omega_crit - Omega
-    return {
-        "omega_crit": critical_speed(p),
-        "period": 2 * math.pi / omega,
-        "first_lyapunov_coefficient": c1.real / omega,
-        "transversality": transversality,
-        "amplitude_squared_slope": 4 * abs(q[0]) ** 2 * square,
-        "period_slope": -2 * math.pi / omega**2 * (-by_Omega.imag + c1.imag * square),
-    }
-
-
-# ---- harmonic balance
-def harmonic_balance(p, row):
-    r, e, m, A, B, g, mu, eps = p
-    Omega = float(row["Omega"])
-    Bbar = B - m * e**2
-    chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
-    stiffness = r - e
-    if row["form"] == "consistent":
-        stiffness = r
-        chi = chi + Bbar * e**2 / (2 * (r + e))
-    ratio = -(Bbar * r * Omega**2 - m * g * (r + e) ** 2) / (chi * Omega**2 + m * g * e * (r + e))
-    C = 2 * math.sqrt(e / (r + e)) * math.sqrt(ratio)
-    frequency = Omega * math.sqrt(e / (r + e) - stiffness / (r + e) * C**2 / 8)
-    return {"amplitude": C, "frequency": frequency, "period": 2 * math.pi / frequency}
-
-
-# ---- slow manifold
-ORDER = 6
-PLACES = [(i, j) for i in range(ORDER + 1) for j in range(ORDER + 1 - i)]
-
-
-class Series:
-    """A polynomial in the displacements of beta and gamma, cut off at degree ORDER."""
-
-    def __init__(self, c):
-        self.c = c
-
-    def __add__(self, other):
-        return Series(self.c + (other.c if isinstance(other, Series) else constant(other).c))
-
-    __radd__ = __add__
-
-    def __sub__(self, other):
-        return self + -1 * other
-
-    def __rsub__(self, other):
-        return other + -1 * self
-
-    def __mul__(self, other):
-        if not isinstance(other, Series):
-            return Series(self.c * other)
-        c = np.zeros_like(self.c)
-        for i, j in PLACES:
-            if self.c[i, j]:
-                c[i:, j:] += self.c[i, j] * other.c[: ORDER + 1 - i, : ORDER + 1 - j]
-        return Series(c)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other):
-        rest = 1 - other * (1 / other.c[0, 0])
-        total = power = constant(1.0)
-        for _ in range(ORDER):
-            power = power * rest
-            total = total + power
-        return self * total * (1 / other.c[0, 0])
-
-    def by(self, variable):
-        c = np.zeros_like(self.c)
-        for k in range(ORDER):
-            if variable == "beta":
-                c[k] = (k + 1) * self.c[k + 1]
-            else:
-                c[:, k] = (k + 1) * self.c[:, k + 1]
-        return Series(c)
-
-
-def constant(value):
-    c = np.zeros((ORDER + 1, ORDER + 1))
-    c[0, 0] = value
-    return Series(c)
-
-
-def circular(x, place):
-    """Sine and cosine of x plus a displacement, as series."""
-    found = []
-    for shift in (0, 1):
-        c = np.zeros((ORDER + 1, ORDER + 1))
-        for k in range(ORDER + 1):
-            c[(k, 0) if place == 0 else (0, k)] = math.sin(x + (k + shift) * HALF_PI) / math.factorial(k)
-        found.append(Series(c))
-    return found
-
-
-@kept("slow manifold")
-def slow_manifold(p, Omega, beta, gamma):
-    r, e, m, A, B, g, mu, eps = p
-    Bbar = B - m * e**2
-    sb, cb = circular(beta, 0)
-    sg, cg = circular(gamma, 1)
-    rho = r + e * sg
-    inertia = A * cg * cg + Bbar * sg * sg
-    M = inertia + m * rho * rho * cb * cb
-    # h + f_G = free + linear v + square v^2, and the friction is -(drag / epsilon)(v - h_0)
-    free = inertia * Omega**2 * sb * cb + m * e * Omega**2 * rho * sb * cb * cb * cb * sg - m * g * rho * cb
-    linear = -2 * (A - Bbar) * Omega * cb * sg * cg - m * e * Omega * rho * (3 * sb * sb - 2) * cb * cg
-    square = m * rho * rho * sb * cb
-    drag = mu * m * g * rho * rho * sb * sb
-    h = [e * Omega * sb * cg / rho]
-    for n in range(1, ORDER):
-        change = -Omega * cb * h[n - 1].by("gamma")
-        force = linear * h[n - 1] + (free if n == 1 else 0)
-        for i in range(n):
-            change = change + h[n - 1 - i] * h[i].by("beta")
-            force = force + square * h[i] * h[n - 1 - i]
-        h.append((force - M * change) / drag)
-    found = {}
-    total, by_beta, by_gamma = 0.0, 0.0, 0.0
-    at = {name: s.c[0, 0] for name, s in (("M", M), ("free", free), ("lin", linear), ("sq", square), ("drag", drag))}
-    for n, term in enumerate(h):
-        found[f"h_{n}"] = term.c[0, 0]
-        total += eps**n * term.c[0, 0]
-        by_beta += eps**n * term.c[1, 0]
-        by_gamma += eps**n * term.c[0, 1]
-        right = eps * (at["free"] + at["lin"] * total + at["sq"] * total**2) - at["drag"] * (total - h[0].c[0, 0])
-        left = eps * (by_beta * total - by_gamma * Omega * math.cos(beta))
-        found[f"residual_{n}"] = left - right / at["M"]
-    return found
-
-
 # ---- answers
 def parameters(row):
     return tuple(float(row[name]) for name in PARAMETERS)
+
+
+def hopf(p, row):
+    return hopf_point(p, model, jacobian)
 
 
 def rhs(p, row):
@@ -421,7 +249,7 @@ def rhs(p, row):
     Omega = float(row["Omega"])
     y = [float(row[name]) for name in ("beta", "gamma", "v")]
     names = ("M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate")
-    found = dict(zip(names, model(math, p, Omega, smooth, *y)))
+    found = dict(zip(names, model(math, p, Omega, smooth, *y), strict=True))
     J = jacobian(p, Omega, smooth, y)
     found["dv_rate_dbeta"] = J[2, 0]
     found["dv_rate_dgamma"] = J[2, 1]
@@ -486,23 +314,20 @@ def text(value):
 def answered(rows, levels=range(1, 10)):
     """The answers of these questions, as text by id."""
     answers = {}
-    for kind, group in itertools.groupby(rows, key=lambda row: (row["kind"], row["id"].rsplit("/", 1)[0])):
-        group = list(group)
+    for _, rows_of_one in itertools.groupby(rows, key=lambda row: row["id"].rsplit("/", 1)[0]):
+        group = list(rows_of_one)
         if int(group[0]["level"]) not in levels:
             continue
         found, asked = {}, None
         for row in group:
-            key = (row["friction"], row["t"], row["n"])
-            if key != asked or kind[0] == "slow-manifold" or row["quantity"] == "flat_time":
+            key = (row["t"], row["n"], row["quantity"] == "flat_time")
+            if key != asked:
                 try:
                     found = SOLVERS[row["kind"]](parameters(row), row)
-                except (ArithmeticError, LookupError, ValueError, np.linalg.LinAlgError):
+                except FAILURES:
                     found = {}
                 asked = key
-            name = row["quantity"]
-            if row["kind"] == "slow-manifold":
-                name = name if name in found else ""
-            value = found.get(name)
+            value = found.get(row["quantity"])
             if value is not None and math.isfinite(value):
                 answers[row["id"]] = text(value)
     return answers
@@ -568,5 +393,4 @@ def main(sheet, answers, levels="1-9"):
 
 
 if __name__ == "__main__":
-    warnings.simplefilter("ignore")
     main(*sys.argv[1:])
