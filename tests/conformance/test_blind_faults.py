@@ -70,7 +70,7 @@ class Graders:
         grades = graded(read_answers(self.file, self.store), self.store)
         failing = {level.level for level in levels_of(grades, self.asked) if level.failed}
         diagnoses = diagnosed(grades, self.store, lambda label, steps: None)
-        return failing, [cause.cause for diagnosis in diagnoses for cause in diagnosis.causes]
+        return failing, [cause for diagnosis in diagnoses for _, cause in diagnosis.causes]
 
 
 @pytest.fixture(scope="module")
