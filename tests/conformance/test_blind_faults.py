@@ -86,7 +86,7 @@ def test_each_patch_fits() -> None:
             compile(text, case["name"], "exec")
 
 
-@pytest.mark.slow(minutes=12)
+@pytest.mark.slow(minutes=10)
 @pytest.mark.filterwarnings("ignore")  # what the faults do to the integrator
 def test_no_diagnosis_is_wrong_and_those_that_were_named_are(graders: Graders) -> None:
     named, unexplained, wrong = [], [], []
@@ -100,7 +100,7 @@ def test_no_diagnosis_is_wrong_and_those_that_were_named_are(graders: Graders) -
     assert len(named) >= NAMED
 
 
-@pytest.mark.slow(minutes=6)
+@pytest.mark.slow(minutes=2)
 @pytest.mark.filterwarnings("ignore")  # no more digits than doubles have
 @pytest.mark.parametrize("case", CORRECT, ids=[case["name"] for case in CORRECT])
 def test_correct_programs_pass(case: dict[str, Any], graders: Graders) -> None:
