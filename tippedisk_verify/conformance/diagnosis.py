@@ -20,13 +20,14 @@ from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
 from tippedisk_verify.conformance.factors import free_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.predictions import predicted
-from tippedisk_verify.conformance.shapes import borne_out, shape_of, size_of
+from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
+_FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
@@ -160,11 +161,11 @@ def _causes(
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
-    models = [one for one in ALTERNATIVES if (one.inputs and level == _ORBITS if outputs_only else one.of_the_model)]
+    models = [one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS if outputs_only else one.of_the_model)]
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
-    outputs = [one for one in ALTERNATIVES if not one.of_the_model]
+    outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
     values = partial(free_values, worst, answers, store, _early(worst, usable, store))
     if level == 1:
@@ -176,6 +177,10 @@ def _causes(
         found = found or shape_of(usable, wrong, store)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store)
+        if found is None and level in _FORMULAS:
+            found = formula_of(entries, answers, wrong)
+            if found is None and outputs_only:  # another number in this level alone
+                found = fitting(one for one in ALTERNATIVES if one.parameters)
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()

@@ -14,8 +14,11 @@ from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Model", "predicted"]
+__all__ = ["Model", "eigenvalues", "predicted"]
 
+_NONE = Alternative("", "")
+_STATE = ("beta", "gamma", "v")
+_SHORT = 5e-4  # s, a step; friction decays at some 200 1/s
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _TOLERANCE = 1e-12
 _DURATION = 10.0
@@ -29,9 +32,10 @@ class Model:
 
     def __init__(self, alternative: Alternative, set_name: str, friction: str) -> None:
         self.alternative = alternative
-        self.friction = "smooth" if friction == "smooth" else "linear"
+        law = alternative.friction or friction
+        self.friction = "smooth" if law == "smooth" else "linear"
         exact = Parameters.named(set_name)
-        values: dict[str, Any] = {name: getattr(exact, name) for name in SYMBOLS}
+        values: dict[str, Any] = {"pi": math.pi, **{name: getattr(exact, name) for name in SYMBOLS}}
         if alternative.parameters is not None:
             values |= alternative.parameters(exact)
         if "Bbar" not in values:
@@ -50,10 +54,13 @@ class Model:
     def parts(self, ops: Any, omega: Any, state: Sequence[Any], side: Any = None) -> dict[str, Any]:
         return spelled(self.alternative.spelling, ops, self.p, omega, state, self.friction, side)
 
-    def rates(self, omega: float) -> Callable[[float, Any], list[float]]:
+    def rates(self, omega: float, start: Sequence[float]) -> Callable[[float, Any], list[float]]:
+        frozen = self.alternative.spelling.smoothed == "frozen"
+        side = math.copysign(1.0, self.parts(math, omega, start)["gamma_y"]) if frozen else None
+
         def function(t: float, y: Any) -> list[float]:
             beta, gamma, v = y.tolist()
-            parts = self.parts(math, omega, (beta, gamma, v))
+            parts = self.parts(math, omega, (beta, gamma, v), side)
             return [v, parts["gamma_rate"], parts["v_rate"]]
 
         return function
@@ -93,11 +100,19 @@ def predicted(
         return _counterparts(alternative, quantities, store, truth)
     if alternative.output is not None:
         return {q.id: alternative.output(placed(q.name)[0], truth[q.id]) for q in quantities}
+    if alternative.late:
+        return _late(alternative, quantities, store)
     compute = _BY_KIND.get(first.kind)
-    if compute is None and first.kind != "limit-cycle":
+    if compute is None and first.kind not in ("limit-cycle", "near-heteroclinic"):
         return {}
     try:
         model = Model(alternative, first.set, first.friction)
+        if (
+            alternative.inputs
+            and not alternative.parameters
+            and model.inputs(first) == Model(_NONE, first.set, first.friction).inputs(first)
+        ):
+            return {q.id: truth[q.id] for q in quantities if q.id in truth}
         numbers = _cycle(model, quantities, answers or {}) if compute is None else compute(model, quantities)
     except (ArithmeticError, ValueError, RuntimeError):  # the mistaken model has no such thing
         return {}
@@ -122,6 +137,29 @@ def _counterparts(
     return counterparts
 
 
+def _late(alternative: Alternative, quantities: Sequence[Quantity], store: Store) -> dict[str, float]:
+    """The right orbit's samples a little later; crossings are right."""
+    import numpy
+
+    first = quantities[0]
+    model = Model(_NONE, first.set, first.friction)
+    given = model.inputs(first)
+    rates = model.rates(given["Omega"], [given[name] for name in _STATE])
+    count = math.ceil(abs(alternative.late) / _SHORT)
+    step = alternative.late / count
+    found: dict[str, float] = {}
+    for time in dict.fromkeys(q.name.split("@")[1] for q in quantities if "@" in q.name):
+        ids = [f"{first.id.rsplit('/', 1)[0]}/{name}@{time}" for name in _STATE]
+        y = numpy.array([float(store[id_]) for id_ in ids])
+        for _ in range(count):
+            k_1 = numpy.array(rates(0.0, y))
+            k_2 = numpy.array(rates(0.0, y + step / 2 * k_1))
+            k_3 = numpy.array(rates(0.0, y + step / 2 * k_2))
+            y = y + step / 6 * (k_1 + 2 * k_2 + 2 * k_3 + numpy.array(rates(0.0, y + step * k_3)))
+        found |= dict(zip(ids, y.tolist(), strict=True))
+    return {q.id: found.get(q.id, float(q)) for q in quantities}
+
+
 # ------------------------------------------------------------------------------------------ by kind
 def _rhs(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
@@ -131,10 +169,11 @@ def _rhs(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     return values | dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True))
 
 
-def _eigenvalues(model: Model, omega: float, gamma: float) -> list[complex]:
+def eigenvalues(model: Model, omega: float, side: int) -> list[complex]:
+    """Of inverted (1) or noninverted (-1) spinning, by descending real parts."""
     import numpy
 
-    rows = model.jacobian(omega, (math.pi / 2, gamma, 0.0))
+    rows = model.jacobian(omega, (model.p.pi / 2, side * model.p.pi / 2, 0.0))
     values = [complex(value) for value in numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], *rows]))]
     return sorted(values, key=lambda value: (-round(value.real, 7), -value.imag))
 
@@ -142,7 +181,7 @@ def _eigenvalues(model: Model, omega: float, gamma: float) -> list[complex]:
 def _equilibrium(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
     side = 1 if given["equilibrium"] == "inverted" else -1
-    values = _eigenvalues(model, given["Omega"], side * math.pi / 2)
+    values = eigenvalues(model, given["Omega"], side)
     return {
         f"lambda_{n}_{part}": getattr(value, name)
         for n, value in enumerate(values, start=1)
@@ -155,11 +194,11 @@ def _hopf(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     from scipy.optimize import brentq
 
     def growth(omega: float) -> float:
-        values = _eigenvalues(model, omega, math.pi / 2)
+        values = eigenvalues(model, omega, 1)
         return max((value.real for value in values if abs(value.imag) > 1e-9), default=math.nan)
 
     omega = float(brentq(growth, 15.0, 60.0, xtol=1e-13, rtol=1e-14))
-    frequency = max(value.imag for value in _eigenvalues(model, omega, math.pi / 2))
+    frequency = max(value.imag for value in eigenvalues(model, omega, 1))
     slope = (growth(omega + 1e-4) - growth(omega - 1e-4)) / 2e-4
     return {"omega_crit": omega, "period": 2 * math.pi / frequency, "transversality": slope}
 
@@ -204,7 +243,7 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
 
     flat.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
-        model.rates(given["Omega"]),
+        model.rates(given["Omega"], [given[name] for name in _STATE]),
         (0.0, _DURATION if crossings or not times else times[-1]),
         [given[name] for name in ("beta", "gamma", "v")],
         method="DOP853",
@@ -242,7 +281,7 @@ def _cycle(model: Model, quantities: Sequence[Quantity], near: Mapping[str, floa
     answered = {quantity.name: near.get(quantity.id, float(quantity)) for quantity in quantities}
     if not {"gamma_bar_0", "v_0"} <= answered.keys():
         return {}
-    rates = model.rates(omega)
+    rates = model.rates(omega, [math.pi / 2, answered["gamma_bar_0"] + math.pi / 2, answered["v_0"]])
 
     def section(t: float, y: Any) -> float:
         return math.cos(y[0]) if t > 1e-3 else math.copysign(1.0, -y[2])
