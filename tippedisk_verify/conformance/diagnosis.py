@@ -10,16 +10,16 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.conformance.factors import free_values, term_factors
+from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
-from tippedisk_verify.conformance.predictions import predicted
+from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
@@ -165,6 +165,7 @@ def _causes(
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
+    models = list(_distinct(models, entries))
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
     values = partial(free_values, worst, answers, store, _early(worst, usable, store))
@@ -181,11 +182,29 @@ def _causes(
             found = formula_of(entries, answers, wrong)
             if found is None and outputs_only:  # another number in this level alone
                 found = fitting(one for one in ALTERNATIVES if one.parameters)
+        if found is None and level == _ORBITS:
+            found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
+
+
+def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity]]) -> Iterator[Alternative]:
+    """Of those that only change the inputs, one for each change that these entries see: the first."""
+    seen = [_inputs(Alternative("", ""), entries)]
+    for model in models:
+        if model == Alternative(model.name, model.cause, inputs=model.inputs):
+            inputs = _inputs(model, entries)
+            if inputs in seen:
+                continue
+            seen.append(inputs)
+        yield model
+
+
+def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:
+    return [Model(model, here[0].set, here[0].friction).inputs(here[0]) for here in entries]
 
 
 def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
@@ -216,11 +235,16 @@ def _entries_to_try(usable: Iterable[Grade], store: Store, level: int) -> list[l
     good = [here for here in by_entry.values() if not any(grade.failed for grade in here)]
     few = _MOST_ENTRIES[level]
     chosen = [[store[grade.id] for grade in here] for here in (*_some(bad, few), *_some(good, few))]
-    if level == 6 and chosen:
-        # The first sample alone costs a twentieth of an orbit and rules most mistakes out.
-        places = [placed(quantity.name)[1] for quantity in chosen[0]]
-        first = min((float(place["t"]) for place in places if "t" in place), default=None)
-        early = [q for q, place in zip(chosen[0], places, strict=True) if "t" in place and float(place["t"]) == first]
+    if level == _ORBITS and chosen:
+        # The first sample that is wrong costs a part of an orbit and rules most mistakes out.
+        wrong = {grade.id for grade in usable if grade.failed}
+
+        def first(here: Sequence[Quantity]) -> float:
+            times = (float(placed(q.name)[1].get("t", math.inf)) for q in here if q.id in wrong)
+            return min(times, default=math.inf)
+
+        chosen.sort(key=first)
+        early = [q for q in chosen[0] if float(placed(q.name)[1].get("t", math.inf)) <= first(chosen[0])]
         chosen.insert(0, early or chosen[0])
     return chosen
 

@@ -23,7 +23,7 @@ from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["free_values", "named_product", "term_factors"]
+__all__ = ["free_values", "late_values", "named_product", "term_factors"]
 
 _TERMS = {
     "M": {"M 1": "A cos^2 gamma", "M 2": "Bbar sin^2 gamma", "M 3": "m rho^2 cos^2 beta"},
@@ -181,10 +181,6 @@ def free_values(
                 near = [1 + share * shift for share in (0.6, 1.0, 1.6)]
                 makes.append((partial(_parameter, name, known[name]), [c * known[name] for c in near])
                              if name in known else (partial(_scaled, name), near))  # fmt: skip
-        if "@" in worst.name and (rate := _rate(worst, store)):
-            late = (answer - float(worst)) / rate
-            if abs(late) < _LATE:
-                makes.append((_late, [share * late for share in (0.6, 1.0, 1.6)]))
     else:
         makes = [(partial(_parameter, name, x), [c * x for c in _GRID]) for name, x in known.items()]
     if worst.level == 1:
@@ -196,6 +192,16 @@ def free_values(
     for make, grid in makes:
         for root in _roots(partial(_error, make, worst, answer, store), grid):
             yield make(root)
+
+
+def late_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:
+    """The time by which an orbit's samples are late, if ``worst`` is one."""
+    answer = float(answers[worst.id])
+    rate = _rate(worst, store) if "@" in worst.name else 0.0
+    late = (answer - float(worst)) / rate if rate else math.inf
+    if abs(late) < _LATE:
+        near = [share * late for share in (0.6, 1.0, 1.6)]
+        yield from map(_late, _roots(partial(_error, _late, worst, answer, store), near))
 
 
 def _rate(sample: Quantity, store: Store) -> float:

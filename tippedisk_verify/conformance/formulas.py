@@ -1,4 +1,4 @@
-"""Levels 3 to 5 with one thing changed in their formulas: conventions of the normal form, factors, the recursion's parts.
+"""Levels 3, 4, 5 and 8 with one thing changed in their formulas: conventions, factors, parts of the recursion.
 
 A candidate is a rank, a sentence and a function from the questions of one entry to its answers. Lower ranks say less
 and are named first. Factors are solved for: what a formula gives is affine in the factor of one of its terms, so that
@@ -22,7 +22,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.reference_values.store import Quantity
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 from tippedisk_verify.theory.hopf import trilinear
-from tippedisk_verify.theory.jets import Jet, coordinate_sine
+from tippedisk_verify.theory.jets import coordinate_sine
 
 __all__ = ["LONG", "Candidate", "candidates", "conventions"]
 
@@ -299,7 +299,8 @@ _TERMS = (
     "2 (A - Bbar) Omega v cos beta sin gamma cos gamma in h", "m rho^2 v^2 sin beta cos beta in h",
     "m e rho Omega^2 sin beta cos^3 beta sin gamma in h",
     "m e rho (3 sin^2 beta - 2) Omega v cos beta cos gamma in h", "A cos^2 gamma in M", "Bbar sin^2 gamma in M",
-    "m rho^2 cos^2 beta in M", "M", "h", "friction's mu m g rho^2 sin^2 beta", "the derivative by gamma, Omega cos beta dh/dgamma,",
+    "m rho^2 cos^2 beta in M", "M", "h", "friction's mu m g rho^2 sin^2 beta",
+    "the derivative by gamma, Omega cos beta dh/dgamma,",
     "the sum of h_i dh_j/dbeta",
 )  # fmt: skip
 
@@ -375,16 +376,9 @@ def _series_changes(
 ) -> Iterator[Candidate]:
     """Products left out, one order changed and passed on, one factor on a term of the recursion."""
     for kept in tuple(_KEPT)[1:]:
-        yield (
-            1.0,
-            f"of the products h_i dh_j/dbeta only those {kept} are there",
-            partial(_manifold, _Change(advected=kept)),
-        )
-        yield (
-            1.0,
-            f"of the products h_i h_j of the term with v^2 only those {kept} are there",
-            partial(_manifold, _Change(squared=kept)),
-        )
+        text = f"{{}} only those {kept} are there"
+        yield 1.0, text.format("of the products h_i dh_j/dbeta"), partial(_manifold, _Change(advected=kept))
+        yield 1.0, text.format("of the products h_i h_j with v^2"), partial(_manifold, _Change(squared=kept))
     bad = sorted(
         (q for here in entries for q in here if q.id in wrong and q.name.startswith("h_")), key=lambda q: q.name
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import permutations, product
 
@@ -126,7 +126,7 @@ def _one_way(store: Store, sign: int, id_: str) -> str:
     """The crossing that comes n-th among those in one direction."""
     name, _, number = id_.partition("#")
     entry, quantity = name.rsplit("/", 1)
-    speeds = [q for q in store.matching(f"{entry}/crossing_v#")]
+    speeds = store.matching(f"{entry}/crossing_v#")
     kept = sorted(int(q.name.partition("#")[2]) for q in speeds if sign * float(q) > 0)
     return f"{entry}/{quantity}#{kept[int(number) - 1]}" if number and int(number) <= len(kept) else ""
 
@@ -140,7 +140,7 @@ def _renamed(old: str, new: str, id_: str) -> str:
 
 
 def ordered(here: Sequence[Quantity], fits: Callable[[Quantity, float], bool]) -> str | None:
-    """In which other order the right eigenvalues are answered, if they are: ``fits`` compares an answer and a number."""
+    """In which other order the right eigenvalues are answered, or None; ``fits`` holds an answer against a number."""
     entries: dict[str, dict[str, Quantity]] = {}
     for quantity in here:
         entries.setdefault(quantity.id.rsplit("/", 1)[0], {})[quantity.name] = quantity
@@ -159,7 +159,8 @@ def ordered(here: Sequence[Quantity], fits: Callable[[Quantity, float], bool]) -
 
     for (text, key), sign in product(_ORDERS.items(), (-1, 1)):
         if all(fit(names, sorted(values, key=lambda x: (key(x), sign * x.imag))) for names, values in lists):
-            return f"the right eigenvalues in another order: {text}, {'positive' if sign < 0 else 'negative'} imaginary part first"
+            first = "positive" if sign < 0 else "negative"
+            return f"the right eigenvalues in another order: {text}, {first} imaginary part first"
     if all(any(fit(names, other) for other in permutations(values)) for names, values in lists):
         return "the right eigenvalues, not sorted: the order differs from entry to entry"
     return None
