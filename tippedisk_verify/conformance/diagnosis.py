@@ -186,7 +186,7 @@ def _causes(
             found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
-            free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()
+            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, _ORBITS) or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 

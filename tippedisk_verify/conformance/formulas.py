@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
@@ -26,6 +26,8 @@ from tippedisk_verify.theory.jets import coordinate_sine
 
 __all__ = ["LONG", "Candidate", "candidates", "conventions"]
 
+Entries = Sequence[Sequence[Quantity]]
+Answers = Mapping[str, float]
 Numbers = dict[str, float]
 Candidate = tuple[float, str, Callable[[Sequence[Quantity]], Numbers]]
 LONG = 9.0  # the rank of a factor that is nothing but a number
@@ -35,16 +37,12 @@ _HIGHEST = 5  # order of the slow manifold
 _SIMPLE = {"": 1.0, "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "8": 8.0, "1/8": 0.125, "16": 16.0, "1/16": 0.0625}
 
 
-def candidates(
-    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
-) -> Iterator[Candidate]:
+def candidates(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """What one change makes of the level's answers; ``entries`` are its questions."""
     by_kind = {
-        "hopf": _other_speeds,
-        "harmonic-balance": _balances,
-        "slow-manifold": _series_changes,
+        "hopf": _other_speeds, "harmonic-balance": _balances, "slow-manifold": _series_changes,
         "heteroclinic": _spectra,
-    }
+    }  # fmt: skip
     if (make := by_kind.get(entries[0][0].kind)) is not None:
         yield from make(entries, answers, wrong)
 
@@ -151,9 +149,7 @@ def _omega_crit(set_name: str) -> float:
     return math.sqrt((p.r + p.e) ** 2 * p.m * p.g / (p.r * p.Bbar))
 
 
-def _other_speeds(
-    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
-) -> Iterator[Candidate]:
+def _other_speeds(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """Everything as it would be at the wrong Omega_crit that is answered."""
     for quantity in entries[0]:
         if quantity.name == "omega_crit" and quantity.id in wrong and answers[quantity.id] > 0:
@@ -165,9 +161,7 @@ def _other_speeds(
 
 
 # ------------------------------------------------------------------------------------------ level 8
-def _spectra(
-    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
-) -> Iterator[Candidate]:
+def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """The eigenvalues at the connection, taken at another speed or at the other equilibrium."""
     from scipy.optimize import brentq
 
@@ -204,7 +198,6 @@ _BALANCE = (
     "C^2", "chi", "A (r - 2 e) in chi", "2 e of A (r - 2 e) in chi", "Bbar (2 r^2 + e (r + e)) / (2 (r + e)) in chi",
     "2 r^2 in chi", "e (r + e) in chi", "Bbar e^2 / (2 (r + e)) in chi", "Bbar r Omega^2 in C^2",
     "m g (r + e)^2 in C^2", "m g e (r + e) in C^2", "e Omega^2 / (r + e) in omega^2", "delta", "e of r - e in delta",
-    "Omega^2 in delta",
 )  # fmt: skip
 
 
@@ -224,12 +217,8 @@ def _law(p: SimpleNamespace, omega: float, form: str, changed: str, factor: floa
     below = term("chi", chi) * omega**2 + term("m g e (r + e) in C^2", p.m * p.g * p.e * reach)
     stiffness = p.r - (0.0 if consistent else term("e of r - e in delta", p.e))
     delta = term("delta", -stiffness * omega**2 / (8 * reach))
-    return (
-        term("C^2", -4 * p.e / reach * excess),
-        below,
-        term("e Omega^2 / (r + e) in omega^2", p.e / reach * omega**2),
-        delta,
-    )
+    linear = term("e Omega^2 / (r + e) in omega^2", p.e / reach * omega**2)
+    return term("C^2", -4 * p.e / reach * excess), below, linear, delta
 
 
 def _balanced(p: SimpleNamespace, changed: str, factor: float, here: Sequence[Quantity]) -> Numbers:
@@ -241,9 +230,7 @@ def _balanced(p: SimpleNamespace, changed: str, factor: float, here: Sequence[Qu
     return {"amplitude": math.sqrt(square), "frequency": frequency, "period": 2 * math.pi / frequency}
 
 
-def _balances(
-    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
-) -> Iterator[Candidate]:
+def _balances(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """One factor on a term of the one-harmonic law, from the wrong cycle farthest from the Hopf point."""
     bad = [here for here in entries if any(quantity.id in wrong for quantity in here)]
     here = max(bad, key=lambda here: -float(here[0].inputs["Omega"]))
@@ -265,12 +252,9 @@ def _balances(
             continue
         if sides[0] != sides[1]:
             factor = sides[0] / (sides[0] - sides[1])
-            if name == "C^2" and factor > 0:
-                rank, text = _said(math.sqrt(factor), p)
-                yield rank, f"C {text}", partial(_balanced, p, name, factor)
-            else:
-                rank, text = _said(factor, p)
-                yield rank, f"{name} {text}", partial(_balanced, p, name, factor)
+            squared = name == "C^2" and factor > 0
+            rank, text = _said(math.sqrt(factor) if squared else factor, p)
+            yield rank, f"{'C' if squared else name} {text}", partial(_balanced, p, name, factor)
 
 
 # ------------------------------------------------------------------------------------------ level 5
@@ -283,8 +267,7 @@ class _Change:
     order: int = -1  #: the order that is times the factor, and passed on so
     advected: str = "all"  #: which products h_i dh_j/dbeta are kept: a key of `_KEPT`
     squared: str = "all"  #: which products h_i h_j
-    in_residual: bool = False  #: whether the residual has the same terms, or those that are right
-    at_rest: bool = False  #: whether the residual measures slipping from the wrong h_0
+    alike: bool = False  #: whether the residual is formed with the same wrong terms and h_0, or with right ones
 
 
 _KEPT: dict[str, Callable[[int, int], bool]] = {
@@ -359,8 +342,8 @@ def _manifold(change: _Change, here: Sequence[Quantity]) -> Numbers:
             new = new / field["drag"]
         orders.append(new * change.factor if n == change.order else new)
     numbers = {f"h_{n}": float(order.value) for n, order in enumerate(orders)}
-    at = {name: jet.value for name, jet in (field if change.in_residual else right).items()}
-    rest = orders[0].value if change.at_rest else at["rolling"]
+    at = {name: jet.value for name, jet in (field if change.alike else right).items()}
+    rest = orders[0].value if change.alike else at["rolling"]
     total = by_beta = by_gamma = 0.0
     for n, order in enumerate(orders):
         total += p.epsilon**n * order.value
@@ -371,20 +354,17 @@ def _manifold(change: _Change, here: Sequence[Quantity]) -> Numbers:
     return numbers
 
 
-def _series_changes(
-    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
-) -> Iterator[Candidate]:
+def _series_changes(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """Products left out, one order changed and passed on, one factor on a term of the recursion."""
     for kept in tuple(_KEPT)[1:]:
         text = f"{{}} only those {kept} are there"
         yield 1.0, text.format("of the products h_i dh_j/dbeta"), partial(_manifold, _Change(advected=kept))
         yield 1.0, text.format("of the products h_i h_j with v^2"), partial(_manifold, _Change(squared=kept))
-    bad = sorted(
-        (q for here in entries for q in here if q.id in wrong and q.name.startswith("h_")), key=lambda q: q.name
-    )
+    bad = [quantity for here in entries for quantity in here if quantity.id in wrong and quantity.name[0] == "h"]
     if not bad:
         return
-    first, order = bad[0], int(bad[0].name[-1])
+    first = min(bad, key=lambda quantity: quantity.name)
+    order = int(first.name[-1])
     p, given = _values(first.set), answers[first.id]
     changes = [(f"h_{order}", _Change(order=order, factor=given / float(first)))] if float(first) else []
     for name in _TERMS if order else ():
@@ -396,15 +376,5 @@ def _series_changes(
             changes.append((name, _Change(name, factor)))
     for name, change in changes:
         rank, text = _said(change.factor, p)
-        for also in (False, True):
-            same = SimpleNamespace(in_residual=also and bool(change.term), at_rest=also and not change.term)
-            yield (
-                rank,
-                f"{name} {text}",
-                partial(
-                    _manifold,
-                    _Change(
-                        change.term, change.factor, change.order, in_residual=same.in_residual, at_rest=same.at_rest
-                    ),
-                ),
-            )
+        for alike in (False, True):
+            yield rank, f"{name} {text}", partial(_manifold, replace(change, alike=alike))

@@ -154,7 +154,10 @@ def formula_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Deci
     for rank, text, predict in candidates(entries, given, wrong):
         tried: set[str] = set()
         for here in told:
-            numbers = predict(here) if here else {}
+            try:
+                numbers = predict(here) if here else {}
+            except (ArithmeticError, ValueError):  # the changed formula has no value
+                break
             known = [quantity for quantity in here if quantity.name in numbers]
             if any(borne_out(answers[q.id], numbers[q.name], q, q.id in wrong) is None for q in known):
                 break
