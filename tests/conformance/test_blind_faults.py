@@ -33,7 +33,7 @@ TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_progra
 CASES = [json.loads(line) for line in (HERE / "blind_faults.jsonl").read_text().splitlines()]
 FAULTS = [case for case in CASES if "words" in case]
 CORRECT = [case for case in CASES if "words" not in case]
-NAMED = 99  # The others: see the names that the failing test prints.
+NAMED = 143  # The others: see the names that the failing test prints.
 #: One of each kind that takes no orbit; the levels after the fault's own are left out.
 QUICK = (
     ("inertia-swapped", 1), ("derivatives-mass", 1), ("eigenvalues-ascending", 2), ("equilibrium-inverted-only", 2),

@@ -161,7 +161,9 @@ def _causes(
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
-    models = [one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS if outputs_only else one.of_the_model)]
+    models = [
+        one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS) or (one.of_the_model and not outputs_only)
+    ]
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
