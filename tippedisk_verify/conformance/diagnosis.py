@@ -31,6 +31,8 @@ _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
+_FAR = 20.0  # times; slopes are no further off
+_LINEAR = 0.1  # rad, rad/s; they say nothing of larger moves
 _EARLY = 12  # samples of an orbit that a parameter's slope must foretell
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
@@ -167,9 +169,9 @@ def _causes(
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
-    models = list(_distinct(models, entries))
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
+    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers)]
     values = partial(free_values, worst, answers, store, _early(worst, usable, store))
     if level == 1:
         found = fitting(models + outputs)
@@ -203,6 +205,17 @@ def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity
                 continue
             seen.append(inputs)
         yield model
+
+
+def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
+    """Whether the slopes that the reference knows allow a small change of an orbit's inputs to make this error."""
+    if "@" not in worst.name or not model.inputs or model.parameters or not worst.condition:
+        return True
+    (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
+    shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
+    move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
+    error = abs(float(answers[worst.id]) - float(worst))
+    return error < _FAR * move and (move < _FAR * error or move > _LINEAR)
 
 
 def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:
