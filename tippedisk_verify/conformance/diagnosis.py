@@ -215,7 +215,7 @@ def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) 
     shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
     move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
     error = abs(float(answers[worst.id]) - float(worst))
-    return error < _FAR * move and (move < _FAR * error or move > _LINEAR)
+    return bool(error < _FAR * move and (move < _FAR * error or move > _LINEAR))
 
 
 def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:
