@@ -7,6 +7,7 @@ may rest on. A test holds the spelling without mistakes against `model.equations
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Callable
@@ -37,6 +38,8 @@ class Spelling:
     lever_sine: bool = True  #: w_y = rho sin(beta), not rho
     mass_squared: bool = True  #: cos^2 and sin^2 in M, not cos and sin
     mass_exchanged: bool = False  #: sin^2 and cos^2 exchanged in M
+    inertia_alike: bool = False  #: the last two in h's first term as well
+    held: str = ""  #: what is taken for a constant where derivatives are formed
     twice: bool = True  #: the factor 2 of h's second term
     weighted: bool = True  #: the friction force has the factor m g
     per_epsilon: bool = True  #: the friction force is divided by epsilon (linear) or smoothed by it
@@ -53,6 +56,7 @@ _SMOOTHED: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
     "tanh": lambda ops, slip, size, epsilon: ops.tanh(slip / epsilon),
     "arctan": lambda ops, slip, size, epsilon: 2 / math.pi * ops.atan(slip / epsilon),
     "sign": lambda ops, slip, size, epsilon: slip / size,
+    "frozen": lambda ops, slip, size, epsilon: slip / (size + epsilon),  # with the size's sign as at the start
 }
 
 
@@ -63,9 +67,13 @@ def spelled(
 
     ``p`` has r, e, m, A, Bbar, g, mu and epsilon; ``side`` is the sign of gamma_y where complex numbers hide it.
     """
+
+    def held(name: str, value: Any) -> Any:
+        return value.real if spelling.held == name else value
+
     beta, gamma, v = state
     sb, cb, sg, cg = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
-    rho = p.r + spelling.eccentricity * p.e * (sg if spelling.rho_sine else cg)
+    rho = held("rho", p.r + spelling.eccentricity * p.e * (sg if spelling.rho_sine else cg))
     factors = {
         "rho": rho, "sin beta": sb, "cos beta": cb, "sin gamma": sg, "cos gamma": cg, "Omega": omega, "v": v, "M": 1.0,
     }  # fmt: skip
@@ -83,16 +91,15 @@ def spelled(
     if spelling.mass_exchanged:
         cos_part, sin_part = sin_part, cos_part
     m1, m2, m3 = spelling.mass
-    factors["M"] = mass = (
-        term("M 1", m1 * p.A * cos_part)
-        + term("M 2", m2 * p.Bbar * sin_part)
-        + term("M 3", m3 * p.m * rho * rho * cb * cb)
-    )
+    turning = term("M 1", m1 * p.A * cos_part) + term("M 2", m2 * p.Bbar * sin_part)
+    factors["M"] = mass = held("M", turning + term("M 3", m3 * p.m * rho * rho * cb * cb))
+    if not spelling.inertia_alike:
+        cos_part, sin_part = cg * cg, sg * sg
     coupling = p.m * p.e * rho
     h1, h2, h3, h4, h5 = spelling.h
     first = h1 * omega * omega * sb * cb
     gyroscopic = (
-        term("h 1", term("h 1, A", p.A * cg * cg * first) + term("h 1, Bbar", p.Bbar * sg * sg * first))
+        term("h 1", term("h 1, A", p.A * cos_part * first) + term("h 1, Bbar", p.Bbar * sin_part * first))
         + term("h 2", -h2 * (2 if spelling.twice else 1) * (p.A - p.Bbar) * omega * v * cb * sg * cg)
         + term("h 3", h3 * p.m * rho * rho * v * v * sb * cb)
         + term("h 4", h4 * coupling * omega * omega * sb * cb**spelling.h4_power * sg)
@@ -100,7 +107,7 @@ def spelled(
     last = h5 * coupling * omega * v * cb * cg
     gyroscopic += term("h 5", term("h 5, 3", -3 * sb * sb * last) + term("h 5, 2", spelling.h5_constant * last))
     gravity = term("f_G", -spelling.gravity * p.m * p.g * rho * cb)
-    direction = term("w_y", rho * sb if spelling.lever_sine else rho)
+    direction = held("w_y", term("w_y", rho * sb if spelling.lever_sine else rho))
     sine = {"squared": sb * sb, "plain": sb, "of-square": ops.sin(beta * beta)}[spelling.slip_sine]
     slip = term("gamma_y 1", spelling.slip[0] * rho * v * sb) + term(
         "gamma_y 2", -spelling.slip[1] * p.e * omega * sine * cg
@@ -111,7 +118,7 @@ def spelled(
         force = slip / epsilon
     else:
         force = _SMOOTHED[spelling.smoothed](ops, slip, side * slip if side is not None else abs(slip), epsilon)
-    force = term("lambda_Ty", -spelling.traction * weight * force)
+    force = held("lambda_Ty", term("lambda_Ty", -spelling.traction * weight * force))
     rate = term("v_rate h", gyroscopic / mass) + term("v_rate f_G", gravity / mass)
     rate += term("v_rate friction", direction * force / mass)
     return parts | {
@@ -139,12 +146,22 @@ class Alternative:
     parameters: Callable[[Parameters], dict[str, Any]] | None = None  #: values to use instead, Bbar among them
     inputs: Callable[[Inputs], Inputs] | None = None
     output: Callable[[str, float], float] | None = None  #: (quantity, right value) -> the answer given
+    pi: float = math.pi  #: of sections and equilibria
+    friction: str | None = None  #: the law of the orbit
+    late: float = 0.0  #: s, by which samples are taken too late
     counterpart: dict[str, str] = field(default_factory=dict)  #: answers that belong to another set, law or form
 
     @property
     def of_the_model(self) -> bool:
         """Whether it changes the equations or their inputs, and so everything that follows from them."""
-        return self.spelling != CORRECT or self.parameters is not None or self.inputs is not None
+        changed = self.spelling != CORRECT or self.pi != math.pi
+        return changed or self.parameters is not None or self.inputs is not None
+
+    @property
+    def of_orbits(self) -> bool:
+        """Whether it may be in orbits alone, where the right-hand side is right."""
+        other = self.friction is not None or self.pi != math.pi
+        return other or self.inputs is not None or self.spelling.smoothed == "frozen"
 
 
 def _angles(change: Callable[[float], float]) -> Callable[[Inputs], Inputs]:
@@ -175,8 +192,12 @@ def _rounded(digits: int) -> Callable[[Parameters], dict[str, Any]]:
     return values
 
 
-def _gravity(value: str) -> Callable[[Parameters], dict[str, Any]]:
-    return lambda p: {"g": Fraction(value)}
+def _given(name: str, value: Any) -> Callable[[Parameters], dict[str, Any]]:
+    return lambda p: {name: value}
+
+
+def _exchanged(one: str, two: str) -> Callable[[Parameters], dict[str, Any]]:
+    return lambda p: {one: getattr(p, two), two: getattr(p, one)}
 
 
 def _sign_of_h(term: int) -> Spelling:
@@ -223,9 +244,19 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("rho-sign", "r - e sin gamma instead of r + e sin gamma", replace(CORRECT, eccentricity=-1)),
     Alternative("rho-cosine", "rho = r + e cos gamma instead of r + e sin gamma", replace(CORRECT, rho_sine=False)),
     Alternative("mass-3-sign", "the sign of m rho^2 cos^2 beta in M", replace(CORRECT, mass=(1, 1, -1))),
-    Alternative("mass-squares", "cos gamma and sin gamma instead of their squares in M",
-                replace(CORRECT, mass_squared=False)),
-    Alternative("mass-exchanged", "sin^2 gamma and cos^2 gamma exchanged in M", replace(CORRECT, mass_exchanged=True)),
+    *(
+        Alternative(f"mass-{name}", f"{text} in M{where}",
+                    replace(CORRECT, mass_squared=name != "squares", mass_exchanged=name == "exchanged",
+                            inertia_alike=alike))
+        for name, text in (("squares", "cos gamma and sin gamma instead of their squares"),
+                           ("exchanged", "sin^2 gamma and cos^2 gamma exchanged"))
+        for alike, where in ((False, ""), (True, " and h's first term"))
+    ),
+    *(
+        Alternative(f"derivative-of-{name}", f"the derivatives lack the derivative of {name}",
+                    replace(CORRECT, held=name))
+        for name in ("M", "rho", "w_y", "lambda_Ty")
+    ),
     Alternative("gravity-sign", "the sign of f_G", replace(CORRECT, gravity=-1)),
     Alternative("friction-sign", "the sign of the friction force", replace(CORRECT, traction=-1)),
     Alternative("friction-weight", "the friction force without m g", replace(CORRECT, weighted=False)),
@@ -242,7 +273,14 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("gamma-rate-sign", "gamma' = + Omega cos beta", replace(CORRECT, kinematic=1)),
     Alternative("B-for-Bbar", "B in place of Bbar = B - m e^2", parameters=lambda p: {"Bbar": p.B}),
     Alternative("Bbar-sign", "Bbar = B + m e^2", parameters=lambda p: {"Bbar": p.B + p.m * p.e**2}),
-    Alternative("A-B-exchanged", "A and B exchanged", parameters=lambda p: {"A": p.B, "B": p.A}),
+    *(
+        Alternative(f"{one}-{two}-exchanged", f"{one} and {two} exchanged", parameters=_exchanged(one, two))
+        for one, two in itertools.combinations(SYMBOLS, 2)
+    ),
+    *(
+        Alternative(f"pi-{text}", f"pi = {text}", pi=value)
+        for text, value in (*((f"{math.pi:.{n}g}", round(math.pi, n - 1)) for n in range(3, 9)), ("22/7", 22 / 7))
+    ),
     Alternative("A-at-centre-of-gravity", "m e^2 taken from A instead of from B",
                 parameters=lambda p: {"A": p.A - p.m * p.e**2, "Bbar": p.B}),
     Alternative("parameters-single", "parameters rounded to single precision", parameters=_all_single),
@@ -251,7 +289,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
         for n in (2, 3, 4, 5, 6, 7, 8, 9, 10)
     ),
     *(
-        Alternative(f"g-{value}", f"g = {value} instead of 9.81", parameters=_gravity(value))
+        Alternative(f"g-{value}", f"g = {value} instead of 9.81", parameters=_given("g", Fraction(value)))
         for value in ("9.8", "9.80665", "9.807", "9.82", "10")
     ),
     Alternative("e-sign", "the sign of e", parameters=lambda p: {"e": -p.e}),
@@ -268,14 +306,12 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                 inputs=lambda inputs: {name: _single(value) if isinstance(value, float) else value
                                        for name, value in inputs.items()}),
     *(
-        Alternative(f"inputs-{n}-decimals", f"state and Omega rounded to {n} decimals at the start",
-                    inputs=_decimals(n, ("Omega", "beta", "gamma", "v")))
-        for n in range(1, 9)
-    ),
-    *(
-        Alternative(f"angles-{n}-decimals", f"beta and gamma rounded to {n} decimals at the start",
-                    inputs=_decimals(n, ("beta", "gamma")))
-        for n in range(2, 9)
+        Alternative(f"{label}-{n}-decimals", f"{text} rounded to {n} decimals at the start", inputs=_decimals(n, names))
+        for label, text, names in (
+            ("omega", "Omega", ("Omega",)), ("v", "v", ("v",)), ("angles", "beta and gamma", ("beta", "gamma")),
+            ("state", "state", ("beta", "gamma", "v")), ("inputs", "state and Omega", ("Omega", "beta", "gamma", "v")),
+        )
+        for n in range(1 + (label == "angles"), 9)
     ),
     Alternative("v-omega-exchanged", "v and Omega exchanged", inputs=lambda inputs: {
         **inputs, **({"v": inputs["Omega"], "Omega": inputs["v"]} if "v" in inputs else {})}),
@@ -315,6 +351,12 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("calibrated-set", "the calibrated parameters where others are asked",
                 counterpart={"set": "calibrated"}),
     Alternative("printed-set", "Table 1's parameters where others are asked", counterpart={"set": "printed"}),
+    *(
+        Alternative(f"{law}-orbits", f"orbits of the {law} friction law where the {other} one is asked", friction=law)
+        for law, other in (("linear", "smooth"), ("smooth", "linear"))
+    ),
+    Alternative("friction-frozen", "the sign of gamma_y in the smooth law is kept from the start of an orbit",
+                replace(CORRECT, smoothed="frozen")),
     Alternative("linear-law", "the linear friction law where the smooth one is asked",
                 counterpart={"friction": "linear"}),
     Alternative("smooth-law", "the smooth friction law where the linear one is asked",

@@ -10,26 +10,29 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
-from tippedisk_verify.conformance.factors import free_values, term_factors
+from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
-from tippedisk_verify.conformance.predictions import predicted
-from tippedisk_verify.conformance.shapes import borne_out, shape_of, size_of
+from tippedisk_verify.conformance.predictions import Model, predicted
+from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
+_FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
+_FAR = 20.0  # times; slopes are no further off
+_LINEAR = 0.1  # rad, rad/s; they say nothing of larger moves
 _EARLY = 12  # samples of an orbit that a parameter's slope must foretell
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
@@ -160,12 +163,15 @@ def _causes(
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
-    models = [one for one in ALTERNATIVES if (one.inputs and level == _ORBITS if outputs_only else one.of_the_model)]
+    models = [
+        one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS) or (one.of_the_model and not outputs_only)
+    ]
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
-    outputs = [one for one in ALTERNATIVES if not one.of_the_model]
+    outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
+    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers)]
     values = partial(free_values, worst, answers, store, _early(worst, usable, store))
     if level == 1:
         found = fitting(models + outputs)
@@ -176,11 +182,44 @@ def _causes(
         found = found or shape_of(usable, wrong, store)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store)
+        if found is None and level in _FORMULAS:
+            found = formula_of(entries, answers, wrong)
+            if found is None and outputs_only:  # another number in this level alone
+                found = fitting(one for one in ALTERNATIVES if one.parameters)
+        if found is None and level == _ORBITS:
+            found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
-            free = values() if len(wrong) >= _BORNE_OUT and (level == _ORBITS or not outputs_only) else ()
+            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, _ORBITS) or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
+
+
+def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity]]) -> Iterator[Alternative]:
+    """Of those that only change the inputs, one for each change that these entries see: the first."""
+    seen = [_inputs(Alternative("", ""), entries)]
+    for model in models:
+        if model == Alternative(model.name, model.cause, inputs=model.inputs):
+            inputs = _inputs(model, entries)
+            if inputs in seen:
+                continue
+            seen.append(inputs)
+        yield model
+
+
+def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
+    """Whether the slopes that the reference knows allow a small change of an orbit's inputs to make this error."""
+    if "@" not in worst.name or not model.inputs or model.parameters or not worst.condition:
+        return True
+    (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
+    shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
+    move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
+    error = abs(float(answers[worst.id]) - float(worst))
+    return bool(error < _FAR * move and (move < _FAR * error or move > _LINEAR))
+
+
+def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:
+    return [Model(model, here[0].set, here[0].friction).inputs(here[0]) for here in entries]
 
 
 def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
@@ -211,11 +250,16 @@ def _entries_to_try(usable: Iterable[Grade], store: Store, level: int) -> list[l
     good = [here for here in by_entry.values() if not any(grade.failed for grade in here)]
     few = _MOST_ENTRIES[level]
     chosen = [[store[grade.id] for grade in here] for here in (*_some(bad, few), *_some(good, few))]
-    if level == 6 and chosen:
-        # The first sample alone costs a twentieth of an orbit and rules most mistakes out.
-        places = [placed(quantity.name)[1] for quantity in chosen[0]]
-        first = min((float(place["t"]) for place in places if "t" in place), default=None)
-        early = [q for q, place in zip(chosen[0], places, strict=True) if "t" in place and float(place["t"]) == first]
+    if level == _ORBITS and chosen:
+        # The first sample that is wrong costs a part of an orbit and rules most mistakes out.
+        wrong = {grade.id for grade in usable if grade.failed}
+
+        def first(here: Sequence[Quantity]) -> float:
+            times = (float(placed(q.name)[1].get("t", math.inf)) for q in here if q.id in wrong)
+            return min(times, default=math.inf)
+
+        chosen.sort(key=first)
+        early = [q for q in chosen[0] if float(placed(q.name)[1].get("t", math.inf)) <= first(chosen[0])]
         chosen.insert(0, early or chosen[0])
     return chosen
 

@@ -24,7 +24,7 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["free_values", "term_factors"]
+__all__ = ["free_values", "late_values", "named_product", "term_factors"]
 
 _TERMS = {
     "M": {"M 1": "A cos^2 gamma", "M 2": "Bbar sin^2 gamma", "M 3": "m rho^2 cos^2 beta"},
@@ -50,8 +50,10 @@ _FACTORS = ("rho", "sin beta", "cos beta", "sin gamma", "cos gamma", "Omega", "v
 _SOME_SIZE = 1e-3  # of the quantity's scale; a smaller term says little about its factor
 _WHOLE = 0.02  # how far a fitted power may be from a whole number
 _CONSTANT = 1e-6  # relative: the spread of what is left; the terms keep nine digits of their answers' fifteen
+_SMALL = ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, "1/4"))
 _LEAST_STATES = 12  # for at most nine unknowns
 _ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
+_LATE = 0.05  # s
 _NEAR = 0.2  # relative: so far the slope of an orbit's answer is a guide
 _ALIKE = 0.3  # relative: how well slopes foretell errors so far
 _MOST = 0.7  # of the answers beside the one that is solved for
@@ -134,20 +136,26 @@ def _said(constant: float, factors: tuple[tuple[str, int], ...], values: Mapping
     if not factors and abs(constant + 1) < _CONSTANT:
         return "has the wrong sign", False
     powers = [label if power == 1 else f"{label}^{power}" for label, power in factors]
-    number = _constant(constant, values)
+    number = named_product(constant, values)
     said = " ".join((*([f"{constant:.8g}"] if number is None else number.split()), *powers))
     return f"has the extra factor {said}", number is None and not factors
 
 
-def _constant(constant: float, values: Mapping[str, float]) -> str | None:
-    """A number as a small one, or a product of at most two powers of parameters, if it is one."""
-    powers = [(name, power) for name in values for power in (1, -1, 2, -2)]
-    products: list[tuple[tuple[str, int], ...]] = [(), *((one,) for one in powers), *itertools.combinations(powers, 2)]
+def named_product(
+    constant: float, values: Mapping[str, float], exponents: Sequence[float] = (1, -1, 2, -2)
+) -> str | None:
+    """A number as a small one, or a product of at most two powers of ``values``, if it is one: the simplest."""
+    powers = [(name, power) for name in values for power in exponents]
+    products: list[tuple[tuple[str, float], ...]] = [
+        (),
+        *((one,) for one in powers),
+        *itertools.combinations(powers, 2),
+    ]
     for product in products:
         size = math.prod(values[name] ** power for name, power in product)
-        for simple, text in ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2")):
-            if abs(constant / (size * simple) - 1) < _CONSTANT and (len(product) < 2 or simple == 1):
-                names = [name if power == 1 else f"{name}^{power}" for name, power in product]
+        for simple, text in _SMALL if len(product) < 2 else _SMALL[:1]:
+            if abs(constant / (size * simple) - 1) < _CONSTANT:
+                names = [name if power == 1 else f"{name}^{power:g}" for name, power in product]
                 return " ".join(part for part in (text, *names) if part)
     return None
 
@@ -185,6 +193,29 @@ def free_values(
     for make, grid in makes:
         for root in _roots(partial(_error, make, worst, answer, store), grid):
             yield make(root)
+
+
+def late_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:
+    """The time by which an orbit's samples are late, if ``worst`` is one."""
+    answer = float(answers[worst.id])
+    rate = _rate(worst, store) if "@" in worst.name else 0.0
+    late = (answer - float(worst)) / rate if rate else math.inf
+    if abs(late) < _LATE:
+        near = [share * late for share in (0.6, 1.0, 1.6)]
+        yield from map(_late, _roots(partial(_error, _late, worst, answer, store), near))
+
+
+def _rate(sample: Quantity, store: Store) -> float:
+    """d/dt of one part of a state on its way."""
+    model, time = Model(Alternative("", ""), sample.set, sample.friction), sample.name.split("@")[1]
+    state = [float(store[f"{sample.id.rsplit('/', 1)[0]}/{name}@{time}"]) for name in ("beta", "gamma", "v")]
+    parts = model.parts(math, float(sample.inputs["Omega"]), state)
+    return float({"beta": state[2], "gamma": parts["gamma_rate"], "v": parts["v_rate"]}[sample.name.split("@")[0]])
+
+
+def _late(late: float) -> Alternative:
+    text = f"samples are taken {abs(late):.6g} s too {'late' if late > 0 else 'early'}"
+    return Alternative("late-value", text, late=late)
 
 
 def _error(make: Callable[[float], Alternative], quantity: Quantity, answer: float, store: Store, c: float) -> float:

@@ -15,13 +15,17 @@ from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.reference_values.draws import DRAWN_SET, parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Model", "predicted"]
+__all__ = ["Model", "eigenvalues", "predicted"]
 
+_NONE = Alternative("", "")
+_STATE = ("beta", "gamma", "v")
+_SHORT = 5e-4  # s, a step; friction decays at some 200 1/s
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _TOLERANCE = 1e-12
 _DURATION = 10.0
 _RETURNS = 1e-3  # rad, rad/s; the model that answered brings its cycle back closer than that
 _SOLVED = 1e-8  # what the smooth law's kink leaves of the tolerance
+_FORETOLD = 20.0
 _START = 0.01  # s; a crossing before this is the start itself
 
 
@@ -30,14 +34,15 @@ class Model:
 
     def __init__(self, alternative: Alternative, set_name: str, friction: str) -> None:
         self.alternative = alternative
-        self.friction = "smooth" if friction == "smooth" else "linear"
+        law = alternative.friction or friction
+        self.friction = "smooth" if law == "smooth" else "linear"
         exact = parameters_of(set_name)
         values: dict[str, Any] = {name: getattr(exact, name) for name in SYMBOLS}
         if alternative.parameters is not None:
             values |= alternative.parameters(exact)
         if "Bbar" not in values:
             values["Bbar"] = Fraction(values["B"]) - Fraction(values["m"]) * Fraction(values["e"]) ** 2
-        self.p = SimpleNamespace(**{name: float(value) for name, value in values.items()})
+        self.p = SimpleNamespace(pi=alternative.pi, **{name: float(value) for name, value in values.items()})
 
     def inputs(self, quantity: Quantity) -> dict[str, Any]:
         given: dict[str, Any] = {}
@@ -51,10 +56,13 @@ class Model:
     def parts(self, ops: Any, omega: Any, state: Sequence[Any], side: Any = None) -> dict[str, Any]:
         return spelled(self.alternative.spelling, ops, self.p, omega, state, self.friction, side)
 
-    def rates(self, omega: float) -> Callable[[float, Any], list[float]]:
+    def rates(self, omega: float, start: Sequence[float]) -> Callable[[float, Any], list[float]]:
+        frozen = self.alternative.spelling.smoothed == "frozen"
+        side = math.copysign(1.0, self.parts(math, omega, start)["gamma_y"]) if frozen else None
+
         def function(t: float, y: Any) -> list[float]:
             beta, gamma, v = y.tolist()
-            parts = self.parts(math, omega, (beta, gamma, v))
+            parts = self.parts(math, omega, (beta, gamma, v), side)
             return [v, parts["gamma_rate"], parts["v_rate"]]
 
         return function
@@ -97,8 +105,10 @@ def predicted(
         return _counterparts(alternative, quantities, store, truth)
     if alternative.output is not None:
         return {q.id: alternative.output(placed(q.name)[0], truth[q.id]) for q in quantities}
+    if alternative.late:
+        return _late(alternative, quantities, store)
     compute = _BY_KIND.get(first.kind)
-    if compute is None and first.kind != "limit-cycle":
+    if compute is None and first.kind not in ("limit-cycle", "near-heteroclinic"):
         return {}
     try:
         model = Model(alternative, first.set, first.friction)
@@ -126,6 +136,29 @@ def _counterparts(
     return counterparts
 
 
+def _late(alternative: Alternative, quantities: Sequence[Quantity], store: Store) -> dict[str, float]:
+    """The right orbit's samples a little later; crossings are right."""
+    import numpy
+
+    first = quantities[0]
+    model = Model(_NONE, first.set, first.friction)
+    given = model.inputs(first)
+    rates = model.rates(given["Omega"], [given[name] for name in _STATE])
+    count = math.ceil(abs(alternative.late) / _SHORT)
+    step = alternative.late / count
+    found: dict[str, float] = {}
+    for time in dict.fromkeys(q.name.split("@")[1] for q in quantities if "@" in q.name):
+        ids = [f"{first.id.rsplit('/', 1)[0]}/{name}@{time}" for name in _STATE]
+        y = numpy.array([float(store[id_]) for id_ in ids])
+        for _ in range(count):
+            k_1 = numpy.array(rates(0.0, y))
+            k_2 = numpy.array(rates(0.0, y + step / 2 * k_1))
+            k_3 = numpy.array(rates(0.0, y + step / 2 * k_2))
+            y = y + step / 6 * (k_1 + 2 * k_2 + 2 * k_3 + numpy.array(rates(0.0, y + step * k_3)))
+        found |= dict(zip(ids, y.tolist(), strict=True))
+    return {q.id: found.get(q.id, q.for_doubles) for q in quantities}
+
+
 # ------------------------------------------------------------------------------------------ by kind
 def _rhs(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
@@ -135,10 +168,11 @@ def _rhs(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     return values | dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True))
 
 
-def _eigenvalues(model: Model, omega: float, gamma: float) -> list[complex]:
+def eigenvalues(model: Model, omega: float, side: int) -> list[complex]:
+    """Of inverted (1) or noninverted (-1) spinning, by descending real parts."""
     import numpy
 
-    rows = model.jacobian(omega, (math.pi / 2, gamma, 0.0))
+    rows = model.jacobian(omega, (model.p.pi / 2, side * model.p.pi / 2, 0.0))
     values = [complex(value) for value in numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], *rows]))]
     return sorted(values, key=lambda value: (-round(value.real, 7), -value.imag))
 
@@ -146,7 +180,7 @@ def _eigenvalues(model: Model, omega: float, gamma: float) -> list[complex]:
 def _equilibrium(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     given = model.inputs(quantities[0])
     side = 1 if given["equilibrium"] == "inverted" else -1
-    values = _eigenvalues(model, given["Omega"], side * math.pi / 2)
+    values = eigenvalues(model, given["Omega"], side)
     return {
         f"lambda_{n}_{part}": getattr(value, name)
         for n, value in enumerate(values, start=1)
@@ -159,11 +193,11 @@ def _hopf(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
     from scipy.optimize import brentq
 
     def growth(omega: float) -> float:
-        values = _eigenvalues(model, omega, math.pi / 2)
+        values = eigenvalues(model, omega, 1)
         return max((value.real for value in values if abs(value.imag) > 1e-9), default=math.nan)
 
     omega = float(brentq(growth, 15.0, 60.0, xtol=1e-13, rtol=1e-14))
-    frequency = max(value.imag for value in _eigenvalues(model, omega, math.pi / 2))
+    frequency = max(value.imag for value in eigenvalues(model, omega, 1))
     slope = (growth(omega + 1e-4) - growth(omega - 1e-4)) / 2e-4
     return {"omega_crit": omega, "period": 2 * math.pi / frequency, "transversality": slope}
 
@@ -201,14 +235,14 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
     crossings = any("n" in place for place in places)
 
     def section(t: float, y: Any) -> float:
-        return math.cos(y[0])
+        return math.sin(model.p.pi / 2 - y[0])
 
     def flat(t: float, y: Any) -> float:
         return math.sin(y[0])
 
     flat.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
-        model.rates(given["Omega"]),
+        model.rates(given["Omega"], [given[name] for name in _STATE]),
         (0.0, _DURATION if crossings or not times else times[-1]),
         [given[name] for name in ("beta", "gamma", "v")],
         method="DOP853",
@@ -242,26 +276,33 @@ def _cycle(model: Model, quantities: Sequence[Quantity], near: Mapping[str, floa
     from scipy.integrate import solve_ivp
     from scipy.optimize import root
 
-    omega = model.inputs(quantities[0])["Omega"]
+    omega, half_pi = model.inputs(quantities[0])["Omega"], model.p.pi / 2
     answered = {quantity.name: near.get(quantity.id, quantity.for_doubles) for quantity in quantities}
     if not {"gamma_bar_0", "v_0"} <= answered.keys():
         return {}
-    rates = model.rates(omega)
+    period = next((quantity for quantity in quantities if quantity.name == "period"), None)
+    shift = omega / float(quantities[0].inputs["Omega"]) - 1
+    if shift and period is not None:
+        # A quick look at the slope, which holds near the connection within the logarithm of a hundred or so.
+        share = (answered["period"] - period.for_doubles) / (float(period.condition["Omega"]) * shift)
+        if not 1 / _FORETOLD < share < _FORETOLD:
+            return {}
+    rates = model.rates(omega, [half_pi, answered["gamma_bar_0"] + half_pi, answered["v_0"]])
 
     def section(t: float, y: Any) -> float:
-        return math.cos(y[0]) if t > 1e-3 else math.copysign(1.0, -y[2])
+        return math.sin(half_pi - y[0]) if t > 1e-3 else math.copysign(1.0, -y[2])
 
     section.terminal = True  # type: ignore[attr-defined]
 
     def flight(unknown: Any) -> tuple[float, list[float]]:
-        start = [math.pi / 2, math.pi / 2 + float(unknown[0]), float(unknown[1])]
+        start = [half_pi, half_pi + float(unknown[0]), float(unknown[1])]
         solution = solve_ivp(
             rates, (0.0, 4.0), start, method="DOP853", events=section, rtol=_TOLERANCE, atol=_TOLERANCE
         )
         if not len(solution.t_events[0]):
             raise ArithmeticError("no return")
         end = solution.y_events[0][0]
-        return float(solution.t_events[0][0]), [math.pi / 2 - end[1] - unknown[0], -end[2] - unknown[1]]
+        return float(solution.t_events[0][0]), [half_pi - end[1] - unknown[0], -end[2] - unknown[1]]
 
     state = [answered["gamma_bar_0"], answered["v_0"]]
     if not max(map(abs, flight(state)[1])) < _RETURNS:

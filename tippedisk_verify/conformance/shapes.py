@@ -8,24 +8,26 @@ single precision) come last; they are named where everything that they must leav
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
-from functools import partial
 from statistics import median
 
+from tippedisk_verify.conformance.formulas import LONG, candidates, conventions
 from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
-from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.conformance.relations import INSTEAD, ordered, relations, stem
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["borne_out", "shape_of", "size_of"]
+__all__ = ["borne_out", "formula_of", "shape_of", "size_of"]
 
 Found = tuple[tuple[tuple[str, str], ...], frozenset[str]]  # causes, and the wrong answers that they were tried on
 _CLOSER = 1.0  # digits by which what a cause expects must be nearer to an answer than the truth is
 _BEYOND = 2.0  # digits beyond those needed that a right answer's error may have, whatever the cause
 _LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a shape
 _FREE = 4  # answers that must bear out a number that was read off one of them
+_SOME = 3  # entries that are named
 _MOST = 3  # different shapes at a level; more are several mistakes
 _HUGE = 1e15  # answers beyond are no value's, whatever the function; sums with them lose all digits
 _LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
@@ -35,7 +37,6 @@ _CRUDE = 0.005  # s; a step that brings the samples in time out right is no long
 #: Errors as relative changes of all inputs together: SciPy's methods stay below at tolerances up to 1e-3 (RK45) or 1e-4
 #: (LSODA, BDF), equations with one sign, power or moment of inertia wrong are above it on the scenes' orbits.
 _INTEGRATED = 1.5e-4
-_INSTEAD = "the answer for "
 _NUMBERS = {
     "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "-2": -2.0, "-1/2": -0.5, "2 pi": 2 * math.pi,
     "1/(2 pi)": 0.5 / math.pi, "pi": math.pi, "1/pi": 1 / math.pi, "180/pi (degrees)": 180 / math.pi,
@@ -47,15 +48,7 @@ _OFFSETS = {
     "pi/2": math.pi / 2, "-pi/2": -math.pi / 2, "pi": math.pi, "-pi": -math.pi, "2 pi": 2 * math.pi,
     "-2 pi": -2 * math.pi,
 }  # fmt: skip
-_WEIGHTS: dict[str, Callable[[int], float]] = {
-    "n! (a factorial)": math.factorial, "1/n!": lambda n: 1 / math.factorial(n), "epsilon^n": lambda n: 0.1**n,
-    "(-1)^n (a sign)": lambda n: (-1.0) ** n,
-}  # fmt: skip
-_PAIRS = (
-    ("inverted-", "noninverted-", "equilibrium"), ("linear", "smooth", "friction law"),
-    ("printed-", "consistent-", "law, printed one-harmonic and consistent one exchanged,"),
-    ("stable-", "unstable-", "cycle, stable and unstable exchanged,"),
-)  # fmt: skip
+_PRINTED = {"omega_crit": (30.92,), "omega_h": (30.07,), "period": (0.886,)}
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "the square root of the right value, as of a half map for a whole one,": lambda x: math.copysign(
         math.sqrt(abs(x)), x
@@ -77,14 +70,58 @@ def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | 
 
     ``usable`` are the level's answers that are numbers.
     """
-    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
+    here, answers = [store[grade.id] for grade in usable], {grade.id: as_decimal(grade.answer) for grade in usable}
     if any(abs(answer) > _HUGE for answer in answers.values()):
         return None
+    return (
+        _by_quantity(usable, wrong, store) or _by_order(here, answers, wrong) or _by_entry(here, answers, wrong, store)
+    )
+
+
+def _by_order(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
+    def fits(quantity: Quantity, expected: float) -> bool:
+        return borne_out(answers[quantity.id], expected, quantity, quantity.id in wrong) is not None
+
+    text = ordered(here, fits) if here[0].kind == "equilibrium" else None
+    return ((("order", text),), frozenset(wrong)) if text else None
+
+
+def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store) -> Found | None:
+    """Entries that have another entry's answers throughout."""
+    entries: dict[str, list[Quantity]] = {}
+    for quantity in here:
+        entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
+    others = list(dict.fromkeys(q.id.rsplit("/", 1)[0] for q in store.matching(here[0].id.rsplit("/", 2)[0] + "/")))
+    pairs: dict[str, str] = {}
+    tried: set[str] = set()
+    for entry, asked in entries.items():
+        if wrong.isdisjoint(quantity.id for quantity in asked):
+            continue
+        for other in others:
+            theirs = {quantity.id: store.get(quantity.id.replace(entry, other)) for quantity in asked}
+            expected = {id_: found.for_doubles for id_, found in theirs.items() if found is not None}
+            explained = _explained(expected, asked, answers, wrong) if other != entry else set()
+            if len(explained) > 1:
+                pairs[entry.rsplit("/", 1)[1]] = other.rsplit("/", 1)[1]
+                tried |= explained
+                break
+        else:
+            return None
+    text = "; ".join(f"{mine} has those to {other}" for mine, other in list(pairs.items())[:_SOME])
+    if len(set(pairs.values())) == 1 < len(pairs):
+        text = f"all have the same, those to {next(iter(pairs.values()))}"
+    more = " and so on" if len(pairs) > _SOME and ";" in text else ""
+    starts = ", another start," if here[0].kind == "trajectory" else ""
+    return (("entries", f"the answers to another entry{starts} of the same kind: {text}{more}"),), frozenset(tried)
+
+
+def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     if (text := _rounded([store[grade.id] for grade in usable], answers)) is not None:
         return (("rounded", f"the answers are {text}"),), frozenset(wrong)
     groups: dict[str, list[Quantity]] = {}
     for grade in usable:
-        groups.setdefault(_stem(store[grade.id]), []).append(store[grade.id])
+        groups.setdefault(stem(store[grade.id]), []).append(store[grade.id])
     phrases: dict[str, list[str]] = {}
     tried: set[str] = set()
     for name, here in groups.items():
@@ -94,7 +131,7 @@ def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | 
             phrases.setdefault(text, []).append(name)
             tried |= {quantity.id for quantity in here if quantity.id in wrong}
             continue
-        for phrase, expected in _shapes(here, answers, wrong, store):
+        for phrase, expected in itertools.chain(_shapes(here, answers, wrong, store), _conventions(here)):
             explained = _explained(expected, here, answers, wrong)
             if explained and (not phrase.startswith("~") or len(explained) >= _FREE):
                 phrases.setdefault(phrase.removeprefix("~"), []).append(name)
@@ -106,9 +143,31 @@ def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | 
     return ((("shape", "; ".join(said)),), frozenset(tried)) if 0 < len(said) <= _MOST else None
 
 
-def _stem(quantity: Quantity) -> str:
-    plain, place = placed(quantity.name)
-    return plain.rsplit("_", 1)[0] + "_n" if "order" in place else plain
+def formula_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
+    """The simplest of the changed formulas of levels 3 to 5 that explain all answers; those as simple go with it."""
+    given = {id_: float(answer) for id_, answer in answers.items() if abs(answer) < _HUGE}
+    fits: dict[str, tuple[float, set[str]]] = {}
+    if any(quantity.id not in given for here in entries for quantity in here):
+        return None
+    told = [[quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS] for here in entries]
+    blamed = {quantity.id for here in told for quantity in here if quantity.id in wrong}
+    for rank, text, predict in candidates(entries, given, wrong):
+        tried: set[str] = set()
+        for here in told:
+            try:
+                numbers = predict(here) if here else {}
+            except (ArithmeticError, ValueError):  # the changed formula has no value
+                break
+            known = [quantity for quantity in here if quantity.name in numbers]
+            if any(borne_out(answers[q.id], numbers[q.name], q, q.id in wrong) is None for q in known):
+                break
+            tried |= {quantity.id for quantity in known if quantity.id in wrong}
+        else:
+            if tried and tried == blamed and (rank < LONG or len(tried) >= _FREE):
+                fits.setdefault(text, (rank, tried))
+    best = min((rank for rank, _ in fits.values()), default=0.0)
+    causes = tuple(("formula", text) for text, (rank, _) in fits.items() if rank == best)
+    return (causes, frozenset().union(*(tried for rank, tried in fits.values() if rank == best))) if causes else None
 
 
 def _named(phrases: Mapping[str, list[str]]) -> list[str]:
@@ -121,9 +180,9 @@ def _named(phrases: Mapping[str, list[str]]) -> list[str]:
         if parts == {"_re", "_im"}:
             groups[phrase] = list(dict.fromkeys(map(_whole, names)))
     other = {
-        names[0]: phrase.removeprefix(_INSTEAD)
+        names[0]: phrase.removeprefix(INSTEAD)
         for phrase, names in groups.items()
-        if len(names) == 1 and phrase.startswith(_INSTEAD)
+        if len(names) == 1 and phrase.startswith(INSTEAD)
     }
     said = []
     for phrase, names in groups.items():
@@ -191,17 +250,24 @@ def _shapes(
         yield f"{text} times the right value", {id_: number * x for id_, x in right.items()}
     for text, number in _OFFSETS.items():
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
+    for number in _PRINTED.get(here[0].name, ()):
+        yield f"{number}, as the paper prints it,", dict.fromkeys(right, number)
     for text, function in _FUNCTIONS.items():
         yield text, _mapped(function, right)
     turns = {id_: x + 2 * math.pi * round((given[id_] - x) / (2 * math.pi)) for id_, x in right.items()}
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
-    yield from _relations(here, store)
+    yield from relations(here, store)
     if right[worst]:
         factor = given[worst] / right[worst]
         yield f"~{factor:.8g} times the right value", {id_: factor * x for id_, x in right.items()}
     offset = given[worst] - right[worst]
     yield f"~the right value plus {offset:.8g}", {id_: offset + x for id_, x in right.items()}
+
+
+def _conventions(here: Sequence[Quantity]) -> Iterator[tuple[str, dict[str, float]]]:
+    if here[0].kind == "hopf":
+        yield from ((text, {here[0].id: number}) for text, number in conventions(here[0]))
 
 
 def _mapped(function: Callable[[float], float], right: Mapping[str, float]) -> dict[str, float]:
@@ -212,58 +278,6 @@ def _mapped(function: Callable[[float], float], right: Mapping[str, float]) -> d
         except (ArithmeticError, ValueError):
             found[id_] = math.nan
     return found
-
-
-def _relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dict[str, float]]]:
-    """The answers to other questions: another place, another entry, another quantity of the same entry."""
-    kind = here[0].id.rsplit("/", 2)[0]
-    entries = list(dict.fromkeys(q.id.rsplit("/", 1)[0] for q in store.matching(kind + "/")))
-    times = sorted({place["t"] for q in here if "t" in (place := placed(q.name)[1])}, key=float)
-
-    def at(rename: Callable[[str], str]) -> dict[str, float]:
-        other = {q.id: store.get(rename(q.id)) for q in here}
-        return {id_: found.for_doubles for id_, found in other.items() if found is not None and found.id != id_}
-
-    def numbered(mark: str, by: int, factor: int = 1) -> Callable[[str], str]:
-        return lambda id_: re.sub(rf"(?<={mark})\d+$", lambda n: str(factor * int(n[0]) + by), id_)
-
-    def listed(items: Sequence[str], by: int) -> Callable[[str], str]:
-        moved = {items[n - by]: items[n] for n in range(max(0, by), min(len(items), len(items) + by))}
-        # What has no neighbour has no other answer either.
-        return lambda id_: re.sub(r"(?<=@)[\d.]+$|^.*(?=/)", lambda item: moved.get(item[0], item[0]), id_)
-
-    for by, word in ((-1, "previous"), (1, "next"), (-2, "last but one"), (2, "next but one")):
-        yield f"those to the {word} crossing", at(numbered("#", by))
-        yield f"those to the {word} order", at(numbered("_", by)) if _stem(here[0]).endswith("_n") else {}
-        yield f"those to the {word} sample in time", at(listed(times, by))
-        yield f"those to the {word} entry of its kind", at(listed(entries, by))
-    yield "those to every second crossing", at(numbered("#", 0, 2))
-    for one, two, text in _PAIRS:
-        yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
-    before = at(numbered("#", -1))
-    yield (
-        "counted from the previous crossing, an interval,",
-        {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
-    )
-    mine = _stem(here[0])
-    for name in dict.fromkeys(_stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
-        other = at(partial(_renamed, f"/{mine}", f"/{name}"))
-        yield f"{_INSTEAD}{name}", other
-        yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
-        if name == "period":
-            rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
-            yield "those per unit of time, divided by the period,", rates
-    if mine.endswith("_n"):
-        for text, weight in _WEIGHTS.items():
-            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * q.for_doubles for q in here}
-
-
-def _exchanged(one: str, two: str, id_: str) -> str:
-    return id_.replace(one, two) if one in id_ else id_.replace(two, one)
-
-
-def _renamed(old: str, new: str, id_: str) -> str:
-    return new.join(id_.rsplit(old, 1))
 
 
 # ------------------------------------------------------------------------------------------ sizes
@@ -295,8 +309,8 @@ def _rounded(asked: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str |
 
 def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_right: bool) -> Found | None:
     """Errors that their size and place tell; ``equations_right`` says that level 1 was passed."""
-    failing = {_stem(store[id_]) for id_ in wrong}
-    passing = {_stem(store[grade.id]) for grade in usable if not grade.failed} - failing
+    failing = {stem(store[id_]) for id_ in wrong}
+    passing = {stem(store[grade.id]) for grade in usable if not grade.failed} - failing
     digits = [grade.digits for grade in usable if grade.id in wrong]
     level = usable[0].level
     derivative = {name for name in failing if name.startswith("d") or name == "transversality"}

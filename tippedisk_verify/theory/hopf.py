@@ -32,6 +32,7 @@ __all__ = [
     "omega_crit_squared",
     "period_crit",
     "speed_below_crit",
+    "trilinear",
 ]
 
 _GUARDS = (15, 60, 240, 960)  # digits more than asked for, in turn
@@ -194,7 +195,7 @@ def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool =
 
     def cubic(coefficients: dict[tuple[int, int, int], Any]) -> Any:
         """C(q, q, qbar) of one component: the third derivatives applied to q, q and its conjugate."""
-        return sum(value * _trilinear(powers, right, ctx) for powers, value in coefficients.items())
+        return sum(value * trilinear(powers, right, ctx) for powers, value in coefficients.items())
 
     acceleration = cubic(cubic_acceleration(derived(constants, speed)))
     kinematic = cubic({(3, 0, 0): -speed / 6})  # gamma_bar' = Omega sin(beta_bar)
@@ -214,7 +215,7 @@ def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool =
     }
 
 
-def _trilinear(powers: tuple[int, int, int], q: list[Any], ctx: Any) -> Any:
+def trilinear(powers: tuple[int, int, int], q: list[Any], ctx: Any) -> Any:
     """The symmetric trilinear form of the monomial x^i y^j z^k (times 3!) at (q, q, conj q).
 
     Six orderings of three factors: each factor in turn takes the conjugate, twice.

@@ -1,0 +1,123 @@
+"""A hundred and fifty faults in an independent program, planted without a look at the code of the diagnosis.
+
+`blind_faults.jsonl` has a fault to each line: its name, what a true diagnosis has to say, the `words` by which one that
+says it is told (regular expression), the last of the `levels` answered (nine, if it does not say), and the `patches`
+that plant it in `blind_program.py` and `blind_theory.py`. Lines without words are correct programs. All lines were
+written before a sheet was graded, but for the words, which were chosen by hand from the verdicts.
+A statement without these words counts as wrong until somebody has judged that it leads to the fault.
+
+The first grading named 99. Shapes were added to the diagnosis after that, with this list in view: it is a regression
+test now, and says nothing of faults that nobody has seen.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.grading import graded, levels_of
+from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
+from tippedisk_verify.reference_values.store import Store, stored
+
+HERE = Path(__file__).parent
+TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
+CASES = [json.loads(line) for line in (HERE / "blind_faults.jsonl").read_text().splitlines()]
+FAULTS = [case for case in CASES if "words" in case]
+CORRECT = [case for case in CASES if "words" not in case]
+NAMED = 143  # The others: see the names that the failing test prints.
+#: One of each kind that takes no orbit; the levels after the fault's own are left out.
+QUICK = (
+    ("inertia-swapped", 1), ("derivatives-mass", 1), ("eigenvalues-ascending", 2), ("equilibrium-inverted-only", 2),
+    ("crit-square", 3), ("lyapunov-norm", 3), ("chi-e", 4), ("hb-B", 4), ("h_1-sign", 5), ("h-cross-terms", 5),
+)  # fmt: skip
+
+
+def planted(case: dict[str, Any]) -> list[str]:
+    """The texts of theory and program with the patches in them; each has to fit, and in one place."""
+    texts = list(TEXTS)
+    for old, new in case["patches"]:
+        counts = [text.count(old) for text in texts]
+        assert max(counts) == 1, (case["name"], old)
+        texts = [text.replace(old, new) for text in texts]
+    return texts
+
+
+class Graders:
+    """Answers a sheet with patched programs, and grades it. What a patch leaves as it was is not run again."""
+
+    def __init__(self, folder: Path) -> None:
+        self.store: Store = stored()
+        self.asked = questions(self.store, sets=("printed",), frictions=(), levels=())
+        self.rows = list(csv.DictReader(io.StringIO(sheet_csv(self.store, self.asked))))
+        self.file = folder / "answers.json"
+        self.kept: dict[Any, Any] = {}
+
+    def __call__(self, case: dict[str, Any]) -> tuple[set[int], list[str]]:
+        """The levels that fail, and the causes that the diagnosis states."""
+        texts = planted(case)
+        theory = types.ModuleType("blind_theory")
+        exec(compile(texts[0], case["name"], "exec"), theory.__dict__)
+        program: dict[str, Any] = {"__name__": "program", "TEXT": texts[1]}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setitem(sys.modules, "blind_theory", theory)
+            exec(compile(texts[1], case["name"], "exec"), program)
+            program["KEPT"].update(self.kept)
+            answers = program["answered"](self.rows, range(1, case.get("levels", 9) + 1))
+        self.kept = program["KEPT"]
+        self.file.write_text(json.dumps(answers | {"from": "doubles"}))
+        grades = graded(read_answers(self.file, self.store), self.store)
+        failing = {level.level for level in levels_of(grades, self.asked) if level.failed}
+        diagnoses = diagnosed(grades, self.store, lambda label, steps: None)
+        return failing, [cause for diagnosis in diagnoses for _, cause in diagnosis.causes]
+
+
+@pytest.fixture(scope="module")
+def graders(tmp_path_factory: pytest.TempPathFactory) -> Graders:
+    return Graders(tmp_path_factory.mktemp("blind"))
+
+
+def test_each_patch_fits() -> None:
+    assert len({case["name"] for case in CASES}) == len(CASES)
+    assert len(FAULTS) == 150
+    for case in CASES:
+        for text in planted(case):
+            compile(text, case["name"], "exec")
+
+
+@pytest.mark.parametrize(("name", "levels"), QUICK)
+def test_a_fault_without_orbits_is_named(name: str, levels: int, graders: Graders) -> None:
+    case = next(case for case in FAULTS if case["name"] == name)
+    failing, causes = graders(case | {"levels": levels})
+    assert failing == {levels}
+    assert causes
+    assert all(re.search(case["words"], cause) for cause in causes)
+
+
+@pytest.mark.slow(minutes=10)
+@pytest.mark.filterwarnings("ignore")  # what the faults do to the integrator
+def test_no_diagnosis_is_wrong_and_those_that_were_named_are(graders: Graders) -> None:
+    named, unexplained, wrong = [], [], []
+    for case in FAULTS:
+        _, causes = graders(case)
+        strange = [cause for cause in causes if not re.search(case["words"], cause)]
+        wrong += [(case["name"], case["says"], cause) for cause in strange]
+        (named if causes else unexplained).append(case["name"])
+    print(f"{len(named)} named; unexplained: {', '.join(unexplained)}")
+    assert not wrong
+    assert len(named) >= NAMED
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.filterwarnings("ignore")  # no more digits than doubles have
+@pytest.mark.parametrize("case", CORRECT, ids=[case["name"] for case in CORRECT])
+def test_correct_programs_pass(case: dict[str, Any], graders: Graders) -> None:
+    assert graders(case) == (set(), [])
