@@ -36,7 +36,7 @@ from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["family_certificate"]
 
-_BITS = 64
+_BITS, _CLAIM_BITS = 64, 128  # for the arcs, and for numbers with sixteen digits
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _WIDER = Fraction(5, 4)
 _OF_THE_END = ("low", "high", "gamma", "v")
@@ -68,7 +68,7 @@ def family_certificate(
         "numbers": {"omega_crit": omega_crit(proof.parameters).json()},
         "unique_within": dict(zip(names, map(rounded_down, proof.unique_within()), strict=True)),
     }
-    bits = _BITS
+    bits = _CLAIM_BITS
     evidence: dict[str, Any] = {"arcs": [entry for entry, _ in written]}
     try:
         if proof.end is not None and proof.end_closed:

@@ -25,12 +25,12 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_series, ctx
 
-from tippedisk_verify.checker.jets import Dual, Jet, at, polynomial, power_of, sines, small_sines, symmetric
+from tippedisk_verify.checker.jets import Dual, Jet, at, polynomial, power_of, sines, small_sines, symmetric, values
 from tippedisk_verify.checker.steps import Flow, Unproved, column, inside, need, positive
 
 __all__ = ["Arc", "Curve"]
 
-_ORDER, _ROUGH = 16, 12  # of the states' series, and of those of derivatives
+_ORDER, _ROUGH = 12, 10  # of the states' series, and of those of derivatives: more of either tighten nothing
 _UPRIGHT = arb(0, 1.5706999)  # rad: |beta_bar| lies in it; rounded up, its radius is still below 1.5707 and pi/2
 _FINEST = 9  # halvings of a step in which an orbit turns
 
@@ -216,13 +216,13 @@ class Step:
 
     def mapped(self, time: Jet) -> tuple[list[Jet], Jet, Any]:
         """The middle's image, the lead's and that of the axes."""
-        values = [at(part, time) for part in self.slopes[:-1]]
-        rows = Jet([arb_mat([[values[3 * k + row].c[n] for k in range(3)] for row in range(3)])
-                    for n in range(len(values[0].c))])  # fmt: skip
+        centre, slopes = values(self.orbit, time), values(self.slopes[:-1], time)
+        rows = Jet([arb_mat([[slopes[3 * k + row].c[n] for k in range(3)] for row in range(3)])
+                    for n in range(len(time.c))])  # fmt: skip
         places, zero = self.tube.curve.own, arb(0)
-        own = Jet([arb_mat([[values[9 + 3 * places.index(k) + row].c[n] if k in places else zero for k in range(3)]
-                            for row in range(3)]) for n in range(len(values[0].c))])  # fmt: skip
-        return [at(part, time) for part in self.orbit], *self.tube.mapped(rows, own)
+        own = Jet([arb_mat([[slopes[9 + 3 * places.index(k) + row].c[n] if k in places else zero for k in range(3)]
+                            for row in range(3)]) for n in range(len(time.c))])  # fmt: skip
+        return centre, *self.tube.mapped(rows, own)
 
     def image(self, time: Jet, own: bool = False) -> tuple[list[Jet], list[list[Jet]]]:
         """The states after ``time``, or only the curve's own ones; and their derivatives by p."""
@@ -279,7 +279,7 @@ class Flight:
                 if last:
                     self._land(step, time, curve.total - time)
                 else:
-                    self.divergence = self.divergence + at(step.slopes[-1], step.length)
+                    self.divergence = self.divergence + values(step.slopes[-1:], step.length)[0]
                     time, tube = time + step.length, step.after(arb_mat(entry["axes"]))
         except Unproved as fault:
             raise Unproved(f"{path}, step {number}: {fault}") from None
@@ -307,7 +307,7 @@ class Flight:
         self.image = [-own[1], -own[2]]
         rows = [-(entry + rate * time) for entry, time in zip(by[2], self.time_by, strict=True)]
         self.by = [[-entry for entry in by[1]], rows]
-        self.divergence = self.divergence + at(step.slopes[-1], moment)
+        self.divergence = self.divergence + values(step.slopes[-1:], moment)[0]
 
 
 def _section_sines(gamma: Jet, q: Jet | None) -> list[Jet]:

@@ -9,13 +9,14 @@ balls, power series in time or matrices of balls: what is said holds for each en
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
-from flint import arb, arb_series
+from flint import arb, arb_mat, arb_series
 
 from tippedisk_verify.checker.steps import Unproved, need
 
-__all__ = ["Dual", "Jet", "at", "polynomial", "power_of", "sines", "small_sines", "symmetric"]
+__all__ = ["Dual", "Jet", "at", "polynomial", "power_of", "sines", "small_sines", "symmetric", "values"]
 
 
 _BOTH, _HALF = arb(0, 1), arb(0.5)
@@ -54,20 +55,7 @@ class Jet:
     def __mul__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
             return Jet([x * other for x in self.c])
-        top = len(self.c) - 1
-        whole: list[Any] = [None] * (2 * top + 1)
-        halves = whole.copy()
-        for i, x in enumerate(self.c):
-            for j, y in enumerate(other.c):
-                term = x * y
-                if i and j:
-                    halves[i + j], halves[abs(i - j)] = _plus(halves[i + j], term), _plus(halves[abs(i - j)], term)
-                else:
-                    whole[i + j] = _plus(whole[i + j], term)
-        parts = [_plus(x, None if y is None else y * _HALF) for x, y in zip(whole, halves, strict=True)]
-        for part in parts[top + 1 :]:
-            parts[0] = parts[0] + symmetric(part)
-        return Jet(parts[: top + 1])
+        return _folded([[x * y for y in other.c] for x in self.c])
 
     def __rmul__(self, other: Any) -> Jet:
         return Jet([other * x for x in self.c])
@@ -126,12 +114,26 @@ def polynomial(series: Jet, length: int, last: Any = None) -> Jet:
 
 
 def at(terms: Jet, time: Any) -> Jet:
-    """A polynomial in time at a point, a ball or a jet."""
+    """A polynomial in time at a point or a ball."""
     parts = [Jet(part) for part in zip(*terms.c, strict=True)]
     total = parts.pop()
     while parts:
         total = total * time + parts.pop()
     return total
+
+
+def values(polynomials: Sequence[Jet], time: Jet) -> list[Jet]:
+    """Polynomials in time at a jet: the sums over its powers of all products of two coefficients, by matrices."""
+    longest = max(len(terms.c[0]) for terms in polynomials)
+    powers = [1 + 0 * time]
+    while len(powers) < longest:
+        powers.append(powers[-1] * time)
+    found = []
+    for terms in polynomials:
+        length = len(terms.c[0])
+        products = arb_mat(terms.c) * arb_mat([power.c for power in powers[:length]])
+        found.append(_folded(products.tolist()))
+    return found
 
 
 def sines(x: Jet) -> tuple[Jet, Jet]:
@@ -219,6 +221,34 @@ class Dual:
             for a, b in zip(self.by, other.by, strict=True)
         ]
         return Dual(x, by)
+
+
+def _folded(products: Sequence[Sequence[Any]]) -> Jet:
+    """The sum of products[i][j] T_i T_j."""
+    parts = []
+    for whole, halves in _table(len(products) - 1):
+        total = None
+        if halves:
+            total = sum([products[i][j] for i, j in halves[1:]], products[halves[0][0]][halves[0][1]]) * _HALF
+        for i, j in whole:
+            total = _plus(total, products[i][j])
+        parts.append(total)
+    for part in parts[len(products) :]:
+        parts[0] = parts[0] + symmetric(part)
+    return Jet(parts[: len(products)])
+
+
+@cache
+def _table(top: int) -> list[tuple[list[tuple[int, int]], list[tuple[int, int]]]]:
+    """For each k the pairs (i, j) with T_i T_j = T_k, and those with T_k / 2 in it."""
+    pairs = [(i, j) for i in range(top + 1) for j in range(top + 1)]
+    return [
+        (
+            [pair for pair in pairs if not all(pair) and sum(pair) == k],
+            [(i, j) for i, j in pairs if i and j for n in (i + j, abs(i - j)) if n == k],
+        )
+        for k in range(2 * top + 1)
+    ]
 
 
 def _inverse(x: Any) -> Any:
