@@ -72,7 +72,7 @@ def family_certificate(
     evidence: dict[str, Any] = {"arcs": [entry for entry, _ in written]}
     try:
         if proof.end is not None and proof.end_closed:
-            bits = end_bits(proof.end)
+            bits = max(bits, end_bits(proof.end))
             with working_precision(bits), series_length(10):
                 choices = end_entry(proof.end)
             claim |= {"kind": "whole family of limit cycles"} | {name: choices.pop(name) for name in _OF_THE_END}
