@@ -36,7 +36,7 @@ from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["family_certificate"]
 
-_BITS, _CLAIM_BITS = 64, 128  # for the arcs, and for numbers with sixteen digits
+_BITS, _CLAIM_BITS = 64, 160  # for the arcs, and for numbers with sixteen digits
 _LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
 _WIDER = Fraction(5, 4)
 _OF_THE_END = ("low", "high", "gamma", "v")
