@@ -1,11 +1,12 @@
-"""Sheets of the programs that we run ourselves, graded: SciPy's five methods, and heyoka in double.
+"""Sheets of the programs that we run ourselves, graded: SciPy's five methods, heyoka in double, and the clients.
 
-    python -m results.make                  # in a checkout; ten minutes
+    python -m results.make                  # in a checkout with a C and a Fortran compiler and Octave; ten minutes
     python -m results.make heyoka-double    # this one only
     python -m results.make --table          # the table in README.md only, after a file has been added
 
-Each program answers trajectories and librating cycles of the printed set from doubles. Its grades by quantity are
-written as CSV, as `tippedisk-verify conformance grade ANSWERS --csv results/NAME.csv` writes them for any program.
+SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the clients answer all of
+it. The grades by quantity are written as CSV, as `tippedisk-verify conformance grade ANSWERS --csv results/NAME.csv`
+writes them for any program.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ from pathlib import Path
 
 import tippedisk_verify as tv
 from tests.conformance.scipy_program import answered
+from tippedisk_verify.commands.conformance_sources import CLIENTS
+from tippedisk_verify.commands.conformance_sources import FOLDER as SOURCES
+from tippedisk_verify.conformance.sheet import questions, sheet_csv
 from tippedisk_verify.files import csv_text, write_text
 from tippedisk_verify.reference_values.store import stored
 
@@ -76,10 +80,28 @@ def _scipy(method: str, tolerance: float) -> dict[str, str]:
     return answered(stored(), PREFIXES, method, tolerance)
 
 
+def _client(*commands: list[str]) -> dict[str, str]:
+    """What a client answers of the printed set, run by the last of the commands in a folder with the sheet."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_text(folder / "sheet.csv", sheet_csv(stored(), questions(stored(), sets=("printed",))))
+        for command in commands:
+            subprocess.run(command, check=True, cwd=folder)
+        rows = csv.DictReader((folder / "answers.csv").read_text(encoding="utf-8").splitlines())
+        return {row["id"]: row["answer"] for row in rows if row["answer"]}
+
+
+_OCTAVE = ["octave-cli", "--quiet", "--path", str(SOURCES), "--eval", "tippedisk_answers('sheet.csv', 'answers.csv')"]
+_RUN = ["./client", "sheet.csv", "answers.csv"]
 PROGRAMS = {
     f"scipy-{method}-{tolerance:.0e}".replace("e-0", "e-"): partial(_scipy, method, tolerance)
     for method, tolerance in SCIPY
-} | {"heyoka-double": heyoka}
+} | {
+    "heyoka-double": heyoka,
+    "client-c": lambda: _client(["cc", "-O2", "-o", "client", str(SOURCES / CLIENTS["c"]), "-lm"], _RUN),
+    "client-fortran": lambda: _client(["gfortran", "-O1", "-o", "client", str(SOURCES / CLIENTS["fortran"])], _RUN),
+    "client-octave": lambda: _client(_OCTAVE),
+}
 
 
 def table() -> str:

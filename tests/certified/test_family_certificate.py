@@ -245,7 +245,7 @@ def _axes(arc: Any) -> None:
 IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
     "the curve is moved by ten radii": (
         lambda arc: _moved([arc], 0, 1, 10 * Fraction(arc["box"]["radii"][1])),
-        "Krawczyk|return|move|stable",
+        "Krawczyk|return|move|section|stable",
     ),
     "the box is a hundred times smaller": (
         lambda arc: arc["box"].update(radii=[str(Fraction(part) / 100) for part in arc["box"]["radii"]]), "Krawczyk"
@@ -253,11 +253,11 @@ IN_THE_ARC: dict[str, tuple[Callable[[Any], Any], str]] = {
     "the box is a hundred times larger": (
         lambda arc: arc["box"].update(radii=[str(Fraction(part) * 100) for part in arc["box"]["radii"]]), "arc 2"
     ),
-    "a step is three times as long": (lambda arc: _longer(arc, 3), "enclosure|return|move"),
-    "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move"),
+    "a step is three times as long": (lambda arc: _longer(arc, 3), "enclosure|return|move|section"),
+    "a step is missing": (lambda arc: arc["box"]["steps"].pop(30), "return|move|section"),
     "the last step is missing": (lambda arc: arc["box"]["steps"].pop(), "ends where it must not|move"),
-    "axes have no inverse": (_axes, "no inverse|enclosure|Krawczyk|upright"),
-    "half the period is another one": (lambda arc: arc["half"].__setitem__(0, "1p0"), "return|move|enclosure"),
+    "axes have no inverse": (_axes, "no inverse|enclosure|Krawczyk|upright|section"),
+    "half the period is another one": (lambda arc: arc["half"].__setitem__(0, "1p0"), "return|move|section|enclosure"),
 }  # fmt: skip
 
 
