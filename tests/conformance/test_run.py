@@ -361,6 +361,14 @@ def test_the_minimal_answerers(command: list[str], capsys: pytest.CaptureFixture
     assert Path(command[-1]).read_text().count("\n") <= 30
 
 
+def test_fresh_questions_are_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["conformance", "run", "--states", "3", "--seed", "5", "--levels", "1", "--json", "--"]
+    assert main([*command, sys.executable, str(EXAMPLES / "answerer.py")]) == 0
+    grades = json.loads(capsys.readouterr().out)["grades"]
+    assert {re.match(r"fresh-5-1/\w+/rhs/0(\d)/", grade["id"])[1] for grade in grades} == set("123")
+    assert all(grade["verdict"] in ("agrees", "exact") for grade in grades)
+
+
 def test_a_program_is_raced_by_asking() -> None:
     """It is a millionth off in v at one of the three ends, and nowhere else; what it does not answer is left out."""
     asked: list[Mapping[str, str]] = []

@@ -271,6 +271,11 @@ SHAPES: dict[str, Shape] = {
         },
         (("cat", NOT_SOURCES),),  # none of them a program
     ),
+    "conformance run, fresh": Shape(
+        ("conformance", "run"),
+        {"--states": ("2", NOT_COUNTS), "--seed": ("7", NOT_COUNTS.filter(lambda text: text != "0"))},
+        (("cat", NOT_SOURCES),),
+    ),
     "conformance compare": Shape(
         ("conformance", "compare"),
         {"--from": ("doubles", NOT_NAMES)},

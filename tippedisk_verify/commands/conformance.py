@@ -12,7 +12,15 @@ import click
 from tippedisk_verify.commands.common import Common, plain_options, print_result, progress
 from tippedisk_verify.commands.conformance_run import run
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
-from tippedisk_verify.commands.grading import Wanted, checked_reading, from_option, grading_options, levels_named
+from tippedisk_verify.commands.grading import (
+    Wanted,
+    blank_ones,
+    checked_reading,
+    from_option,
+    grading_options,
+    levels_named,
+    question_options,
+)
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,11 +42,7 @@ def conformance(context: click.Context) -> None:
 
 @conformance.command()
 @click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
-@click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given.")
-@click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only.")
-@click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given.")
-@click.option("--states", type=int, metavar="N", help="Fresh questions instead: N drawn states, ten to a drawn disk.")
-@click.option("--seed", type=int, metavar="S", help="What they are drawn from; 0 if not given.")
+@question_options
 @plain_options
 def questions(
     common: Common,
@@ -65,10 +69,7 @@ def questions(
     store = stored()
     if target is not None:
         _refuse_filled_in(target, store)
-    if states is not None:
-        store = _fresh(states, seed or 0, sets)
-    elif seed is not None:
-        raise InputError("--seed is for fresh questions: say with --states how many")
+    store = blank_ones(states, seed, sets) or store
     chosen = asked(store, sets=sets, frictions=laws, levels=levels_named(levels))
     if target is None:
         print_result(common, json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
@@ -77,14 +78,6 @@ def questions(
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
     print_result(common, {"questions": len(chosen), "file": str(target)}, [line])
     return 0
-
-
-def _fresh(states: int, seed: int, sets: tuple[str, ...]) -> Store:
-    from tippedisk_verify.reference_values.fresh import blank_questions
-
-    if sets:
-        raise InputError("--set is for the published questions: fresh ones are about disks of their own")
-    return blank_questions(states, seed)
 
 
 def _refuse_filled_in(target: Path, store: Store) -> None:

@@ -10,13 +10,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import Common, alone_in, plain_options, progress
-from tippedisk_verify.commands.grading import Wanted, checked_reading, grading_options, levels_named
+from tippedisk_verify.commands.grading import (
+    Wanted,
+    blank_ones,
+    checked_reading,
+    grading_options,
+    levels_named,
+    question_options,
+)
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import undoing
 
 if TYPE_CHECKING:
     from tippedisk_verify.bench.race import Score
     from tippedisk_verify.conformance.interview import Interview
+    from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["run"]
 
@@ -30,9 +38,7 @@ _MOST = 300  # the decimal exponent of a number that doubles hold
 
 @click.command()
 @click.argument("command", nargs=-1, required=True, metavar="-- PROGRAM [ARGUMENT]...")
-@click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given.")
-@click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only.")
-@click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given.")
+@question_options
 @click.option(
     "--limit", type=float, default=_LIMIT, show_default=True, metavar="SECONDS", help="How long an answer may take."
 )
@@ -45,6 +51,8 @@ def run(
     sets: tuple[str, ...],
     laws: tuple[str, ...],
     levels: str | None,
+    states: int | None,
+    seed: int | None,
     limit: float,
     out: str | None,
     reading: str | None,
@@ -53,7 +61,8 @@ def run(
     """Ask a program over its standard input and output, one JSON object a line, and grade and time it.
 
     `docs/protocol.md` says what a line holds. A program that hangs or dies is graded on what it answered. The exit
-    status is 0 whatever the grades, unless --require or --expected-failures ask for more.
+    status is 0 whatever the grades, unless --require or --expected-failures ask for more. With --states the questions
+    are drawn, and their truths computed first: in a few seconds, or in a quarter of a minute with all levels.
     """
     from tippedisk_verify.conformance.dialogue import started
     from tippedisk_verify.conformance.interview import Interview
@@ -65,10 +74,14 @@ def run(
         raise InputError(f"--limit must lie between 0 and {_LONGEST:g} seconds, not {limit:g}")
     store = stored()
     wanted = Wanted.checked(store, **more)
-    asked = questions(store, sets=sets, frictions=laws, levels=levels_named(levels))
-    first = questions(store, sets=sets, levels=(1,))[0]
+    blank = blank_ones(states, seed, sets)
+    asked = questions(blank or store, sets=sets, frictions=laws, levels=levels_named(levels))
+    first = questions(blank or store, sets=sets, levels=(1,))[0]
     checked_reading(reading)
     folder = alone_in(out)
+    if blank is not None:
+        store = _with_truths(common, store, [first, *asked])
+        asked, first = [store[one.id] for one in asked], store[first.id]
     source = printable(" ".join(Path(word).name for word in command))[:60]
     with started(command, limit) as program:
         interview = Interview(program, store, reading)
@@ -96,6 +109,13 @@ def run(
     told["noticed"] = interview.remarks()
     answers, broke_off = interview.answers(), interview.broke_off
     return wanted.report(common, store, asked, interview.grades, answers, source, broke_off, **told)
+
+
+def _with_truths(common: Common, store: Store, asked: Sequence[Quantity]) -> Store:
+    from tippedisk_verify.reference_values.fresh import with_fresh
+
+    with progress(common, len({one.id.rsplit("/", 1)[0] for one in asked})) as advance:
+        return with_fresh(store, "\n".join(one.id for one in asked), advance)
 
 
 def _raced(common: Common, interview: Interview, name: str) -> list[Score]:

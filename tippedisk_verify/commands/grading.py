@@ -18,21 +18,60 @@ if TYPE_CHECKING:
     from tippedisk_verify.conformance.sheet import Answers
     from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Wanted", "checked_reading", "from_option", "grading_options", "levels_named"]
+__all__ = [
+    "Wanted",
+    "blank_ones",
+    "checked_reading",
+    "from_option",
+    "grading_options",
+    "levels_named",
+    "question_options",
+]
 
 from_option = click.option(
     "--from", "reading", metavar="decimals|doubles", help="What answers that do not say so were computed from."
 )
 
 
+def question_options(command: Any) -> Any:
+    """The options of the commands that ask."""
+    return _decorated(command, _QUESTION_OPTIONS)
+
+
 def grading_options(command: Any) -> Any:
     """The options of the commands that grade."""
-    for option in reversed(_GRADING_OPTIONS):
+    return _decorated(command, _GRADING_OPTIONS)
+
+
+def _decorated(command: Any, options: Sequence[Any]) -> Any:
+    for option in reversed(options):
         command = option(command)
     return command
 
 
+def blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
+    """The fresh questions that --states and --seed ask for, without truths. Raises InputError."""
+    from tippedisk_verify.reference_values.fresh import blank_questions
+
+    if states is None:
+        if seed is not None:
+            raise InputError("--seed is for fresh questions: say with --states how many")
+        return None
+    if sets:
+        raise InputError("--set is for the published questions: fresh ones are about disks of their own")
+    return blank_questions(states, seed or 0)
+
+
 _LARGEST = 64_000_000  # bytes of a file that --csv may replace
+_QUESTION_OPTIONS = (
+    click.option("--set", "sets", multiple=True, metavar="NAME", help="printed or calibrated; both if not given."),
+    click.option("--friction", "laws", multiple=True, metavar="linear|smooth", help="One law only."),
+    click.option("--levels", metavar="N-M", help="Levels of difficulty, such as 1-3 or 7; all ten if not given."),
+    click.option(
+        "--states", type=int, metavar="N", help="Fresh questions instead: N drawn states, ten to a drawn disk."
+    ),
+    click.option("--seed", type=int, metavar="S", help="What they are drawn from; 0 if not given."),
+)
 _GRADING_OPTIONS = (
     from_option,
     click.option("--html", metavar="FILE.html", help="Write a page with all grades there."),
