@@ -202,7 +202,8 @@ SHAPES: dict[str, Shape] = {
             "--out": ("out", NOT_FOLDERS),
         },
     ),
-    "certify check": Shape(("certify", "check"), {}, (("c.json", NOT_SOURCES),)),
+    "certify branch with a certificate": Shape(("certify", "branch"), {"--certificate": ("c.json", NOT_TARGETS)}),
+    "certify check": Shape(("certify", "check"), _JOBS, (("c.json", NOT_SOURCES),)),
     "certify fold": Shape(("certify", "orbit", "--at-fold"), {"--fold": ("1", NOT_COUNTS)}),
     "certify heteroclinic": Shape(
         ("certify", "heteroclinic"),
