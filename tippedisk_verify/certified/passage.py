@@ -216,6 +216,7 @@ class Passage:
     def signs(self) -> Iterator[tuple[str, Any]]:
         """y_g / z_u and v / z_u where beta_bar = 0 in the thin set."""
         p, (share, fast) = self.frame.directions, self.at_crossing()
+        yield "the thin set at beta_bar = 0", 1 - abs(p[0, FAST] / p[0, SLOW]) * self.thin
         yield "the signs at beta_bar = 0", share
         for row in (1, 2):
             yield "the signs at beta_bar = 0", p[row, UNSTABLE] + p[row, SLOW] * share + p[row, FAST] * fast

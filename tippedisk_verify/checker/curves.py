@@ -72,9 +72,9 @@ class Motion:
             turn = self.w * x
             rates = [u, turn, self.rate(found[3:], u, self.w, q),
                      cos_b * u, -(q * x * u), cos_g * turn, -(q * y * turn)]  # fmt: skip
-            found = [part + rate.map(_integral) for part, rate in zip(start, rates, strict=True)]
+            found = [part + rate.map(arb_series.integral) for part, rate in zip(start, rates, strict=True)]
         for slope, angle, sine, rate in zip(slopes, found[:2], found[3::2], rates[:2], strict=False):
-            found.append(slope + (sine * angle * rate * (arb(-1) / 2)).map(_integral))
+            found.append(slope + (sine * angle * rate * (arb(-1) / 2)).map(arb_series.integral))
         return found
 
     def derivatives(self, found: Sequence[Jet], start: Sequence[Sequence[Any]], order: int) -> list[list[Jet]]:
@@ -108,13 +108,9 @@ class Motion:
                          rows[0] * moved[0] + rows[1] * moved[1] + rows[2] * moved[2]]  # fmt: skip
                 if k > 2:
                     rates[1:] = rates[1] + turn[k - 2], rates[2] + rows[k]
-                moved = [part + rate_.map(_integral) for part, rate_ in zip(initial, rates, strict=True)]
+                moved = [part + rate_.map(arb_series.integral) for part, rate_ in zip(initial, rates, strict=True)]
             columns.append(moved)
-        return [*columns, [rows[2].map(_integral)]]
-
-
-def _integral(series: Any) -> Any:
-    return series.integral()
+        return [*columns, [rows[2].map(arb_series.integral)]]
 
 
 class Curve:
@@ -124,8 +120,7 @@ class Curve:
         self.scaled, self.p, self.away, self.total = scaled, p, away, total
         w = p[2] + away[2]
         if scaled:
-            top = p[0].range()
-            need(bool(top < 1), "the amplitude is not shown to be less than 1")
+            need(bool(p[0].range() < 1), "the amplitude is not shown to be less than 1")
         self.thin = Motion(flow, p[2], p[0] if scaled else None)
         self.wide = Motion(flow, w, p[0] if scaled else None)
         self.all = self.wide.ranges()

@@ -119,7 +119,7 @@ class _Ends:
         narrow, wide = (
             [Fraction(part) for part in entry.get(name, entry["box"])["radii"]] for name in ("box", "wide box")
         )
-        need(all(a <= b for a, b in zip(narrow, wide, strict=True)), "the wide box does not hold the other one")
+        need(all(0 < a <= b for a, b in zip(narrow, wide, strict=True)), "the wide box does not hold the other one")
         self.own_room = [exact_ball(part) for part in wide]
         rows = [[exact_ball(part) for part in row] for row in entry["curve"]]
         high = exact_ball(entry["end"])

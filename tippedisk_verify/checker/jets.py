@@ -123,17 +123,12 @@ def at(terms: Jet, time: Any) -> Jet:
 
 
 def values(polynomials: Sequence[Jet], time: Jet) -> list[Jet]:
-    """Polynomials in time at a jet: the sums over its powers of all products of two coefficients, by matrices."""
-    longest = max(len(terms.c[0]) for terms in polynomials)
+    """Polynomials in time, of one length, at a jet: sums over its powers of all products of two coefficients."""
     powers = [1 + 0 * time]
-    while len(powers) < longest:
+    while len(powers) < len(polynomials[0].c[0]):
         powers.append(powers[-1] * time)
-    found = []
-    for terms in polynomials:
-        length = len(terms.c[0])
-        products = arb_mat(terms.c) * arb_mat([power.c for power in powers[:length]])
-        found.append(_folded(products.tolist()))
-    return found
+    rows = arb_mat([power.c for power in powers])
+    return [_folded((arb_mat(terms.c) * rows).tolist()) for terms in polynomials]
 
 
 def sines(x: Jet) -> tuple[Jet, Jet]:
@@ -225,30 +220,20 @@ class Dual:
 
 def _folded(products: Sequence[Sequence[Any]]) -> Jet:
     """The sum of products[i][j] T_i T_j."""
-    parts = []
-    for whole, halves in _table(len(products) - 1):
-        total = None
-        if halves:
-            total = sum([products[i][j] for i, j in halves[1:]], products[halves[0][0]][halves[0][1]]) * _HALF
-        for i, j in whole:
-            total = _plus(total, products[i][j])
-        parts.append(total)
+    if len(products) == 1:
+        return Jet(products[0])
+    terms = [[products[i][j] for i, j in pairs] for pairs in _table(len(products))]
+    parts = [sum(row[1:], row[0]) * _HALF for row in terms]
     for part in parts[len(products) :]:
         parts[0] = parts[0] + symmetric(part)
     return Jet(parts[: len(products)])
 
 
 @cache
-def _table(top: int) -> list[tuple[list[tuple[int, int]], list[tuple[int, int]]]]:
-    """For each k the pairs (i, j) with T_i T_j = T_k, and those with T_k / 2 in it."""
-    pairs = [(i, j) for i in range(top + 1) for j in range(top + 1)]
-    return [
-        (
-            [pair for pair in pairs if not all(pair) and sum(pair) == k],
-            [(i, j) for i, j in pairs if i and j for n in (i + j, abs(i - j)) if n == k],
-        )
-        for k in range(2 * top + 1)
-    ]
+def _table(count: int) -> list[list[tuple[int, int]]]:
+    """For each k the pairs (i, j) that have T_k / 2 in T_i T_j, twice where they have it all."""
+    pairs = [(i, j) for i in range(count) for j in range(count)]
+    return [[(i, j) for i, j in pairs for n in (i + j, abs(i - j)) if n == k] for k in range(2 * count - 1)]
 
 
 def _inverse(x: Any) -> Any:

@@ -176,6 +176,7 @@ class Passage(Saddle):
         fast = arb(0, most(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
         self.ratios = arb(1), r + q * fast, fast
         ask("the signs at beta_bar = 0", self.ratios[S], self.at_crossing(1), self.at_crossing(2))
+        ask("the weights of the graph", 1 - k, 1 - self.flat)
         ask("beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
 
     def at_crossing(self, row: int) -> Any:

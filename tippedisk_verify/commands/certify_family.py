@@ -103,9 +103,9 @@ def family_as_a_curve(
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
+    print_result(common, proof.json(), _lines(proof))  # first: it stands if no certificate can be written
     if certificate is not None and proof.hopf_closed:
         _certify(common, proof, certificate, jobs)
-    print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
 
 
