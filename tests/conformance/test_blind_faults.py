@@ -119,6 +119,15 @@ def test_eigenvalues_at_another_speed_are_no_traceback(graders: Graders) -> None
     assert graders(case | {"levels": 2})[0] == {2}
 
 
+def test_what_follows_from_the_other_law_is_not_diagnosed_again(graders: Graders) -> None:
+    """Eigenvalues are common to both laws; a linear law without epsilon, named at level 1, spoils them."""
+    case = next(case for case in CASES if case["name"] == "friction-no-epsilon")
+    failing, causes = graders(case | {"levels": 2})
+    assert failing == {1, 2}
+    assert causes
+    assert all(re.search(case["words"], cause) for cause in causes)
+
+
 @pytest.mark.slow(minutes=10)
 @pytest.mark.filterwarnings("ignore")  # what the faults do to the integrator
 @pytest.mark.parametrize("name", NAMED)
