@@ -96,9 +96,16 @@ def diagnosed(
         laws = [law for law in ("linear", "smooth") if any(store[grade.id].friction == law for grade in here)]
         for law in laws or ["both"]:
             group = [grade for grade in here if store[grade.id].friction in (law, "both")]
-            if (diagnosis := _first_failure(group, store, set_name, law, advance)) is not None:
+            diagnosis = _first_failure(group, store, set_name, law, advance)
+            if diagnosis is not None and not _follows(diagnosis, diagnoses, store):
                 _add(diagnoses, diagnosis)
     return diagnoses
+
+
+def _follows(new: Diagnosis, diagnoses: Sequence[Diagnosis], store: Store) -> bool:
+    """Whether what fails is common to both laws, and the other law's equations are known to be wrong already."""
+    explained = (old for old in diagnoses if old.causes and old.level == 1 and set(new.sets) <= set(old.sets))
+    return new.level > 1 and any(explained) and all(store[id_].friction == "both" for id_ in new.failed)
 
 
 def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:

@@ -93,9 +93,9 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
             label = f"{number}'s term {what}, {terms[name]}," if terms[name] and what[:1].isdigit() else number
             if terms[name] and not what[:1].isdigit():
                 label = f"{terms[name]} in {number}"
-            said, plain = _said(constant, factors, _values(wrong[0].set))
+            said, unknown = _said(constant, factors, _values(wrong[0].set))
             yield Alternative(
-                f"{'number' if plain else 'term'}-{name}",
+                f"{'number' if unknown else 'term'}-{name}",
                 f"{label} {said}",
                 replace(CORRECT, extra=(name, constant, factors)),
             )
@@ -130,7 +130,7 @@ def _monomial(found: Sequence[tuple[float, list[float]]]) -> tuple[float, list[i
 
 
 def _said(constant: float, factors: tuple[tuple[str, int], ...], values: Mapping[str, float]) -> tuple[str, bool]:
-    """The factor in words, and whether it is a number that nothing is known of."""
+    """The factor in words, and whether it has a number that nothing is known of."""
     if constant == 0:
         return "is missing", False
     if not factors and abs(constant + 1) < _CONSTANT:
@@ -138,7 +138,7 @@ def _said(constant: float, factors: tuple[tuple[str, int], ...], values: Mapping
     powers = [label if power == 1 else f"{label}^{power}" for label, power in factors]
     number = named_product(constant, values)
     said = " ".join((*([f"{constant:.8g}"] if number is None else number.split()), *powers))
-    return f"has the extra factor {said}", number is None and not factors
+    return f"has the extra factor {said}", number is None
 
 
 def named_product(
@@ -146,17 +146,20 @@ def named_product(
 ) -> str | None:
     """A number as a small one, or a product of at most two powers of ``values``, if it is one: the simplest."""
     powers = [(name, power) for name in values for power in exponents]
-    products: list[tuple[tuple[str, float], ...]] = [
-        (),
-        *((one,) for one in powers),
-        *itertools.combinations(powers, 2),
-    ]
-    for product in products:
+    single: list[tuple[tuple[str, float], ...]] = [(one,) for one in powers]
+    pairs = itertools.combinations(powers, 2)
+    # Round decimals coincide: 0.01 is epsilon^2 rather than 4 e.
+    choices = itertools.chain(
+        ((small, ()) for small in _SMALL),
+        itertools.product(_SMALL[:1], single),
+        itertools.product(_SMALL[1:], single),
+        itertools.product(_SMALL[:1], pairs),
+    )
+    for (simple, text), product in choices:
         size = math.prod(values[name] ** power for name, power in product)
-        for simple, text in _SMALL if len(product) < 2 else _SMALL[:1]:
-            if abs(constant / (size * simple) - 1) < _CONSTANT:
-                names = [name if power == 1 else f"{name}^{power:g}" for name, power in product]
-                return " ".join(part for part in (text, *names) if part)
+        if abs(constant / (size * simple) - 1) < _CONSTANT:
+            names = [name if power == 1 else f"{name}^{power:g}" for name, power in product]
+            return " ".join(part for part in (text, *names) if part)
     return None
 
 
@@ -231,7 +234,7 @@ def _roots(error: Callable[[float], float], grid: Sequence[float]) -> Iterator[f
         if abs(e) <= _ROOT * scale:
             yield c
         elif n and errors[n - 1] * e < 0:
-            with suppress(ValueError):  # where the mistaken model says nothing
+            with suppress(ValueError, RuntimeError):  # the mistaken model says nothing, or jumps through zero
                 yield float(brentq(error, grid[n - 1], c, xtol=1e-300, rtol=1e-15))
 
 

@@ -174,7 +174,8 @@ def _named(phrases: Mapping[str, list[str]]) -> list[str]:
     """What each quantity's answers are instead of right; two that stand for each other are exchanged."""
     groups: dict[str, list[str]] = {}
     for phrase, names in phrases.items():
-        groups.setdefault(_whole(phrase), []).extend(names)
+        same_part = all(name[-3:] == phrase[-3:] for name in names)
+        groups.setdefault(_whole(phrase) if same_part else phrase, []).extend(names)
     for phrase, names in groups.items():
         parts = {name[-3:] for name in names}
         if parts == {"_re", "_im"}:
@@ -338,21 +339,22 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
 def _motion(
     usable: Sequence[Grade], wrong: set[str], failing: set[str], passing: set[str], store: Store
 ) -> Found | None:
-    """Trajectories by right equations: crossings located badly, or errors smaller than those of any wrong equation."""
-    if all(name.startswith("crossing_") for name in failing) and {"beta", "gamma", "v"} <= passing:
+    """Trajectories by right equations: events located badly, or errors smaller than those of any wrong equation."""
+    if all(name.startswith(("crossing_", "flat_time")) for name in failing) and {"beta", "gamma", "v"} <= passing:
         times = [
             abs(float(as_decimal(grade.answer)) - store[grade.id].for_doubles)
             for grade in usable
-            if store[grade.id].name.startswith("crossing_time")
+            if store[grade.id].name.startswith(("crossing_time", "flat_time"))
         ]
         if times and max(times) < _CRUDE:
-            text = "crossings are located crudely, by straight lines or at steps: samples in time are right"
+            what = "flat_time is" if failing == {"flat_time"} else "crossings are"
+            text = f"{what} located crudely, by straight lines or at steps: samples in time are right"
             return (("crossings", text),), frozenset(wrong)
         return None
     samples = [grade for grade in usable if "@" in grade.id]
     if len(samples) < _FREE or max(grade.off for grade in usable) > _INTEGRATED or _smooth(samples, store):
         return None
-    text = "the integrator's errors: a loose tolerance, too long a step, or single precision"
+    text = "the integrator's errors: a loose tolerance, too long a step, single precision, or interpolated steps"
     return (("tolerance", text),), frozenset(wrong)
 
 
