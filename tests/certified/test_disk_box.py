@@ -130,7 +130,7 @@ def test_the_orbits_of_every_disk_lie_in_the_enclosure() -> None:
             assert max(float(part.rad()) for part in found.state) < 5e-3
 
 
-@pytest.mark.parametrize("square", [False, True])
+@pytest.mark.parametrize("square", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_half_map_of_every_disk(square) -> None:
     """Of an ordinary start and of a scaled one, not on a cycle: image, time and derivatives hold those of corners."""
     a, omega, v = Fraction("0.3"), Fraction("30.8"), Fraction("-0.5")
@@ -166,6 +166,7 @@ def test_the_half_map_of_every_disk(square) -> None:
                 assert (ball(unit) * found.matrix[k][2].c[0]).contains(truth.by_omega[k])
 
 
+@pytest.mark.slow
 def test_flights_between_the_saddles_hold_those_of_every_disk() -> None:
     width, sides = Fraction("1e-5"), list(map(ball, EXTENTS[:2]))
     with working_precision(64):
@@ -326,6 +327,7 @@ def test_the_statement_of_a_box() -> None:
     assert not replace(whole, width=Fraction(0)).proved
 
 
+@pytest.mark.slow
 def test_a_box_too_wide_for_the_end_is_refused() -> None:
     end = prove_end(connection(), box=MovingBox(Fraction("1e-3"), SLOPES))
     assert not end.proved
