@@ -110,7 +110,7 @@ def test_a_step_is_refused_that_is_too_long_or_backwards() -> None:
     tube = Tube(curve_of((1e-4, 1e-3)))
     Step(tube, arb("0.01"))
     for share, line in (
-        ("0.05", "stay in its enclosure"),
+        ("0.1", "stay in its enclosure"),
         ("0.3", "stay in its enclosure"),
         ("0", "length is not"),
         ("-0.01", "length is not"),

@@ -17,7 +17,8 @@ from flint import arb, arb_mat
 from tests.certified.end_entries import BITS, by_hand, read
 from tippedisk_verify import checker
 from tippedisk_verify.certified.balls import working_precision
-from tippedisk_verify.checker.passage import F, Passage, S, U
+from tippedisk_verify.checker.passage import F, Passage, S, U, products
+from tippedisk_verify.checker.steps import column
 
 HAIR = arb(2) ** -40  # above the roundings of a handful of operations in 64 bits
 
@@ -64,6 +65,13 @@ def made_up(numbers: dict[Place, Any] | None = None, choices: dict[Place, Any] |
 
 
 # ------------------------------------------------------------------------------------------------------------- cells
+def law(a: Any, i: int, j: int) -> list[Any]:
+    """How the products of x = e_i and y = e_j, of which one is 1, move if x' = A x and y' = A y."""
+    x, y = (column([arb(int(k == place)) for k in range(3)]) for place in (i, j))
+    moved = [(a * x).entries(), y.entries()], [x.entries(), (a * y).entries()]
+    return [p + q for p, q in zip(*(products(*pair) for pair in moved), strict=True)]
+
+
 @pytest.mark.parametrize(("n", "m"), [(3, 2), (2, 3)])
 def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
     """DF is zero but in one cell: A, C and B hold what it is there, and M the share of the ray that may pass it.
@@ -72,6 +80,8 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
     where in each coordinate its inner end, as a part of the extent, is less than k / n.
     """
     extents = [Fraction(1, 5), Fraction(1, 4), Fraction(3, 8)]
+    slopes = arb_mat([[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+    compound = [law(slopes, *pair) for pair in ((U, S), (U, F), (S, F))]
     places = [[(Fraction(k, n), Fraction(k + 1, n)) for k in range(-n, 0)]]
     places += [[(Fraction(k, count), Fraction(k + 1, count)) for k in range(-count, count)] for count in (n, m)]
     for cell in product(*places):
@@ -83,7 +93,7 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
 
             def field(self, z: Sequence[Any], at: Sequence[float] = middle) -> Any:
                 here = int(all(x.contains(point) for x, point in zip(z, at, strict=True)))
-                return None, arb_mat([[here] * 3] * 3), [arb(0), arb(here), arb(0)]
+                return None, here * slopes, [arb(0), arb(here), arb(0)]
 
             def rates(self, z: Sequence[Any]) -> list[Any]:
                 return [arb(1), arb(0), arb(0)]
@@ -94,12 +104,14 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
         parts = sum(max(inner) < Fraction(k, n) for k in range(1, n + 1))
         assert parts
         for row, k in product(range(3), repeat=2):
-            assert passage.A[row, k].contains(1)
-            assert passage.A[row, k].contains(0)
-            # Unions of balls have radii of 30 bits, of which n are added.
-            assert abs(passage.M[row, k].upper() - arb(parts) / n) < arb(2) ** -20
-            # On the diagonal are sums of two entries; off it one, or none, with either sign.
-            assert abs(passage.C[row, k]).upper() >= (2 if row == k else 1)
+            for found, exact in (
+                (passage.A, slopes[row, k]),
+                (passage.M, slopes[row, k] * parts / n),
+                (passage.C, compound[k][row]),
+            ):
+                # From 0 to what it is; the unions' radii have 30 bits, and some of them are added.
+                assert found[row, k].contains(exact / 2)
+                assert abs(abs(found[row, k]).upper() - abs(exact)) < arb(2) ** -16
         assert all(x >= y for x, y in zip(passage.B, (0, 1, 0), strict=True))
         near = bool(arb(inner[2].numerator) / inner[2].denominator * passage.extents[F] < passage.stirred_within)
         assert bool(passage.stirred[0] >= 1) is near
@@ -179,6 +191,15 @@ def test_a_choice_that_is_spoiled_breaks_its_inequality(line: str, choices: dict
 def test_weights_of_the_graph_below_one_are_accepted() -> None:
     made_up(choices={**QUARTER, ("thin",): 0.95})
     made_up(choices={("flat",): 0.5})
+
+
+def test_the_rate_of_return_is_positive() -> None:
+    """With a fast direction as slow as -30, rates from -0.38 to 30.4 would pass the other line."""
+    slow = {("M", F, F): -30, ("M", F, U): 0, ("M", F, S): 0}
+    made_up(slow, {("return",): 1})
+    for rate in (0, -0.125):
+        with pytest.raises(checker.Unproved, match=r"^beta_bar and gamma after a crossing:"):
+            made_up(slow, {("return",): rate})
 
 
 def test_beta_bar_stays_small_in_n() -> None:
