@@ -273,6 +273,8 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
     ("the sign of z_s in Q", "inverse", lambda n: changed(n.inverse, S, 1, -1.0)),
     ("beta_bar where N is left", "offset", lambda n: lambda z: [arb(1)] * 3),
     ("gamma where N is left upwards", "offset", lambda n: lambda z: [arb(-1)] * 3),
+    # k |z_f| is 0.0176 along y_gamma, k |z_s| is less.
+    ("Q lies below the graph", "inverse", lambda n: changed(n.inverse, U, 1, 0.015)),
     ("the saddles' boxes are apart", "inverse", lambda n: changed(n.inverse, S, 1, 0.01)),
 ]
 
@@ -285,6 +287,20 @@ def test_what_is_asked_before_the_flights(line: str, name: str, other: Callable[
     setattr(n, name, other(n))
     with pytest.raises(checker.Unproved, match=f"^{line}:"):
         returned_by(n)
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
+    """Beyond the saddle z_s is what is left of D's or of Q's; before it, of what Q's v brings."""
+    answers = [(0.125, 0.0078125), (0.0625, 0.015625)]
+    rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
+    n = made_up()
+    vars(n).update(crossing=lambda *_: arb(0), fallen=lambda *_: [arb(x) for x in next(rest)])
+    returned = returned_by(n)
+    assert returned.exits == (arb(-0.03125), arb(0.125))
+    assert all(returned.exit_fast.contains(x) for x in (-0.015625, 0.015625))
+    assert all(returned.leaving[S].contains(x) for x in (0.03125, -0.125))
+    assert not returned.leaving[S].contains(0.0625)
 
 
 def before_shown() -> tuple[ReturnMap, Any]:
@@ -331,7 +347,12 @@ AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], An
     # A variation of z_u alone leaves such a z_f that the fixed point's slope is out of the cone.
     ("the cone of the derivative", {"settled": lambda n: settled_of(n, 2, [0, 1600])}, {(0, 2): arb(0)}),
     ("the compound's cone of the derivative", {"compound": lambda n: (n.compound[0], arb(1e-9))}, {}),
+    # k_1 F_s is 0.8 again: more than F_f, but less than with what z_u adds.
+    ("the compound's cone of the derivative", {"rates": lambda n: rates_of(n, F, 0.79)}, {(0, 1): arb(-0.1)}),
+    # A variation of z_u alone comes back larger.
+    ("the cycle's entry falls", {"settled": lambda n: settled_of(n, 2, [4, 0])}, {}),
     ("gamma_bar_0 falls", {"directions": lambda n: changed(n.directions, 1, S, 6)}, {}),
+    ("gamma_bar_0 falls", {"directions": lambda n: changed(n.directions, 1, S, -6)}, {}),
     ("gamma_bar_0 falls", {"directions": lambda n: changed(n.directions, 1, F, 1)}, {}),
     ("the period falls", {"grows": lambda n: (arb(-1000), n.grows[1])}, {}),
 ]  # fmt: skip
