@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -266,6 +266,16 @@ def test_the_amplitude_as_the_parameter() -> None:
         ):
             assert (jet.at(s) + off).contains(ball(value))
         assert found.period().at(s).contains(ball(truth["period"].value))
+
+
+def test_a_saddle_is_not_stable() -> None:
+    """det(P' - 1) < 0; nor is an arc with a multiplier below -1. P' has a small determinant and a trace of 0.9."""
+    over = Jet([arb(0)]), Jet([arb(-1)])  # the unknowns' slopes: Omega falls
+    flight = SimpleNamespace(divergence=Jet([arb(-10)]), matrix=None)
+    for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", False), (-1, "-1.5", False)):
+        curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
+        arc = arcs.Arc(True, arcs.GAMMA_BAR, curve, flight, (), over, Jet([arb(determinant)]))
+        assert bool(arc.stable()) is stable
 
 
 def test_too_wide_an_interval_is_not_proved() -> None:

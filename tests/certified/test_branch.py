@@ -129,6 +129,10 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
             assert matrix[k][0].overlaps(by_q)
             # Balls of 64 bits whose radii a flight multiplies by some thousands, and 1 / (2 q) by 6.
             assert matrix[k][0].rad() < 1e-6
+        # The formula is for a fixed point, whose image begins with 1.
+        trace = curve.trace(found.matrix).c[0] + image[0] - 1
+        assert trace.overlaps(truth.matrix[0][0] + truth.matrix[1][1])
+        assert trace.rad() < 1e-5  # three of the balls above
 
 
 # -------------------------------------------------------------------------------------------------------------- pieces

@@ -223,6 +223,56 @@ def test_what_does_not_fit_is_not_shown(name) -> None:
         glued(claim, entries, shown)
 
 
+@pytest.mark.parametrize(("row", "by"), [(0, "0.097"), (1, "0.19")])
+def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
+    """The polynomials' end lies in the other arc's wide box, but the cycle, near it, may not.
+
+    The first arc's v_0 / a is near to 1/128, so v_0 is to 1/256 where a is 1/2: 0.094 off is within 0.1.
+    """
+    claim, entries, shown = copy.deepcopy(arcs())
+    _moved(entries, 1, 0, Fraction("0.094"))
+    glued(claim, entries, shown)
+    claim, entries, shown = copy.deepcopy(arcs())
+    _moved(entries, 1, row, Fraction(by))
+    with pytest.raises(checker.Unproved, match="one curve"):
+        glued(claim, entries, shown)
+
+
+def test_the_last_cycle_is_a_ball() -> None:
+    """About the polynomials' end, as wide as the arc's cycles are shown to be near."""
+    claim, entries, shown = arcs()
+    with working_precision(100):
+        omega, _, v = family_shown(claim, entries, lambda function, jobs: shown)
+        for ball, row, radius in ((v, 0, Fraction(1, 128)), (omega, 1, Fraction(1, 64))):
+            end = sum(Fraction(part) for part in entries[1]["curve"][row])
+            assert ball.contains(steps.exact_ball(end - radius))
+            assert ball.contains(steps.exact_ball(end + radius))
+
+
+def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The signs in the narrow one; and an arc that ends where it begins, or before, is refused."""
+    said: list[tuple[str, str]] = []
+
+    class Told:
+        within = (arb(0, 0.001), arb(0, 0.001))
+
+        def __init__(self, curve: curves.Curve, entries: Any, path: str) -> None:
+            self.box = f"{path} {float(curve.away[1].rad()):.2f} {float(curve.away[2].rad()):.2f}"
+            said.append(("box", self.box))
+
+        def signs(self) -> None:
+            said.append(("signs", self.box))
+
+    monkeypatch.setattr("tippedisk_verify.checker.family.Arc", Told)
+    entry = arcs()[1][1]
+    checker.arc_shown((DISK, Fraction("0.5"), 2, entry))
+    narrow, wide = "arc 2, box 0.01 0.02", "arc 2, wide box 0.10 0.20"
+    assert said == [("box", narrow), ("signs", narrow), ("box", wide)]
+    for low in ("1", "1.5"):
+        with pytest.raises(checker.Unproved, match="ends where it must not"):
+            checker.arc_shown((DISK, Fraction(low), 2, entry))
+
+
 def test_what_is_no_arc_is_refused() -> None:
     claim, entries, shown = copy.deepcopy(arcs())
     del entries[1]["half"]

@@ -166,6 +166,15 @@ def test_a_spoiled_constant_breaks_an_inequality(passage: Passage, name: str) ->
     assert name in {failing for failing, slack in spoiled.slacks() if not positive(slack)}
 
 
+def test_a_thin_set_that_is_not_thin_breaks_its_inequality(passage: Passage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where |q| k_3 >= 1 for z_s = r z_u + q z_f, the last term of z_s may be as large as z_s itself."""
+    p, name = passage.frame.directions, "the thin set at beta_bar = 0"
+    size = abs(p[0, FAST] / p[0, SLOW])
+    for share, holds in (("0.99", True), ("1.01", False), ("3", False)):
+        monkeypatch.setattr(Passage, "thin", ball(share) / size)
+        assert all(positive(slack) for found, slack in passage.signs() if found == name) is holds
+
+
 def test_a_large_box_is_not_proved(bits: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where z_u = 3, gamma has turned by 2 rad: the linear picture is gone."""
     monkeypatch.setattr(module, "_CELLS", 6)
