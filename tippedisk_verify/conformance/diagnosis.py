@@ -16,7 +16,7 @@ from decimal import Decimal
 from functools import partial
 from typing import Any
 
-from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
+from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.predictions import Model, predicted
@@ -171,14 +171,18 @@ def _causes(
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
     models = [
-        one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS) or (one.of_the_model and not outputs_only)
+        one
+        for one in ALTERNATIVES
+        if (one.of_orbits and level >= _ORBITS)
+        or (one.of_the_model and not outputs_only)
+        or (one.spelling != CORRECT and level == _ORBITS)
     ]
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
-    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers)]
+    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers, store)]
     values = partial(free_values, worst, answers, store, _early(worst, usable, store))
     if level == 1:
         found = fitting(models + outputs)
@@ -197,7 +201,7 @@ def _causes(
             found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
-            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, _ORBITS) or not outputs_only) else ()
+            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 
@@ -214,10 +218,25 @@ def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity
         yield model
 
 
-def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
-    """Whether the slopes that the reference knows allow a small change of an orbit's inputs to make this error."""
-    if "@" not in worst.name or not model.inputs or model.parameters or not worst.condition:
+def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal], store: Store) -> bool:
+    """Whether a model makes the error of an orbit's early sample.
+
+    Of a small change of the inputs this is first asked of the slopes that the reference knows.
+    """
+    if "@" not in worst.name:
         return True
+    if (
+        model.of_orbits
+        and model.inputs
+        and worst.condition
+        and not (model.parameters or _slopes_allow(model, worst, answers))
+    ):
+        return False
+    expected = predicted(model, [worst], store, {})
+    return worst.id in expected and borne_out(answers[worst.id], expected[worst.id], worst, True) is not None
+
+
+def _slopes_allow(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
     (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
     shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
     move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
@@ -235,7 +254,7 @@ def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
     def rank(grade: Grade) -> tuple[float, float]:
         name, place = placed(store[grade.id].name)
         return (
-            float(place["t"]) if "t" in place else _DURATION if "n" in place else float(name != "v_rate")
+            float(place["t"]) if "t" in place else _DURATION if grade.level == _ORBITS else float(name != "v_rate")
         ), grade.digits
 
     return store[min((grade for grade in usable if grade.id in wrong), key=rank).id]
