@@ -325,11 +325,11 @@ ALTERNATIVES: tuple[Alternative, ...] = (
                     inputs=partial(_one_changed, name, factor, by))
         for name in ("beta", "gamma")
         for text, factor, by in (("pi/2 +", 1, math.pi / 2), ("-pi/2 +", 1, -math.pi / 2), ("pi +", 1, math.pi),
-                                 ("pi -", -1, math.pi), ("pi/2 -", -1, math.pi / 2), ("minus", -1, 0.0))
+                                 ("pi -", -1, math.pi), ("pi/2 -", -1, math.pi / 2), ("-", -1, 0.0))
     ),
     *(
-        Alternative(f"v-times-{factor}", f"{text} taken for v", inputs=partial(_one_changed, "v", factor, 0.0))
-        for text, factor in (("v = 0", 0), ("minus v", -1))
+        Alternative(f"v-times-{factor}", text, inputs=partial(_one_changed, "v", factor, 0.0))
+        for text, factor in (("v = 0 taken for v", 0), ("the sign of v", -1))
     ),
     Alternative("v-omega-exchanged", "v and Omega exchanged", inputs=lambda inputs: {
         **inputs, **({"v": inputs["Omega"], "Omega": inputs["v"]} if "v" in inputs else {})}),

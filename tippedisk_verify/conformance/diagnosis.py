@@ -182,17 +182,18 @@ def _causes(
         models = []  # which would have changed other answers
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
-    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers, store)]
-    values = partial(free_values, worst, answers, store, _early(worst, usable, store))
+    early = _early(worst, usable, store)
+    first = early[0] if early else worst
+    models = [one for one in _distinct(models, entries) if _foretold(one, worst, first, answers, wrong, store)]
+    values = partial(free_values, worst, answers, store, early)
     if level == 1:
         found = fitting(models + outputs)
         if found is None:
             terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
             plain = (term for term in terms if term.name.startswith("term"))
             found = fitting([*values(), *plain]) or fitting(terms)
-        found = found or shape_of(usable, wrong, store)
     else:
-        found = fitting(outputs) or shape_of(usable, wrong, store)
+        found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong)
             if found is None and outputs_only:  # another number in this level alone
@@ -203,6 +204,7 @@ def _causes(
             # An orbit may have been computed with another number than the right-hand side.
             free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
             found = fitting(itertools.chain(models, free))
+    found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 
 
@@ -218,30 +220,24 @@ def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity
         yield model
 
 
-def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal], store: Store) -> bool:
-    """Whether a model makes the error of an orbit's early sample.
+def _foretold(
+    model: Alternative, worst: Quantity, first: Quantity, answers: dict[str, Decimal], wrong: set[str], store: Store
+) -> bool:
+    """Whether a model may make an orbit's answers: its first sample, which is quickly computed, and the worst one.
 
-    Of a small change of the inputs this is first asked of the slopes that the reference knows.
+    Of a small change of the inputs, the slopes that the reference knows have to allow the worst error.
     """
     if "@" not in worst.name:
         return True
-    if (
-        model.of_orbits
-        and model.inputs
-        and worst.condition
-        and not (model.parameters or _slopes_allow(model, worst, answers))
-    ):
-        return False
-    expected = predicted(model, [worst], store, {})
-    return worst.id in expected and borne_out(answers[worst.id], expected[worst.id], worst, True) is not None
-
-
-def _slopes_allow(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
-    (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
-    shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
-    move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
-    error = abs(float(answers[worst.id]) - float(worst))
-    return bool(error < _FAR * move and (move < _FAR * error or move > _LINEAR))
+    if model.inputs and not model.parameters and worst.condition:
+        (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
+        shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
+        move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
+        error = abs(float(answers[worst.id]) - float(worst))
+        if error >= _FAR * move or (move >= _FAR * error and move <= _LINEAR):
+            return False
+    expected = predicted(model, [first], store, {}).get(first.id, math.nan)
+    return borne_out(answers[first.id], expected, first, first.id in wrong) is not None
 
 
 def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:

@@ -104,15 +104,16 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
             if what == "+":
                 said, unknown = factor_said(constant, factors, named_values(wrong[0].set), "the extra term")
                 extra = ((name, constant, factors),)
-                yield Alternative("number-more" if unknown else "term-more", f"{number} {said}",
+                yield Alternative("number-more" if unknown else "more", f"{number} {said}",
                                   replace(CORRECT, extra=extra))  # fmt: skip
                 continue
             label = f"{number}'s term {what}, {terms[name]}," if terms[name] and what[:1].isdigit() else number
             if terms[name] and not what[:1].isdigit():
                 label = f"{terms[name]} in {number}"
             said, unknown = factor_said(constant, factors, named_values(wrong[0].set))
+            plain = not unknown and component != "rho"  # one factor of e says the same of rho, and more simply
             yield Alternative(
-                f"{'number' if unknown else 'term'}-{name}",
+                f"{'term' if plain else 'number'}-{name}",
                 f"{label} {said}",
                 replace(CORRECT, extra=((name, constant, factors),)),
             )

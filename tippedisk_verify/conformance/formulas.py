@@ -35,6 +35,7 @@ Candidate = tuple[float, str, Callable[[Sequence[Quantity]], Numbers]]
 LONG = 9.0  # the rank of a factor that is nothing but a number
 _CLOSE = 0.01  # relative: how far off a search may end
 _HALVES = (1, -1, 2, -2, 0.5, -0.5)
+_BY_C_1 = ("first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope")
 _PLACES = 8  # for the constant and six powers
 _EXACT = 1e-9  # relative
 _HIGHEST = 5  # order of the slow manifold
@@ -162,22 +163,19 @@ def _other_speeds(entries: Entries, answers: Answers, wrong: set[str]) -> Iterat
             if rank < LONG:
                 said = f"omega_crit {text}, and all else is taken there"
                 yield rank, said, lambda here, speed=speed: _normal_form(here[0].set, speed)  # type: ignore[misc]
-    yield from _other_coefficients(entries[0], answers)
+    yield from _other_coefficients(entries[0], answers, wrong)
 
 
-def _other_coefficients(here: Sequence[Quantity], answers: Answers) -> Iterator[Candidate]:
+def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """All that follows from another third-order coefficient c_1, which two of the answers tell."""
-    given = {quantity.name: answers[quantity.id] for quantity in here}
+    given = {
+        quantity.name: answers[quantity.id] for quantity in here if quantity.name in _BY_C_1 and quantity.id in wrong
+    }
     n = _normal_form(here[0].set, _omega_crit(here[0].set))
-    if given.get("first_lyapunov_coefficient") and {"period_slope", "amplitude_squared_slope"} <= given.keys():
-        growth = n["drift"].real / (given["first_lyapunov_coefficient"] * n["omega"])
-        numbers = {
-            "omega_crit": n["omega_crit"], "period": n["period"], "transversality": n["transversality"],
-            "first_lyapunov_coefficient": given["first_lyapunov_coefficient"],
-            "amplitude_squared_slope": 4 * abs(n["q"][0]) ** 2 * growth, "period_slope": given["period_slope"],
-        }  # fmt: skip
-        real = given["first_lyapunov_coefficient"] * n["omega"]
+    if len(given) == len(_BY_C_1) and (real := given["first_lyapunov_coefficient"] * n["omega"]):
+        growth = n["drift"].real / real
         imaginary = (given["period_slope"] / n["turn"] + n["drift"].imag) / growth
+        numbers = n | given | {"amplitude_squared_slope": 4 * abs(n["q"][0]) ** 2 * growth}
         text = f"c_1, the coefficient of |z|^2 z, is {real:.9g} {imaginary:+.9g} i instead of "
         text += f"{n['c_1'].real:.9g} {n['c_1'].imag:+.9g} i: a mistake in it or rounding, and all else follows from it"
         yield LONG - 1, text, lambda _: numbers
@@ -447,4 +445,4 @@ def _wanted(name: str, quantity: Quantity, answers: Answers) -> float:
 
 def _bases_at(quantity: Quantity) -> dict[str, float]:
     place = tuple(float(quantity.inputs[name]) for name in ("Omega", "beta", "gamma"))
-    return {name: float(jet.value) for name, jet in _right_field(quantity.set, place)["bases"].items()}  # type: ignore[arg-type]
+    return {name: float(jet.value) for name, jet in _right_field(quantity.set, place)["bases"].items()}

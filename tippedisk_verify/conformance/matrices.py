@@ -20,6 +20,8 @@ from tippedisk_verify.reference_values.store import Quantity
 __all__ = ["matrices"]
 
 Numbers = dict[str, float]
+Factors = Sequence[tuple[float, list[int]]]  # numbers, and powers of Omega
+_NONE: Factors = ((1.0, [0]),) * 3
 _ENTRIES = ("dv'/dv", "dv'/dbeta", "dgamma'/dbeta times dv'/dgamma")
 _ANGLES = ("0", "pi/2", "pi", "3 pi/2")
 _LEAST = 4  # entries that tell a factor and a power
@@ -35,7 +37,7 @@ def matrices(
     which = " and ".join(sorted(kinds))
     for beta, gamma in itertools.product(range(4), range(4)):
         text = f"the matrix at beta = {_ANGLES[beta]}, gamma = {_ANGLES[gamma]} for the {which} state"
-        yield 1.0, text, partial(_elsewhere, kinds, (beta * math.pi / 2, gamma * math.pi / 2, 0.0))
+        yield 1.0, text, partial(_spectrum, kinds, (beta * math.pi / 2, gamma * math.pi / 2, 0.0), _NONE)
     found: list[list[tuple[float, list[float]]]] = [[], [], []]
     for here in bad:
         names = {f"lambda_{n}_{part}" for n in (1, 2, 3) for part in ("re", "im")}
@@ -58,7 +60,7 @@ def matrices(
             said.append(f"{name} {text}")
             known = known and not unknown
     if 0 < len(said) < len(_ENTRIES):
-        yield 2.0 if known else 9.0, f"in the matrix {', '.join(said)}", partial(_changed, kinds, factors)
+        yield 2.0 if known else 9.0, f"in the matrix {', '.join(said)}", partial(_spectrum, kinds, None, factors)
 
 
 def _pairs(here: Sequence[Quantity]) -> list[tuple[float, float]]:
@@ -72,36 +74,23 @@ def _invariants(values: Sequence[complex]) -> tuple[float, float, float]:
     return (x + y + z).real, -(x * y + y * z + z * x).real, (x * y * z).real
 
 
-def _listed(values: Sequence[complex]) -> Numbers:
-    ordered = sorted((complex(value) for value in values), key=lambda value: (-round(value.real, 7), -value.imag))
-    numbers = {}
-    for n, value in enumerate(ordered, start=1):
-        numbers |= {f"lambda_{n}_re": value.real, f"lambda_{n}_im": value.imag}
-    return numbers
-
-
-def _right(here: Sequence[Quantity]) -> Numbers:
-    return {quantity.name: quantity.for_doubles for quantity in here}
-
-
-def _elsewhere(kinds: set[str], state: tuple[float, float, float], here: Sequence[Quantity]) -> Numbers:
+def _spectrum(
+    kinds: set[str], state: tuple[float, float, float] | None, factors: Factors, here: Sequence[Quantity]
+) -> Numbers:
+    """The eigenvalues by their names; those of ``kinds`` at a state instead, or with factors on d, b and a c."""
     import numpy
 
-    if here[0].inputs["equilibrium"] not in kinds:
-        return _right(here)
-    model = Model(Alternative("", ""), here[0].set, here[0].friction)
-    rows = [[0.0, 0.0, 1.0], *model.jacobian(float(here[0].inputs["Omega"]), state)]
-    return _listed(numpy.linalg.eigvals(numpy.array(rows)).tolist())
-
-
-def _changed(kinds: set[str], factors: Sequence[tuple[float, list[int]]], here: Sequence[Quantity]) -> Numbers:
-    import numpy
-
-    if here[0].inputs["equilibrium"] not in kinds:
-        return _right(here)
-    omega = float(here[0].inputs["Omega"])
-    model = Model(Alternative("", ""), here[0].set, here[0].friction)
+    omega, model = float(here[0].inputs["Omega"]), Model(Alternative("", ""), here[0].set, here[0].friction)
     side = 1 if here[0].inputs["equilibrium"] == "inverted" else -1
-    (a, _, _), (b, c, d) = model.jacobian(omega, (math.pi / 2, side * math.pi / 2, 0.0))
+    if here[0].inputs["equilibrium"] not in kinds:
+        state, factors = None, _NONE
+    (a, turned, _), (b, c, d) = model.jacobian(omega, state or (math.pi / 2, side * math.pi / 2, 0.0))
     d, b, ac = (x * number * omega ** powers[0] for x, (number, powers) in zip((d, b, a * c), factors, strict=True))
-    return _listed(numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [b, ac, d]])).tolist())
+    # a and c only matter by their product.
+    found = numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], [1.0, turned, 0.0], [b, ac, d]])).tolist()
+    ordered = sorted(map(complex, found), key=lambda value: (-round(value.real, 7), -value.imag))
+    return {
+        f"lambda_{n}_{part}": getattr(value, name)
+        for n, value in enumerate(ordered, start=1)
+        for part, name in (("re", "real"), ("im", "imag"))
+    }

@@ -37,21 +37,17 @@ def place_shapes(
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """(What the answers to one quantity are, these answers)."""
     right = {quantity.id: quantity.for_doubles for quantity in here}
-    given = {id_: float(answers[id_]) for id_ in right}
     factors = {quantity.id: _factors(quantity) for quantity in here}
-    values = named_values(here[0].set)
-    whole = {"": right} | {f"the derivative of {label}": part for label, part in _parts(here)}
-    for text, part in (*whole.items(), ("1", dict.fromkeys(right, 1.0))):
-        names = list(factors[here[0].id])
+    values, names = named_values(here[0].set), list(factors[here[0].id])
+    bases = {"": right} | {f"the derivative of {label}": part for label, part in _parts(here)}
+    if here[0].level in _BY_STATE:
+        bases["1"] = dict.fromkeys(right, 1.0)
+    for text, part in bases.items():
         found = [
-            ((given[id_] if not text else given[id_] - right[id_]) / part[id_], list(factors[id_].values()))
-            for id_ in right
-            if id_ in wrong and abs(part[id_]) > _SOME_SIZE * abs(right[id_]) and all(factors[id_].values())
+            ((float(answers[id_]) - (x if text else 0.0)) / part[id_], list(factors[id_].values()))
+            for id_, x in right.items()
+            if id_ in wrong and abs(part[id_]) > _SOME_SIZE * abs(x) and all(factors[id_].values())
         ]
-        if not text and here[0].level not in _BY_STATE:  # a power of the right value, as of a root that is forgotten
-            places = [abs(right[id_]) for id_ in right if id_ in wrong and right[id_]]
-            names = [*names, _ITSELF]
-            found = [(factor, [*place, x]) for (factor, place), x in zip(found, places, strict=False)]
         if len(found) < len(names) + 1 + _SPARE or (fit := monomial(found)) is None:
             continue
         constant, powers = fit
@@ -60,9 +56,8 @@ def place_shapes(
             continue  # a plain factor or offset
         expected = {}
         for id_, x in right.items():
-            known = factors[id_] | {_ITSELF: abs(x)}
-            if all(known[name] for name in product):
-                share = constant * math.prod(known[name] ** power for name, power in product.items())
+            if all(factors[id_][name] for name in product):
+                share = constant * math.prod(factors[id_][name] ** power for name, power in product.items())
                 expected[id_] = share * part[id_] + (x if text else 0.0)
         power = product.pop(_ITSELF, 0)
         words, unknown = factor_said(constant, tuple(product.items()), values, "the factor")
@@ -84,7 +79,7 @@ def _factors(quantity: Quantity) -> dict[str, float]:
     inputs = quantity.inputs
     found = {name: float(inputs[name]) for name in ("Omega",) if inputs.get(name)}
     if quantity.level not in _BY_STATE:
-        return found
+        return found | {_ITSELF: abs(quantity.for_doubles)}  # a power of it, as of a root that is forgotten
     model = Model(Alternative("", ""), quantity.set, quantity.friction)
     state = [float(inputs.get(name) or 0.0) for name in ("beta", "gamma", "v")]
     parts = model.parts(math, found["Omega"], state)

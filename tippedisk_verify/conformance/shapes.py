@@ -72,16 +72,16 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
 }
 
 
-def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store, by_place: bool) -> Found | None:
     """The causes that explain all wrong answers of a level by their shape, or None.
 
-    ``usable`` are the level's answers that are numbers.
+    With ``by_place``, factors and offsets may depend on the place. ``usable`` are the level's answers that are numbers.
     """
     here, answers = [store[grade.id] for grade in usable], {grade.id: as_decimal(grade.answer) for grade in usable}
     if any(abs(answer) > _HUGE for answer in answers.values()):
         return None
     return (
-        _by_quantity(usable, wrong, store)
+        _by_quantity(usable, wrong, store, by_place)
         or _by_order(here, answers, wrong)
         or _by_entry(here, answers, wrong, store)
         or _by_row(here, answers, wrong, store)
@@ -142,7 +142,7 @@ def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: s
     return (("entries", f"the answers to another entry{starts} of the same kind: {text}{more}"),), frozenset(tried)
 
 
-def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store, by_place: bool) -> Found | None:
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     if (text := _rounded([store[grade.id] for grade in usable], answers)) is not None:
         return (("rounded", f"the answers are {text}"),), frozenset(wrong)
@@ -159,7 +159,9 @@ def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Foun
             tried |= {quantity.id for quantity in here if quantity.id in wrong}
             continue
         for phrase, expected in itertools.chain(
-            _shapes(here, answers, wrong, store), _conventions(here), place_shapes(here, answers, wrong)
+            _shapes(here, answers, wrong, store),
+            _conventions(here),
+            place_shapes(here, answers, wrong) if by_place else (),
         ):
             explained = _explained(expected, here, answers, wrong)
             if explained and (not phrase.startswith("~") or len(explained) >= _FREE):
@@ -372,7 +374,7 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
             return (("crossings", "the period is located crudely, in steps or by straight lines"),), frozenset(wrong)
     if level in (7, 9) and equations_right and len(failing) >= _CYCLE and {"period", "multiplier_slow"} <= failing:
         if max(grade.off for grade in usable) < _INTEGRATED and not _smooth(usable, store):
-            text = "small errors of all that belongs to a cycle: a loose tolerance, or no convergence to the cycle"
+            text = "small errors of all that belongs to a cycle: a loose tolerance, too long a step, or no convergence"
             return (("tolerance", text),), frozenset(wrong)
         return None
     if level != 6 or not equations_right:
