@@ -28,6 +28,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
 _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
+_MATRICES = 2
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
@@ -195,7 +196,7 @@ def _causes(
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _FORMULAS:
-            found = formula_of(entries, answers, wrong)
+            found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone
                 found = fitting(one for one in ALTERNATIVES if one.parameters)
         if found is None and level == _ORBITS:
@@ -203,7 +204,10 @@ def _causes(
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
-            found = fitting(itertools.chain(models, free))
+            orbits = [one for one in models if one.of_orbits and level >= _ORBITS]
+            found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
+    if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
+        found = formula_of(entries, answers, wrong)
     found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 

@@ -156,7 +156,7 @@ def _coefficients(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> 
         yield Alternative("term-inertia", f"both moments of inertia: {cause}", parameters=lambda p: exact)
     if len(extra) > 1:
         cause = "; ".join(said)
-        yield Alternative("number-terms" if unknown else "terms", cause, replace(CORRECT, extra=tuple(extra)))
+        yield Alternative("number-several" if unknown else "several", cause, replace(CORRECT, extra=tuple(extra)))
 
 
 def named_values(set_name: str) -> dict[str, float]:
