@@ -206,8 +206,8 @@ def _exchanged(one: str, two: str) -> Callable[[Parameters], dict[str, Any]]:
     return lambda p: {one: getattr(p, two), two: getattr(p, one)}
 
 
-def _sign_of_h(term: int) -> Spelling:
-    signs: Any = tuple(-1 if n == term else 1 for n in range(1, 6))
+def _sign_of_h(term: int, sign: int = -1) -> Spelling:
+    signs: Any = tuple(sign if n == term else 1 for n in range(1, 6))
     return replace(CORRECT, h=signs)
 
 
@@ -235,6 +235,10 @@ def _named_first(name: str) -> Callable[[str, float], float]:
 ALTERNATIVES: tuple[Alternative, ...] = (
     *(
         Alternative(f"h-{n}-sign", f"the sign of h's term {n}, {text}", _sign_of_h(n))
+        for n, text in enumerate(_H_TERMS, start=1)
+    ),
+    *(
+        Alternative(f"h-{n}-missing", f"h's term {n}, {text}, is missing", _sign_of_h(n, 0))
         for n, text in enumerate(_H_TERMS, start=1)
     ),
     Alternative("h-2-factor", "the factor 2 of h's second term is missing", replace(CORRECT, twice=False)),

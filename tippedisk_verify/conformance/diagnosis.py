@@ -238,7 +238,8 @@ def _foretold(
         shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
         move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
         error = abs(float(answers[worst.id]) - float(worst))
-        if error >= _FAR * move or (move >= _FAR * error and move <= _LINEAR):
+        small = all(abs(share) < _LINEAR for share in shares.values())
+        if small and (error >= _FAR * move or (move >= _FAR * error and move <= _LINEAR)):
             return False
     expected = predicted(model, [first], store, {}).get(first.id, math.nan)
     return borne_out(answers[first.id], expected, first, first.id in wrong) is not None
