@@ -35,7 +35,6 @@ _HUGE = 1e15  # answers beyond are no value's, whatever the function; sums with 
 _FINITE = 1e300  # what doubles hold, and products with factors of some size
 _LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the shape is another question's answer
-_CYCLE = 6  # of a cycle's ten quantities are off if the cycle itself is
 _SINGLE = 2.0**-24
 _NOISE = 16.0  # the spread of a logarithm that is rounding's
 _CRUDE = 0.005  # s; a step that brings the samples in time out right is no longer
@@ -372,11 +371,6 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
         ]
         if max(off) < _CRUDE:
             return (("crossings", "the period is located crudely, in steps or by straight lines"),), frozenset(wrong)
-    if level in (7, 9) and equations_right and len(failing) >= _CYCLE and {"period", "multiplier_slow"} <= failing:
-        if max(grade.off for grade in usable) < _INTEGRATED and not _smooth(usable, store):
-            text = "small errors of all that belongs to a cycle: a loose tolerance, too long a step, or no convergence"
-            return (("tolerance", text),), frozenset(wrong)
-        return None
     if level != 6 or not equations_right:
         return None
     return _motion(usable, wrong, failing, passing, store)
