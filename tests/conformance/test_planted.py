@@ -70,7 +70,7 @@ def test_the_list_is_one_of_different_faults() -> None:
     assert len({fault.name for fault in EVERY}) == len(EVERY) >= 150
 
 
-@pytest.mark.parametrize("fault", (*SAMPLE, *FITTED), ids=lambda fault: fault.name)
+@pytest.mark.parametrize("fault", [*SAMPLE, *FITTED], ids=lambda fault: fault.name)
 def test_a_planted_fault_is_named(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == ("unexplained" if fault.name in UNNAMED else "named")
 
