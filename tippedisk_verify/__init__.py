@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.orbits.near_connection import cycle_above
     from tippedisk_verify.orbits.periodic import limit_cycle
     from tippedisk_verify.orbits.scenes import SCENES, scene_named
-    from tippedisk_verify.reference_values.store import reference, references
+    from tippedisk_verify.reference_values.lookup import reference, references
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
@@ -77,7 +77,7 @@ _HOMES = {
     "audit.claims": ("Audit", "Verdict"),
     "conformance.grading": ("compare",),
     "conformance.sheetless": ("grade",),
-    "reference_values.store": ("reference", "references"),
+    "reference_values.lookup": ("reference", "references"),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.lanes": ("BatchTaylor",),

@@ -43,7 +43,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")
 NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)  #: of the reference data's cycles next to Omega_h

@@ -29,7 +29,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PAPER_SETS, PRINTED, Parameters
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 
 def _connection(parameters: Parameters = PRINTED, omega_h: Fraction = OMEGA_H) -> ProvedConnection:

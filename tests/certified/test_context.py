@@ -29,7 +29,7 @@ from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 CALLS = 20_000
 L_1 = reference("printed/linear/hopf/point/first_lyapunov_coefficient").measured()

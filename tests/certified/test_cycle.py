@@ -21,7 +21,8 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
 from tippedisk_verify.orbits.half_map import half_map
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.reference_values.store import reference, stored
+from tippedisk_verify.reference_values.lookup import reference
+from tippedisk_verify.reference_values.store import stored
 
 OMEGA = Fraction("30.386592688644")  # the reference data's speed half a radian per second below Omega_crit
 PLACE = "printed/linear/limit-cycle/crit-0.5"

@@ -26,7 +26,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}
 DIGITS = 8

@@ -18,7 +18,7 @@ from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 SPEEDS = [Fraction("30.3866"), Fraction("30.5"), Fraction("30.3866")]
 GUESSES = [("1.716267", "-1.710005"), ("1.419348159", "-1.681333424"), ("0.01", "-0.01")]

@@ -14,7 +14,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
 from tippedisk_verify.orbits.bisection import unstable_branch
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 OMEGA_H = reference("printed/linear/heteroclinic/point/omega_h").measured().value
 NEAR = Fraction(1, 1000)

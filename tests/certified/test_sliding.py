@@ -30,7 +30,7 @@ from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.orbits.rotating import rotating_cycle
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 SMOOTH = PRINTED.with_friction("smooth")

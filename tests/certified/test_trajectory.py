@@ -13,7 +13,7 @@ from tippedisk_verify.certified.flow import Status
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 
 START = ("0", "1.69", "-1.71")
 

@@ -19,7 +19,7 @@ from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near, with_speed
 from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.reference_values.store import reference
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.hopf import omega_crit
 
 

@@ -17,6 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values import store as reading
 from tippedisk_verify.reference_values.generation import generate
 from tippedisk_verify.reference_values.kinds import KINDS
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import (
     SETS,
     faults_in_files,
@@ -25,7 +26,7 @@ from tippedisk_verify.reference_values.manifest import (
     write_manifest,
 )
 from tippedisk_verify.reference_values.proofs import prove
-from tippedisk_verify.reference_values.store import Store, data_folder, reference
+from tippedisk_verify.reference_values.store import Store, data_folder
 from tippedisk_verify.reference_values.tables import known_mistakes, tables
 
 _LARGE = ("rhs", "trajectory", "slow-manifold")

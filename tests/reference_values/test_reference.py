@@ -36,8 +36,9 @@ from tippedisk_verify.reference_values.checking import StoredEntry, check, recom
 from tippedisk_verify.reference_values.entries import as_doubles, as_measured, case_of, disagreements, trimmed
 from tippedisk_verify.reference_values.generation import computed, generate, pieces_of
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files, write_manifest
-from tippedisk_verify.reference_values.store import Store, data_folder, reference, stored
+from tippedisk_verify.reference_values.store import Store, data_folder, stored
 
 _QUICK = ("equilibrium", "hopf", "harmonic-balance")
 

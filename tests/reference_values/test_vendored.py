@@ -78,8 +78,10 @@ def test_flags_are_of_known_mistakes_and_most_questions_catch_some() -> None:
     caught = {name for names in flags.values() for name in names}
     assert flags.keys() <= stored().keys()
     assert caught <= known
-    # What is not caught anywhere changes no published answer beyond what its question allows.
-    assert {name for name in known - caught if not re.search(r"-\d+-(digits|decimals)$", name)} == set()
+    # What is not caught anywhere is a coarse rounding, of which the finest is told, or shows in orbits only, which are
+    # not integrated anew for each mistake of the equations.
+    uncaught = [one for one in ALTERNATIVES if one.name not in caught]
+    assert all(one.of_the_model or re.search(r"-\d+-(digits|decimals)$", one.name) for one in uncaught)
     assert len(flags) > 0.97 * len(stored())
 
 

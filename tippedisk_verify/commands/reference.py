@@ -88,7 +88,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
 @click.option("--data", default="reference_data", show_default=True, metavar="DIR", help="The folder to work on.")
 @plain_options
 def mistakes(common: Common, data: str) -> int:
-    """Find out which known mistakes each question catches (a minute), and write that, the tables and the manifest."""
+    """Find out which known mistakes each question catches (three minutes), and write that, the tables and the manifest."""
     from tippedisk_verify.conformance.catches import mistakes_json
     from tippedisk_verify.reference_values.store import stored
     from tippedisk_verify.reference_values.tables import retabulate
@@ -127,7 +127,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
     each parameter or input.
     """
     from tippedisk_verify.reference_values.definitions import definition
-    from tippedisk_verify.reference_values.store import reference as value_of
+    from tippedisk_verify.reference_values.lookup import reference as value_of
 
     quantities = [value_of(id_) for id_ in ids]
     lines = (line for quantity in quantities for line in _lines(quantity))

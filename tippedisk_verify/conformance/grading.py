@@ -15,6 +15,7 @@ from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
 from tippedisk_verify.model.measured import Bounded
+from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.questions import (
     FAILS_BELOW,
     ROUNDING,
@@ -24,7 +25,7 @@ from tippedisk_verify.reference_values.questions import (
     scale_of,
     slopes_of,
 )
-from tippedisk_verify.reference_values.store import Quantity, Reading, reference
+from tippedisk_verify.reference_values.store import Quantity, Reading
 
 __all__ = [
     "FAILS_BELOW",

@@ -10,7 +10,8 @@ from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.store import Reading, reference, stored
+from tippedisk_verify.reference_values.lookup import reference
+from tippedisk_verify.reference_values.store import Reading, stored
 
 __all__ = ["grade"]
 
