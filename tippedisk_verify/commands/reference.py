@@ -88,7 +88,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
 @click.option("--data", default="reference_data", show_default=True, metavar="DIR", help="The folder to work on.")
 @plain_options
 def mistakes(common: Common, data: str) -> int:
-    """Find out which known mistakes each question catches (three minutes), and write that, the tables and the manifest."""
+    """Find out which known mistakes each question catches (three minutes); write that, the tables and the manifest."""
     from tippedisk_verify.conformance.catches import mistakes_json
     from tippedisk_verify.reference_values.store import stored
     from tippedisk_verify.reference_values.tables import retabulate
