@@ -38,13 +38,17 @@ _FLY = ("printed/linear/trajectory/d1/", "printed/linear/trajectory/e1/")
 #: Looks like something that has a name, and is not.
 OTHERS = (
     Fault("mu-and-g", "", rhs(Program(mu=0.31, g=9.8))), Fault("rho-beta", "", rhs(Program(("e*sg", "e*sb")))),
-    Fault("h1-and-h4", "", rhs(Program(("h1 - h2", "-h1 - h2"), ("+ h4", "- h4")))),
     Fault("squared-size", "", rhs(Program(("(size + eps)", "(size*size + eps)")))),
-    Fault("noise", "", outputs(_noise, *_RHS)), Fault("one-derivative", "", outputs(_small_term, *_RHS)),
+    Fault("noise", "", outputs(_noise, *_RHS)),
     Fault("crossing-times-wander", "", outputs(_wandering, *_FLY)),
     Fault("orbits-of-another-disk", "", tight(mu=0.3002, g=9.8101)),
     Fault("cycles-of-noise", "", outputs(_noise, "printed/linear/limit-cycle/")),
 )  # fmt: skip
+#: Found by a fit alone: two terms at once, and a factor that depends on the place.
+FITTED = (
+    Fault("h1-and-h4", "in h has the wrong sign", rhs(Program(("h1 - h2", "-h1 - h2"), ("+ h4", "- h4")))),
+    Fault("one-derivative", "times 0.0001 sin gamma", outputs(_small_term, *_RHS)),
+)
 SAMPLE = [fault for fault in EVERY[::9] if not fault.name.startswith("fly-")]
 
 
@@ -66,7 +70,7 @@ def test_the_list_is_one_of_different_faults() -> None:
     assert len({fault.name for fault in EVERY}) == len(EVERY) >= 150
 
 
-@pytest.mark.parametrize("fault", SAMPLE, ids=lambda fault: fault.name)
+@pytest.mark.parametrize("fault", [*SAMPLE, *FITTED], ids=lambda fault: fault.name)
 def test_a_planted_fault_is_named(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == ("unexplained" if fault.name in UNNAMED else "named")
 

@@ -13,6 +13,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -44,7 +45,8 @@ class Spelling:
     weighted: bool = True  #: the friction force has the factor m g
     per_epsilon: bool = True  #: the friction force is divided by epsilon (linear) or smoothed by it
     smoothed: str = "abs"  #: how the smooth law is smoothed: a key of `_SMOOTHED`
-    extra: tuple[str, float, tuple[tuple[str, int], ...]] | None = None  #: a term, and its extra factor and powers
+    #: (a term, its extra factor and powers), and so on; a term's name with " +" says what is added to it
+    extra: tuple[tuple[str, float, tuple[tuple[str, int], ...]], ...] = ()
 
 
 CORRECT = Spelling()
@@ -56,6 +58,7 @@ _SMOOTHED: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
     "tanh": lambda ops, slip, size, epsilon: ops.tanh(slip / epsilon),
     "arctan": lambda ops, slip, size, epsilon: 2 / math.pi * ops.atan(slip / epsilon),
     "sign": lambda ops, slip, size, epsilon: slip / size,
+    "bracket": lambda ops, slip, size, epsilon: slip / size + epsilon,
     "frozen": lambda ops, slip, size, epsilon: slip / (size + epsilon),  # with the size's sign as at the start
 }
 
@@ -68,31 +71,29 @@ def spelled(
     ``p`` has r, e, m, A, Bbar, g, mu and epsilon; ``side`` is the sign of gamma_y where complex numbers hide it.
     """
 
-    def held(name: str, value: Any) -> Any:
-        return value.real if spelling.held == name else value
-
     beta, gamma, v = state
     sb, cb, sg, cg = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
-    rho = held("rho", p.r + spelling.eccentricity * p.e * (sg if spelling.rho_sine else cg))
+    rho = p.r + spelling.eccentricity * p.e * (sg if spelling.rho_sine else cg)
     factors = {
         "rho": rho, "sin beta": sb, "cos beta": cb, "sin gamma": sg, "cos gamma": cg, "Omega": omega, "v": v, "M": 1.0,
     }  # fmt: skip
     parts: dict[str, Any] = {}
 
     def term(name: str, value: Any) -> Any:
-        if spelling.extra is not None and spelling.extra[0] == name:
-            value *= spelling.extra[1]
-            for factor, power in spelling.extra[2]:
-                value *= factors[factor] ** power
-        parts[name] = value
-        return value
+        for which, number, powers in spelling.extra:
+            if which.removesuffix(" +") == name:
+                number = math.prod((factors[factor] ** power for factor, power in powers), start=number)
+                value = value + number if which.endswith("+") else value * number
+        parts[name] = value.real if spelling.held == name else value
+        return parts[name]
 
+    rho = term("rho", rho)
     cos_part, sin_part = (cg * cg, sg * sg) if spelling.mass_squared else (cg, sg)
     if spelling.mass_exchanged:
         cos_part, sin_part = sin_part, cos_part
     m1, m2, m3 = spelling.mass
     turning = term("M 1", m1 * p.A * cos_part) + term("M 2", m2 * p.Bbar * sin_part)
-    factors["M"] = mass = held("M", turning + term("M 3", m3 * p.m * rho * rho * cb * cb))
+    factors["M"] = mass = term("M", turning + term("M 3", m3 * p.m * rho * rho * cb * cb))
     if not spelling.inertia_alike:
         cos_part, sin_part = cg * cg, sg * sg
     coupling = p.m * p.e * rho
@@ -106,19 +107,20 @@ def spelled(
     )
     last = h5 * coupling * omega * v * cb * cg
     gyroscopic += term("h 5", term("h 5, 3", -3 * sb * sb * last) + term("h 5, 2", spelling.h5_constant * last))
+    gyroscopic = term("h", gyroscopic)
     gravity = term("f_G", -spelling.gravity * p.m * p.g * rho * cb)
-    direction = held("w_y", term("w_y", rho * sb if spelling.lever_sine else rho))
+    direction = term("w_y", rho * sb if spelling.lever_sine else rho)
     sine = {"squared": sb * sb, "plain": sb, "of-square": ops.sin(beta * beta)}[spelling.slip_sine]
-    slip = term("gamma_y 1", spelling.slip[0] * rho * v * sb) + term(
-        "gamma_y 2", -spelling.slip[1] * p.e * omega * sine * cg
-    )
+    slip = term("gamma_y 1", spelling.slip[0] * rho * v * sb)
+    slip = term("gamma_y", slip + term("gamma_y 2", -spelling.slip[1] * p.e * omega * sine * cg))
     weight = p.mu * (p.m * p.g if spelling.weighted else 1)
     epsilon = p.epsilon if spelling.per_epsilon else 1
     if friction == "linear":
         force = slip / epsilon
     else:
-        force = _SMOOTHED[spelling.smoothed](ops, slip, side * slip if side is not None else abs(slip), epsilon)
-    force = held("lambda_Ty", term("lambda_Ty", -spelling.traction * weight * force))
+        size = term("abs(gamma_y)", side * slip if side is not None else abs(slip))
+        force = _SMOOTHED[spelling.smoothed](ops, slip, size, epsilon)
+    force = term("lambda_Ty", -spelling.traction * weight * force)
     rate = term("v_rate h", gyroscopic / mass) + term("v_rate f_G", gravity / mass)
     rate += term("v_rate friction", direction * force / mass)
     return parts | {
@@ -177,6 +179,10 @@ def _decimals(places: int, names: tuple[str, ...]) -> Callable[[Inputs], Inputs]
     }
 
 
+def _one_changed(name: str, factor: float, by: float, inputs: Inputs) -> Inputs:
+    return {key: factor * value + by if key == name else value for key, value in inputs.items()}
+
+
 def _single(value: Any) -> float:
     return float(struct.unpack("f", struct.pack("f", float(value)))[0])
 
@@ -200,8 +206,8 @@ def _exchanged(one: str, two: str) -> Callable[[Parameters], dict[str, Any]]:
     return lambda p: {one: getattr(p, two), two: getattr(p, one)}
 
 
-def _sign_of_h(term: int) -> Spelling:
-    signs: Any = tuple(-1 if n == term else 1 for n in range(1, 6))
+def _sign_of_h(term: int, sign: int = -1) -> Spelling:
+    signs: Any = tuple(sign if n == term else 1 for n in range(1, 6))
     return replace(CORRECT, h=signs)
 
 
@@ -231,6 +237,10 @@ ALTERNATIVES: tuple[Alternative, ...] = (
         Alternative(f"h-{n}-sign", f"the sign of h's term {n}, {text}", _sign_of_h(n))
         for n, text in enumerate(_H_TERMS, start=1)
     ),
+    *(
+        Alternative(f"h-{n}-missing", f"h's term {n}, {text}, is missing", _sign_of_h(n, 0))
+        for n, text in enumerate(_H_TERMS, start=1)
+    ),
     Alternative("h-2-factor", "the factor 2 of h's second term is missing", replace(CORRECT, twice=False)),
     Alternative("h-4-power", "cos beta instead of cos^3 beta in h's fourth term", replace(CORRECT, h4_power=1)),
     Alternative("h-4-square", "cos^2 beta instead of cos^3 beta in h's fourth term", replace(CORRECT, h4_power=2)),
@@ -255,7 +265,7 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     *(
         Alternative(f"derivative-of-{name}", f"the derivatives lack the derivative of {name}",
                     replace(CORRECT, held=name))
-        for name in ("M", "rho", "w_y", "lambda_Ty")
+        for name in ("M", "rho", "w_y", "lambda_Ty", "abs(gamma_y)", "gamma_y", "f_G", "h")
     ),
     Alternative("gravity-sign", "the sign of f_G", replace(CORRECT, gravity=-1)),
     Alternative("friction-sign", "the sign of the friction force", replace(CORRECT, traction=-1)),
@@ -264,7 +274,8 @@ ALTERNATIVES: tuple[Alternative, ...] = (
         Alternative(f"smooth-{name}", f"the smooth law with {text} instead of gamma_y/(abs(gamma_y) + epsilon)",
                     replace(CORRECT, smoothed=name))
         for name, text in (("sqrt", "gamma_y/sqrt(gamma_y^2 + epsilon^2)"), ("tanh", "tanh(gamma_y/epsilon)"),
-                           ("arctan", "(2/pi) arctan(gamma_y/epsilon)"))
+                           ("arctan", "(2/pi) arctan(gamma_y/epsilon)"),
+                           ("bracket", "gamma_y/abs(gamma_y) + epsilon"))
     ),
     Alternative("smooth-no-abs", "the smooth law without the abs of gamma_y", replace(CORRECT, smoothed="slip")),
     Alternative("smooth-sign", "the smooth law without its epsilon: the sign of gamma_y",
@@ -312,6 +323,17 @@ ALTERNATIVES: tuple[Alternative, ...] = (
             ("state", "state", ("beta", "gamma", "v")), ("inputs", "state and Omega", ("Omega", "beta", "gamma", "v")),
         )
         for n in range(1 + (label == "angles"), 9)
+    ),
+    *(
+        Alternative(f"{name}-moved-{text}", f"{text} {name} taken for {name}",
+                    inputs=partial(_one_changed, name, factor, by))
+        for name in ("beta", "gamma")
+        for text, factor, by in (("pi/2 +", 1, math.pi / 2), ("-pi/2 +", 1, -math.pi / 2), ("pi +", 1, math.pi),
+                                 ("pi -", -1, math.pi), ("pi/2 -", -1, math.pi / 2), ("-", -1, 0.0))
+    ),
+    *(
+        Alternative(f"v-times-{factor}", text, inputs=partial(_one_changed, "v", factor, 0.0))
+        for text, factor in (("v = 0 taken for v", 0), ("the sign of v", -1))
     ),
     Alternative("v-omega-exchanged", "v and Omega exchanged", inputs=lambda inputs: {
         **inputs, **({"v": inputs["Omega"], "Omega": inputs["v"]} if "v" in inputs else {})}),

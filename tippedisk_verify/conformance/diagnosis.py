@@ -16,7 +16,7 @@ from decimal import Decimal
 from functools import partial
 from typing import Any
 
-from tippedisk_verify.conformance.alternatives import ALTERNATIVES, Alternative
+from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.predictions import Model, predicted
@@ -28,6 +28,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
 _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
+_MATRICES = 2
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
@@ -171,34 +172,43 @@ def _causes(
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
     models = [
-        one for one in ALTERNATIVES if (one.of_orbits and level >= _ORBITS) or (one.of_the_model and not outputs_only)
+        one
+        for one in ALTERNATIVES
+        if (one.of_orbits and level >= _ORBITS)
+        or (one.of_the_model and not outputs_only)
+        or (one.spelling != CORRECT and level == _ORBITS)
     ]
     known = ("@",) if level == _ORBITS else _OF_MODELS
     if level >= _ORBITS and not any(mark in id_ for id_ in wrong for mark in known):
         models = []  # which would have changed other answers
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
-    models = [one for one in _distinct(models, entries) if _foretold(one, worst, answers)]
-    values = partial(free_values, worst, answers, store, _early(worst, usable, store))
+    early = _early(worst, usable, store)
+    first = early[0] if early else worst
+    models = [one for one in _distinct(models, entries) if _foretold(one, worst, first, answers, wrong, store)]
+    values = partial(free_values, worst, answers, store, early)
     if level == 1:
         found = fitting(models + outputs)
         if found is None:
             terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
             plain = (term for term in terms if term.name.startswith("term"))
             found = fitting([*values(), *plain]) or fitting(terms)
-        found = found or shape_of(usable, wrong, store)
     else:
-        found = fitting(outputs) or shape_of(usable, wrong, store)
+        found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _FORMULAS:
-            found = formula_of(entries, answers, wrong)
+            found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone
                 found = fitting(one for one in ALTERNATIVES if one.parameters)
         if found is None and level == _ORBITS:
             found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
-            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, _ORBITS) or not outputs_only) else ()
-            found = fitting(itertools.chain(models, free))
+            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
+            orbits = [one for one in models if one.of_orbits and level >= _ORBITS]
+            found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
+    if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
+        found = formula_of(entries, answers, wrong)
+    found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 
 
@@ -214,15 +224,25 @@ def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity
         yield model
 
 
-def _foretold(model: Alternative, worst: Quantity, answers: dict[str, Decimal]) -> bool:
-    """Whether the slopes that the reference knows allow a small change of an orbit's inputs to make this error."""
-    if "@" not in worst.name or not model.inputs or model.parameters or not worst.condition:
+def _foretold(
+    model: Alternative, worst: Quantity, first: Quantity, answers: dict[str, Decimal], wrong: set[str], store: Store
+) -> bool:
+    """Whether a model may make an orbit's answers: its first sample, which is quickly computed, and the worst one.
+
+    Of a small change of the inputs, the slopes that the reference knows have to allow the worst error.
+    """
+    if "@" not in worst.name:
         return True
-    (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
-    shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
-    move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
-    error = abs(float(answers[worst.id]) - float(worst))
-    return bool(error < _FAR * move and (move < _FAR * error or move > _LINEAR))
+    if model.inputs and not model.parameters and worst.condition:
+        (given,), (changed,) = _inputs(Alternative("", ""), [[worst]]), _inputs(model, [[worst]])
+        shares = {name: changed[name] / x - 1 for name, x in given.items() if isinstance(x, float) and x}
+        move = abs(sum(float(worst.condition.get(name, 0)) * share for name, share in shares.items()))
+        error = abs(float(answers[worst.id]) - float(worst))
+        small = all(abs(share) < _LINEAR for share in shares.values())
+        if small and (error >= _FAR * move or (move >= _FAR * error and move <= _LINEAR)):
+            return False
+    expected = predicted(model, [first], store, {}).get(first.id, math.nan)
+    return borne_out(answers[first.id], expected, first, first.id in wrong) is not None
 
 
 def _inputs(model: Alternative, entries: Sequence[Sequence[Quantity]]) -> list[dict[str, Any]]:
@@ -235,7 +255,7 @@ def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
     def rank(grade: Grade) -> tuple[float, float]:
         name, place = placed(store[grade.id].name)
         return (
-            float(place["t"]) if "t" in place else _DURATION if "n" in place else float(name != "v_rate")
+            float(place["t"]) if "t" in place else _DURATION if grade.level == _ORBITS else float(name != "v_rate")
         ), grade.digits
 
     return store[min((grade for grade in usable if grade.id in wrong), key=rank).id]

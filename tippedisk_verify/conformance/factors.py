@@ -24,9 +24,10 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["free_values", "late_values", "named_product", "term_factors"]
+__all__ = ["factor_said", "free_values", "late_values", "monomial", "named_product", "named_values", "term_factors"]
 
 _TERMS = {
+    "rho": {"rho": ""},
     "M": {"M 1": "A cos^2 gamma", "M 2": "Bbar sin^2 gamma", "M 3": "m rho^2 cos^2 beta"},
     "h": {
         "h 1": "(A cos^2 gamma + Bbar sin^2 gamma) Omega^2 sin beta cos beta",
@@ -46,6 +47,12 @@ _TERMS = {
     "lambda_Ty": {"lambda_Ty": ""},
     "v_rate": {"v_rate": "", "v_rate h": "h", "v_rate f_G": "f_G", "v_rate friction": "w_y lambda_Ty"},
 }
+_INDEPENDENT = {
+    "M": tuple(_TERMS["M"]), "h": ("h 1, A", "h 1, Bbar", "h 2", "h 3", "h 4", "h 5, 3", "h 5, 2"),
+    "gamma_y": tuple(_TERMS["gamma_y"]),
+}  # fmt: skip
+_INERTIA = ("A", "Bbar")
+_LINEAR = 1e-10  # of a row's largest term: what a linear fit may leave, of answers in doubles
 _FACTORS = ("rho", "sin beta", "cos beta", "sin gamma", "cos gamma", "Omega", "v", "M")
 _SOME_SIZE = 1e-3  # of the quantity's scale; a smaller term says little about its factor
 _WHOLE = 0.02  # how far a fitted power may be from a whole number
@@ -66,9 +73,9 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
     """Alternatives with one term changed by a factor, one for each term that the wrong answers allow."""
     none = Alternative("", "")
     for component, terms in _TERMS.items():
-        samples: dict[str, list[tuple[float, list[float]]]] = {name: [] for name in terms}
+        samples: dict[str, list[tuple[float, list[float]]]] = {name: [] for name in (*terms, f"{component} +")}
         for quantity in wrong:
-            if quantity.name != component:
+            if quantity.name != ("f_G" if component == "rho" else component):
                 continue
             model = Model(none, quantity.set, quantity.friction)
             given = model.inputs(quantity)
@@ -76,7 +83,11 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
             sines = [f(given[name]) for name in ("beta", "gamma") for f in (math.sin, math.cos)]
             rho = model.p.r + model.p.e * sines[2]
             places = [rho, *sines, given["Omega"], given["v"], parts["M"]]
-            missing = float(answers[quantity.id]) - parts[component]
+            missing = float(answers[quantity.id]) - parts[quantity.name]
+            if component == "rho":  # what f_G and all else has for it
+                missing *= rho / parts["f_G"]
+            if all(places):
+                samples[f"{component} +"].append((missing, places))
             for name in terms:
                 if abs(parts[name]) > _SOME_SIZE * max(abs(missing), abs(parts[component])) and all(places):
                     samples[name].append((1 + missing / parts[name], places))
@@ -84,30 +95,79 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
             if len(found) < _LEAST_STATES:
                 continue
             basis = _FACTORS if component == "v_rate" else _FACTORS[:-1]
-            fit = _monomial([(factor, places[: len(basis)]) for factor, places in found])
+            fit = monomial([(factor, places[: len(basis)]) for factor, places in found])
             if fit is None:
                 continue
             constant, powers = fit
             factors = tuple((label, power) for label, power in zip(basis, powers, strict=True) if power)
             number, _, what = name.partition(" ")
+            if what == "+":
+                said, unknown = factor_said(constant, factors, named_values(wrong[0].set), "the extra term")
+                extra = ((name, constant, factors),)
+                yield Alternative("number-more" if unknown else "more", f"{number} {said}",
+                                  replace(CORRECT, extra=extra))  # fmt: skip
+                continue
             label = f"{number}'s term {what}, {terms[name]}," if terms[name] and what[:1].isdigit() else number
             if terms[name] and not what[:1].isdigit():
                 label = f"{terms[name]} in {number}"
-            said, unknown = _said(constant, factors, _values(wrong[0].set))
+            said, unknown = factor_said(constant, factors, named_values(wrong[0].set))
+            plain = not unknown and component != "rho"  # one factor of e says the same of rho, and more simply
             yield Alternative(
-                f"{'number' if unknown else 'term'}-{name}",
+                f"{'term' if plain else 'number'}-{name}",
                 f"{label} {said}",
-                replace(CORRECT, extra=(name, constant, factors)),
+                replace(CORRECT, extra=((name, constant, factors),)),
             )
+    yield from _coefficients(wrong, answers)
 
 
-def _values(set_name: str) -> dict[str, float]:
+def _coefficients(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> Iterator[Alternative]:
+    """Several terms with a factor each, where a linear fit of the answers to M, h and gamma_y gives all of them."""
+    import numpy
+
+    values, none = named_values(wrong[0].set), Alternative("", "")
+    extra: list[tuple[str, float, tuple[tuple[str, int], ...]]] = []
+    said, unknown = [], False
+    for component, names in _INDEPENDENT.items():
+        here = [quantity for quantity in wrong if quantity.name == component]
+        if len(here) < _LEAST_STATES:
+            continue
+        rows = []
+        for quantity in here:
+            model = Model(none, quantity.set, quantity.friction)
+            given = model.inputs(quantity)
+            parts = model.parts(math, given["Omega"], [given[name] for name in ("beta", "gamma", "v")])
+            rows.append([*(parts[name] for name in names), float(answers[quantity.id])])
+        table = numpy.array(rows)
+        table /= abs(table).max(axis=1)[:, None]
+        found = numpy.linalg.lstsq(table[:, :-1], table[:, -1], rcond=None)[0]
+        if max(abs(table[:, :-1] @ found - table[:, -1])) > _LINEAR:
+            return
+        for name, factor in zip(names, found.tolist(), strict=True):
+            if abs(factor - 1) > _CONSTANT:
+                constant = 0.0 if abs(factor) < _CONSTANT else factor
+                text, number = factor_said(constant, (), values)
+                extra.append((name, constant, ()))
+                said.append(f"{_TERMS[component][name]} in {component} {text}")
+                unknown = unknown or number
+    inertia = {name.split()[1]: factor for name, factor, _ in extra if name in ("M 1", "M 2")}
+    if len(inertia) == len(_INERTIA):
+        exact = {"A": values["A"] * inertia["1"], "Bbar": values["Bbar"] * inertia["2"]}
+        cause = ", ".join(f"{name} = {value:.9g} instead of {values[name]:.9g}" for name, value in exact.items())
+        yield Alternative("term-inertia", f"both moments of inertia: {cause}", parameters=lambda p: exact)
+    if len(extra) > 1:
+        cause = "; ".join(said)
+        yield Alternative("number-several" if unknown else "several", cause, replace(CORRECT, extra=tuple(extra)))
+
+
+def named_values(set_name: str) -> dict[str, float]:
     """The parameters that a term's factor may be made of."""
     p = parameters_of(set_name)
-    return {name: float(getattr(p, name)) for name in ("r", "e", "m", "g", "mu", "epsilon", "A", "B")}
+    values = {name: float(getattr(p, name)) for name in ("r", "e", "m", "g", "mu", "epsilon", "A", "B")}
+    bbar = values["B"] - values["m"] * values["e"] ** 2
+    return values | {"Bbar": bbar, "(r + e)": values["r"] + values["e"], "pi": math.pi}
 
 
-def _monomial(found: Sequence[tuple[float, list[float]]]) -> tuple[float, list[int]] | None:
+def monomial(found: Sequence[tuple[float, list[float]]]) -> tuple[float, list[int]] | None:
     """c and whole powers with factor = c x^a y^b ... at all places, if there are such; 0 if the factor vanishes."""
     import numpy
 
@@ -129,16 +189,18 @@ def _monomial(found: Sequence[tuple[float, list[float]]]) -> tuple[float, list[i
     return constant, [int(power) for power in powers]
 
 
-def _said(constant: float, factors: tuple[tuple[str, int], ...], values: Mapping[str, float]) -> tuple[str, bool]:
+def factor_said(
+    constant: float, factors: tuple[tuple[str, int], ...], values: Mapping[str, float], what: str = "the extra factor"
+) -> tuple[str, bool]:
     """The factor in words, and whether it has a number that nothing is known of."""
     if constant == 0:
         return "is missing", False
-    if not factors and abs(constant + 1) < _CONSTANT:
+    if not factors and abs(constant + 1) < _CONSTANT and what == "the extra factor":
         return "has the wrong sign", False
     powers = [label if power == 1 else f"{label}^{power}" for label, power in factors]
     number = named_product(constant, values)
     said = " ".join((*([f"{constant:.8g}"] if number is None else number.split()), *powers))
-    return f"has the extra factor {said}", number is None
+    return f"has {what} {said}", number is None
 
 
 def named_product(
@@ -187,6 +249,8 @@ def free_values(
                              if name in known else (partial(_scaled, name), near))  # fmt: skip
     else:
         makes = [(partial(_parameter, name, x), [c * x for c in _GRID]) for name, x in known.items()]
+    if worst.level in (2, 5):
+        makes.append((partial(_fixed, "Omega"), [30 * c for c in _GRID if c > 0]))
     if worst.level == 1:
         turns = [k * math.pi / 12 + 0.01 for k in range(-13, 13)]  # one turn, its end within
         makes += [(partial(_scaled, name), _GRID) for name in ("Omega", "v")]

@@ -16,7 +16,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import Alternative
-from tippedisk_verify.conformance.factors import named_product
+from tippedisk_verify.conformance.factors import monomial, named_product
+from tippedisk_verify.conformance.matrices import matrices
 from tippedisk_verify.conformance.predictions import Model, eigenvalues
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.reference_values.store import Quantity
@@ -34,6 +35,9 @@ Candidate = tuple[float, str, Callable[[Sequence[Quantity]], Numbers]]
 LONG = 9.0  # the rank of a factor that is nothing but a number
 _CLOSE = 0.01  # relative: how far off a search may end
 _HALVES = (1, -1, 2, -2, 0.5, -0.5)
+_BY_C_1 = ("first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope")
+_PLACES = 8  # for the constant and six powers
+_EXACT = 1e-9  # relative
 _HIGHEST = 5  # order of the slow manifold
 _SIMPLE = {"": 1.0, "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "8": 8.0, "1/8": 0.125, "16": 16.0, "1/16": 0.0625}
 
@@ -41,7 +45,7 @@ _SIMPLE = {"": 1.0, "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "8": 8.0, "1/8"
 def candidates(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """What one change makes of the level's answers; ``entries`` are its questions."""
     by_kind = {
-        "hopf": _other_speeds, "harmonic-balance": _balances, "slow-manifold": _series_changes,
+        "hopf": _other_speeds, "equilibrium": matrices, "harmonic-balance": _balances, "slow-manifold": _series_changes,
         "heteroclinic": _spectra,
     }  # fmt: skip
     if (make := by_kind.get(entries[0][0].kind)) is not None:
@@ -159,6 +163,22 @@ def _other_speeds(entries: Entries, answers: Answers, wrong: set[str]) -> Iterat
             if rank < LONG:
                 said = f"omega_crit {text}, and all else is taken there"
                 yield rank, said, lambda here, speed=speed: _normal_form(here[0].set, speed)  # type: ignore[misc]
+    yield from _other_coefficients(entries[0], answers, wrong)
+
+
+def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
+    """All that follows from another third-order coefficient c_1, which two of the answers tell."""
+    given = {
+        quantity.name: answers[quantity.id] for quantity in here if quantity.name in _BY_C_1 and quantity.id in wrong
+    }
+    n = _normal_form(here[0].set, _omega_crit(here[0].set))
+    if len(given) == len(_BY_C_1) and (real := given["first_lyapunov_coefficient"] * n["omega"]):
+        growth = n["drift"].real / real
+        imaginary = (given["period_slope"] / n["turn"] + n["drift"].imag) / growth
+        numbers = n | given | {"amplitude_squared_slope": 4 * abs(n["q"][0]) ** 2 * growth}
+        text = f"c_1, the coefficient of |z|^2 z, is {real:.9g} {imaginary:+.9g} i instead of "
+        text += f"{n['c_1'].real:.9g} {n['c_1'].imag:+.9g} i: a mistake in it or rounding, and all else follows from it"
+        yield LONG - 1, text, lambda _: numbers
 
 
 # ------------------------------------------------------------------------------------------ level 8
@@ -224,7 +244,8 @@ def _law(p: SimpleNamespace, omega: float, form: str, changed: str, factor: floa
     return term("C^2", -4 * p.e / reach * excess), below, linear, delta
 
 
-def _balanced(p: SimpleNamespace, changed: str, factor: float, here: Sequence[Quantity]) -> Numbers:
+def _balanced(p: SimpleNamespace, changed: str, factor: float, forms: set[str], here: Sequence[Quantity]) -> Numbers:
+    factor = factor if here[0].inputs["form"] in forms else 1.0
     above, below, linear, delta = _law(p, float(here[0].inputs["Omega"]), here[0].inputs["form"], changed, factor)
     square = above / below
     if not (square >= 0 and linear + delta * square > 0):
@@ -236,6 +257,7 @@ def _balanced(p: SimpleNamespace, changed: str, factor: float, here: Sequence[Qu
 def _balances(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """One factor on a term of the one-harmonic law, from the wrong cycle farthest from the Hopf point."""
     bad = [here for here in entries if any(quantity.id in wrong for quantity in here)]
+    forms = {here[0].inputs["form"] for here in bad}
     here = max(bad, key=lambda here: -float(here[0].inputs["Omega"]))
     p, omega, form = _values(here[0].set), float(here[0].inputs["Omega"]), here[0].inputs["form"]
     given = {quantity.name: answers[quantity.id] for quantity in here}
@@ -264,7 +286,7 @@ def _balances(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[C
                 text = f"is {factor * right:.6g} instead of {right:.6g}"
             elif rank == LONG and name.endswith(" in chi"):
                 rank += 1.0  # any part of chi might have an unknown number: only the sum is known
-            yield rank, f"{'C' if squared else name} {text}", partial(_balanced, p, name, factor)
+            yield rank, f"{'C' if squared else name} {text}", partial(_balanced, p, name, factor, forms)
 
 
 # ------------------------------------------------------------------------------------------ level 5
@@ -274,6 +296,7 @@ class _Change:
 
     term: str = ""
     factor: float = 1.0
+    powers: tuple[tuple[str, int], ...] = ()  #: of functions of the place, which the factor has beside
     order: int = -1  #: the order that is times the factor, and passed on so
     advected: str = "all"  #: which products h_i dh_j/dbeta are kept: a key of `_KEPT`
     squared: str = "all"  #: which products h_i h_j
@@ -298,17 +321,19 @@ _TERMS = (
 )  # fmt: skip
 
 
-def _field(p: SimpleNamespace, place: tuple[float, float, float], changed: str, factor: float) -> dict[str, Any]:
+def _field(p: SimpleNamespace, place: tuple[float, float, float], change: _Change) -> dict[str, Any]:
     """M v' = free + linear v + square v^2 - (drag / epsilon) (v - h_0) as jets, with one term times a factor."""
     omega, beta, gamma = place
 
     def term(name: str, value: Any) -> Any:
-        return value * factor if name == changed else value
+        return _times(value, change, bases) if name == change.term else value
 
     (sb, cb), (sg, cg) = coordinate_sine(math, beta, _HIGHEST + 1, 0), coordinate_sine(math, gamma, _HIGHEST + 1, 1)
     h_1, h_2, h_3, h_4, h_5 = _TERMS[1:6]
     m_1, m_2, m_3 = _TERMS[6:9]
     rho = sg * p.e + p.r
+    bases = {"sin beta": sb, "cos beta": cb, "sin gamma": sg, "cos gamma": cg, "rho": rho}
+    bases["M"] = cg * cg * p.A + sg * sg * p.Bbar + rho * rho * cb * cb * p.m
     turning = cg * cg * p.A + sg * sg * p.Bbar
     free = term(h_1, turning * sb * cb * omega**2) + term(h_4, rho * sb * cb * cb * cb * sg * (p.m * p.e * omega**2))
     linear = term(h_2, cb * sg * cg * (-2 * (p.A - p.Bbar) * omega))
@@ -318,13 +343,21 @@ def _field(p: SimpleNamespace, place: tuple[float, float, float], changed: str, 
         "free": term("h", free) + term("f_G", rho * cb * (-p.m * p.g)),
         "linear": term("h", linear), "square": term("h", term(h_3, rho * rho * sb * cb * p.m)),
         "mass": term("M", mass), "drag": term(_TERMS[11], rho * rho * sb * sb * (p.mu * p.m * p.g)),
-        "rolling": sb * cg * (p.e * omega) / rho, "drift": cb * omega,
+        "rolling": sb * cg * (p.e * omega) / rho, "drift": cb * omega, "bases": bases,
     }  # fmt: skip
 
 
 @lru_cache(maxsize=64)
 def _right_field(set_name: str, place: tuple[float, float, float]) -> dict[str, Any]:
-    return _field(_values(set_name), place, "", 1.0)
+    return _field(_values(set_name), place, _Change())
+
+
+def _times(value: Any, change: _Change, bases: Mapping[str, Any]) -> Any:
+    value = value * change.factor
+    for name, power in change.powers:
+        for _ in range(abs(power)):
+            value = value * bases[name] if power > 0 else value / bases[name]
+    return value
 
 
 def _manifold(change: _Change, here: Sequence[Quantity]) -> Numbers:
@@ -333,7 +366,7 @@ def _manifold(change: _Change, here: Sequence[Quantity]) -> Numbers:
     place = (float(inputs["Omega"]), float(inputs["beta"]), float(inputs["gamma"]))
     p, right = _values(here[0].set), _right_field(here[0].set, place)
     highest = max((int(q.name[-1]) for q in here), default=0)
-    field = _field(p, place, change.term, change.factor) if change.term in _TERMS[:12] else right
+    field = _field(p, place, change) if change.term in _TERMS[:12] else right
     turning = change.factor if change.term == _TERMS[12] else 1.0
     advecting = change.factor if change.term == _TERMS[13] else 1.0
     orders: list[Any] = []
@@ -350,9 +383,9 @@ def _manifold(change: _Change, here: Sequence[Quantity]) -> Numbers:
                 if _KEPT[change.squared](i, j):
                     new = new + field["square"] * orders[i] * orders[j]
             new = new / field["drag"]
-        orders.append(new * change.factor if n == change.order else new)
+        orders.append(_times(new, change, right["bases"]) if n == change.order else new)
     numbers = {f"h_{n}": float(order.value) for n, order in enumerate(orders)}
-    at = {name: jet.value for name, jet in (field if change.alike else right).items()}
+    at = {name: jet.value for name, jet in (field if change.alike else right).items() if name != "bases"}
     rest = orders[0].value if change.alike else at["rolling"]
     total = by_beta = by_gamma = 0.0
     for n, order in enumerate(orders):
@@ -374,17 +407,42 @@ def _series_changes(entries: Entries, answers: Answers, wrong: set[str]) -> Iter
     if not bad:
         return
     first = min(bad, key=lambda quantity: quantity.name)
-    order = int(first.name[-1])
-    p, given = _values(first.set), answers[first.id]
-    changes = [(f"h_{order}", _Change(order=order, factor=given / float(first)))] if float(first) else []
-    for name in _TERMS if order else ():
-        sides = [_manifold(_Change(name, factor), [first])[first.name] for factor in (0.5, 1.0)]
-        inverse = name == _TERMS[11]  # what is divided by
-        if sides[0] != sides[1]:
-            share = (given - sides[1]) / (sides[0] - sides[1])
-            factor = 1 / (1 + share) if inverse and share != -1 else 1 - share / 2
-            changes.append((name, _Change(name, factor)))
-    for name, change in changes:
-        rank, text = _said(change.factor, p)
-        for alike in (False, True):
-            yield rank, f"{name} {text}", partial(_manifold, replace(change, alike=alike))
+    order, p = int(first.name[-1]), _values(first.set)
+    like = [quantity for quantity in bad if quantity.name == first.name]
+    for name in (f"h_{order}", *(_TERMS if order else ())):
+        wanted = [_wanted(name, quantity, answers) for quantity in like]
+        blank = _Change(order=order) if name == f"h_{order}" else _Change(name)
+        changes = [(replace(blank, factor=wanted[0]), _said(wanted[0], p))] if math.isfinite(wanted[0]) else []
+        found = [(factor, _bases_at(quantity)) for factor, quantity in zip(wanted, like, strict=True)]
+        fit = None
+        if name not in _TERMS[12:] and len(found) >= _PLACES and all(map(math.isfinite, wanted)):
+            fit = monomial([(factor, list(bases.values())) for factor, bases in found])
+        if fit is not None and any(fit[1]):
+            powers = tuple((base, power) for base, power in zip(found[0][1], fit[1], strict=True) if power)
+            rank, text = _said(fit[0], p) if abs(fit[0] - 1) > _EXACT else (1.0, "has the extra factor")
+            if fit[0] < 0 and "sign" in text:
+                text = "has the extra factor -1"
+            text += "".join(f" {base}^{power}" if power != 1 else f" {base}" for base, power in powers)
+            changes.append((replace(blank, factor=fit[0], powers=powers), (rank + len(powers), text)))
+        for change, (rank, text) in changes:
+            for alike in (False, True):
+                yield rank, f"{name} {text}", partial(_manifold, replace(change, alike=alike))
+
+
+def _wanted(name: str, quantity: Quantity, answers: Answers) -> float:
+    """The factor of a term, or of an order, that the answer to this order wants; it is not finite if there is none."""
+    given, order = answers[quantity.id], int(quantity.name[-1])
+    if name not in _TERMS:
+        return given / float(quantity) if float(quantity) else math.nan
+    sides = [_manifold(_Change(name, factor), [quantity])[quantity.name] for factor in (0.5, 1.0)]
+    if not order or abs(sides[0] - sides[1]) <= _EXACT * abs(sides[1]):
+        return math.nan
+    share = (given - sides[1]) / (sides[0] - sides[1])
+    if name == _TERMS[11]:  # what is divided by
+        return 1 / (1 + share) if share != -1 else math.nan
+    return 1 - share / 2
+
+
+def _bases_at(quantity: Quantity) -> dict[str, float]:
+    place = tuple(float(quantity.inputs[name]) for name in ("Omega", "beta", "gamma"))
+    return {name: float(jet.value) for name, jet in _right_field(quantity.set, place)["bases"].items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
@@ -23,6 +24,7 @@ _SHORT = 5e-4  # s, a step; friction decays at some 200 1/s
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _TOLERANCE = 1e-12
 _DURATION = 10.0
+_EVALUATIONS = 2e4  # a second of an orbit; the right one takes a tenth of this
 _RETURNS = 1e-3  # rad, rad/s; the model that answered brings its cycle back closer than that
 _SOLVED = 1e-8  # what the smooth law's kink leaves of the tolerance
 _FORETOLD = 20.0
@@ -234,6 +236,15 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
     times = sorted({float(place["t"]) for place in places if "t" in place})
     crossings = any("n" in place for place in places)
 
+    end = _DURATION if crossings or not times else times[-1]
+    rates = model.rates(given["Omega"], [given[name] for name in _STATE])
+    left = itertools.count(int(_EVALUATIONS * end), -1)
+
+    def function(t: float, y: Any) -> list[float]:
+        if not next(left):
+            raise ArithmeticError("stiff: another model than the one that answered")
+        return rates(t, y)
+
     def section(t: float, y: Any) -> float:
         return math.sin(model.p.pi / 2 - y[0])
 
@@ -242,8 +253,8 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
 
     flat.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
-        model.rates(given["Omega"], [given[name] for name in _STATE]),
-        (0.0, _DURATION if crossings or not times else times[-1]),
+        function,
+        (0.0, end),
         [given[name] for name in ("beta", "gamma", "v")],
         method="DOP853",
         t_eval=times,

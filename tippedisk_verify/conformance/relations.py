@@ -69,6 +69,9 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         yield f"those to the {word} order", at(numbered("_", by)) if stem(here[0]).endswith("_n") else {}
         yield f"those to the {word} sample in time", at(listed(times, by))
         yield f"those to the {word} entry of its kind", at(listed(entries, by))
+    for factor, word in ((0.5, "half"), (2.0, "twice")):
+        later = partial(re.sub, r"(?<=@)[\d.]+$", lambda t, factor=factor: f"{factor * float(t[0]):g}")
+        yield f"those to {word} the time", at(later)
     yield "those to every second crossing", at(numbered("#", 0, 2))
     for sign, word in ((1, "upward"), (-1, "downward")):
         yield f"those to every second crossing, the {word} ones alone", at(partial(_one_way, store, sign))
@@ -84,6 +87,8 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         other = at(partial(_renamed, f"/{mine}", f"/{name}"))
         yield f"{INSTEAD}{name}", other
         yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
+        if name.startswith("log_"):
+            yield f"the exponential of the answer for {name}", {id_: math.exp(x) for id_, x in other.items()}
         if name == "period":
             rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
             yield "those per unit of time, divided by the period,", rates

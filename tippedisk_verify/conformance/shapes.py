@@ -17,7 +17,9 @@ from statistics import median
 
 from tippedisk_verify.conformance.formulas import LONG, candidates, conventions
 from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
+from tippedisk_verify.conformance.places import place_shapes
 from tippedisk_verify.conformance.relations import INSTEAD, ordered, relations, stem
+from tippedisk_verify.conformance.sheet import questions
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["borne_out", "formula_of", "shape_of", "size_of"]
@@ -30,15 +32,19 @@ _FREE = 4  # answers that must bear out a number that was read off one of them
 _SOME = 3  # entries that are named
 _MOST = 3  # different shapes at a level; more are several mistakes
 _HUGE = 1e15  # answers beyond are no value's, whatever the function; sums with them lose all digits
+_FINITE = 1e300  # what doubles hold, and products with factors of some size
 _LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
-_COVERED = 0.75  # of a quantity's wrong answers must have a counterpart, where the shape is another question's answer
+_COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the shape is another question's answer
 _SINGLE = 2.0**-24
+_NOISE = 16.0  # the spread of a logarithm that is rounding's
 _CRUDE = 0.005  # s; a step that brings the samples in time out right is no longer
 #: Errors as relative changes of all inputs together: SciPy's methods stay below at tolerances up to 1e-3 (RK45) or 1e-4
 #: (LSODA, BDF), equations with one sign, power or moment of inertia wrong are above it on the scenes' orbits.
 _INTEGRATED = 1.5e-4
 _NUMBERS = {
-    "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "-2": -2.0, "-1/2": -0.5, "2 pi": 2 * math.pi,
+    "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "-2": -2.0, "-1/2": -0.5, "3": 3.0, "1/3": 1 / 3, "6": 6.0,
+    "1/6": 1 / 6, "8": 8.0, "1/8": 1 / 8, "3/2": 1.5, "2/3": 2 / 3, "3/4": 0.75, "4/3": 4 / 3,
+    "(180/pi)^2 (degrees squared)": (180 / math.pi) ** 2, "2 pi": 2 * math.pi,
     "1/(2 pi)": 0.5 / math.pi, "pi": math.pi, "1/pi": 1 / math.pi, "180/pi (degrees)": 180 / math.pi,
     "pi/180": math.pi / 180, "1000": 1e3, "1/1000": 1e-3, "1e6": 1e6, "60": 60.0, "1/60": 1 / 60,
     "30/pi (turns per minute)": 30 / math.pi, "1/ln 10 (common logarithms)": 1 / math.log(10), "ln 10": math.log(10),
@@ -65,17 +71,37 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
 }
 
 
-def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+def shape_of(usable: Sequence[Grade], wrong: set[str], store: Store, by_place: bool) -> Found | None:
     """The causes that explain all wrong answers of a level by their shape, or None.
 
-    ``usable`` are the level's answers that are numbers.
+    With ``by_place``, factors and offsets may depend on the place. ``usable`` are the level's answers that are numbers.
     """
     here, answers = [store[grade.id] for grade in usable], {grade.id: as_decimal(grade.answer) for grade in usable}
     if any(abs(answer) > _HUGE for answer in answers.values()):
         return None
     return (
-        _by_quantity(usable, wrong, store) or _by_order(here, answers, wrong) or _by_entry(here, answers, wrong, store)
+        _by_quantity(usable, wrong, store, by_place)
+        or _by_order(here, answers, wrong)
+        or _by_entry(here, answers, wrong, store)
+        or _by_row(here, answers, wrong, store)
     )
+
+
+def _by_row(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store) -> Found | None:
+    """Answers that stand in another row of the file than their questions, by a few rows."""
+    rows = questions(store, sets=(here[0].set,))
+    place = {quantity.id: n for n, quantity in enumerate(rows)}
+    for by in (-1, 1, -2, 2):
+        expected = {
+            quantity.id: rows[place[quantity.id] + by].for_doubles
+            for quantity in here
+            if quantity.id in place and 0 <= place[quantity.id] + by < len(rows)
+        }
+        explained = _explained(expected, here, answers, wrong)
+        if len(explained) >= _FREE:
+            text = f"the answers to the question {abs(by)} row{'s' * (abs(by) > 1)} {'above' if by < 0 else 'below'}"
+            return (("rows", text),), frozenset(explained)
+    return None
 
 
 def _by_order(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
@@ -115,7 +141,7 @@ def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: s
     return (("entries", f"the answers to another entry{starts} of the same kind: {text}{more}"),), frozenset(tried)
 
 
-def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store, by_place: bool) -> Found | None:
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     if (text := _rounded([store[grade.id] for grade in usable], answers)) is not None:
         return (("rounded", f"the answers are {text}"),), frozenset(wrong)
@@ -131,7 +157,11 @@ def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Foun
             phrases.setdefault(text, []).append(name)
             tried |= {quantity.id for quantity in here if quantity.id in wrong}
             continue
-        for phrase, expected in itertools.chain(_shapes(here, answers, wrong, store), _conventions(here)):
+        for phrase, expected in itertools.chain(
+            _shapes(here, answers, wrong, store),
+            _conventions(here),
+            place_shapes(here, answers, wrong) if by_place else (),
+        ):
             explained = _explained(expected, here, answers, wrong)
             if explained and (not phrase.startswith("~") or len(explained) >= _FREE):
                 phrases.setdefault(phrase.removeprefix("~"), []).append(name)
@@ -145,7 +175,7 @@ def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store) -> Foun
 
 def formula_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
     """The simplest of the changed formulas of levels 3 to 5 that explain all answers; those as simple go with it."""
-    given = {id_: float(answer) for id_, answer in answers.items() if abs(answer) < _HUGE}
+    given = {id_: float(answer) for id_, answer in answers.items() if abs(answer) < _FINITE}
     fits: dict[str, tuple[float, set[str]]] = {}
     if any(quantity.id not in given for here in entries for quantity in here):
         return None
@@ -321,9 +351,13 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
             ("differences", "finite differences: only derivatives are off, by a few of their last digits"),
         ), frozenset(wrong)
     if failing == {"log_multiplier_fast"}:
-        bad = [float(as_decimal(grade.answer)) for grade in usable if grade.id in wrong]
+        given = {grade.id: float(as_decimal(grade.answer)) for grade in usable}
+        bad = [given[id_] for id_ in wrong]
         # An eigenvalue below 1e-16 of the largest is rounding in doubles, exp(-36.7), or what an integrator leaves.
-        if all(-45 < x < -20 for x in bad) and all(store[id_].for_doubles < -50 for id_ in wrong):
+        # The half map's is counted twice. Whatever its right value, rounding leaves about the same.
+        right = [store[id_].for_doubles for id_ in wrong]
+        alike = max(bad) - min(bad) < _NOISE and all(x > y + 10 for x, y in zip(bad, right, strict=True))
+        if alike and all(-75 < x < -20 for x in bad) and all(y < -50 for y in right):
             text = "log_multiplier_fast: rounding, as of a monodromy matrix's eigenvalue; integrate the divergence"
             return (("rounding", text),), frozenset(wrong)
     if level == 1:
@@ -331,6 +365,12 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
         if off and max(off) < 64 * _SINGLE and median(off) > _SINGLE / 64:
             return (("single", "errors of the size of single precision"),), frozenset(wrong)
         return None
+    if failing == {"period"} and level in (7, 9) and passing:
+        off = [
+            abs(float(as_decimal(grade.answer)) - store[grade.id].for_doubles) for grade in usable if grade.id in wrong
+        ]
+        if max(off) < _CRUDE:
+            return (("crossings", "the period is located crudely, in steps or by straight lines"),), frozenset(wrong)
     if level != 6 or not equations_right:
         return None
     return _motion(usable, wrong, failing, passing, store)

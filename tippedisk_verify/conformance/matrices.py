@@ -1,0 +1,96 @@
+"""Level 2 with another matrix: linearised about another state, or with one of its entries changed.
+
+The matrix of (beta, gamma, v)' has the rows (0, 0, 1), (a, 0, 0) and (b, c, d), so that its eigenvalues solve
+x^3 - d x^2 - b x - a c = 0. What is answered for them tells d, b and a c. Where these are the right ones times a number
+and a power of Omega, the eigenvalues of that matrix are tried.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+
+from tippedisk_verify.conformance.alternatives import Alternative
+from tippedisk_verify.conformance.factors import factor_said, monomial, named_values
+from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.reference_values.store import Quantity
+
+__all__ = ["matrices"]
+
+Numbers = dict[str, float]
+Factors = Sequence[tuple[float, list[int]]]  # numbers, and powers of Omega
+_NONE: Factors = ((1.0, [0]),) * 3
+_ENTRIES = ("dv'/dv", "dv'/dbeta", "dgamma'/dbeta times dv'/dgamma")
+_ANGLES = ("0", "pi/2", "pi", "3 pi/2")
+_LEAST = 4  # entries that tell a factor and a power
+_PLAIN = 1e-7  # relative: how near to 1 a factor is none
+
+
+def matrices(
+    entries: Sequence[Sequence[Quantity]], answers: Mapping[str, float], wrong: set[str]
+) -> Iterator[tuple[float, str, Callable[[Sequence[Quantity]], Numbers]]]:
+    """(rank, what is wrong, the eigenvalues then) for each other matrix that the answers suggest."""
+    bad = [here for here in entries if any(quantity.id in wrong for quantity in here)]
+    kinds = {here[0].inputs["equilibrium"] for here in bad}
+    which = " and ".join(sorted(kinds))
+    for beta, gamma in itertools.product(range(4), range(4)):
+        text = f"the matrix at beta = {_ANGLES[beta]}, gamma = {_ANGLES[gamma]} for the {which} state"
+        yield 1.0, text, partial(_spectrum, kinds, (beta * math.pi / 2, gamma * math.pi / 2, 0.0), _NONE)
+    found: list[list[tuple[float, list[float]]]] = [[], [], []]
+    for here in bad:
+        names = {f"lambda_{n}_{part}" for n in (1, 2, 3) for part in ("re", "im")}
+        given = {quantity.name: answers[quantity.id] for quantity in here}
+        if given.keys() != names:
+            continue
+        values = [complex(given[f"lambda_{n}_re"], given[f"lambda_{n}_im"]) for n in (1, 2, 3)]
+        rights = _invariants([complex(*pair) for pair in _pairs(here)])
+        for place, (mine, right) in enumerate(zip(_invariants(values), rights, strict=True)):
+            found[place].append((mine / right, [float(here[0].inputs["Omega"])]))
+    fits = [monomial(one) if len(one) >= _LEAST else None for one in found]
+    if any(fit is None for fit in fits):
+        return
+    factors = [fit for fit in fits if fit is not None]
+    said, known = [], True
+    for name, (number, powers) in zip(_ENTRIES, factors, strict=True):
+        if powers[0] or abs(number - 1) > _PLAIN:
+            power = (("Omega", powers[0]),) if powers[0] else ()
+            text, unknown = factor_said(number, power, named_values(bad[0][0].set))
+            said.append(f"{name} {text}")
+            known = known and not unknown
+    if 0 < len(said) < len(_ENTRIES):
+        yield 2.0 if known else 9.0, f"in the matrix {', '.join(said)}", partial(_spectrum, kinds, None, factors)
+
+
+def _pairs(here: Sequence[Quantity]) -> list[tuple[float, float]]:
+    right = {quantity.name: quantity.for_doubles for quantity in here}
+    return [(right[f"lambda_{n}_re"], right[f"lambda_{n}_im"]) for n in (1, 2, 3)]
+
+
+def _invariants(values: Sequence[complex]) -> tuple[float, float, float]:
+    """(d, b, a c) from the eigenvalues."""
+    x, y, z = values
+    return (x + y + z).real, -(x * y + y * z + z * x).real, (x * y * z).real
+
+
+def _spectrum(
+    kinds: set[str], state: tuple[float, float, float] | None, factors: Factors, here: Sequence[Quantity]
+) -> Numbers:
+    """The eigenvalues by their names; those of ``kinds`` at a state instead, or with factors on d, b and a c."""
+    import numpy
+
+    omega, model = float(here[0].inputs["Omega"]), Model(Alternative("", ""), here[0].set, here[0].friction)
+    side = 1 if here[0].inputs["equilibrium"] == "inverted" else -1
+    if here[0].inputs["equilibrium"] not in kinds:
+        state, factors = None, _NONE
+    (a, turned, _), (b, c, d) = model.jacobian(omega, state or (math.pi / 2, side * math.pi / 2, 0.0))
+    d, b, ac = (x * number * omega ** powers[0] for x, (number, powers) in zip((d, b, a * c), factors, strict=True))
+    # a and c only matter by their product.
+    found = numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], [1.0, turned, 0.0], [b, ac, d]])).tolist()
+    ordered = sorted(map(complex, found), key=lambda value: (-round(value.real, 7), -value.imag))
+    return {
+        f"lambda_{n}_{part}": getattr(value, name)
+        for n, value in enumerate(ordered, start=1)
+        for part, name in (("re", "real"), ("im", "imag"))
+    }
