@@ -359,8 +359,8 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("other-side", "the state on the other side of the section, v > 0", output=lambda q, value: (
         -value if q in ("gamma_bar_0", "v_0", "dgamma_bar_0_domega", "dv_0_domega") else value)),
     Alternative("mirror-image", "the mirror image of the orbit, (pi - beta, pi - gamma, -v)", output=lambda q, value: (
-        math.pi - value if q in ("beta", "gamma", "crossing_gamma") else -value
-        if q in ("v", "crossing_v") or q.startswith(("beta_bar", "v_", "dbeta_bar", "dv_top")) else value)),
+        math.pi - value if q in ("beta", "gamma", "crossing_gamma")
+        else -value if q.startswith(("v", "crossing_v", "beta_bar", "gamma_bar", "dbeta_bar", "dv_top")) else value)),
     Alternative("v-sign", "the sign of v_0", output=_named_first("v_0")),
     Alternative("printed-form", "the paper's printed one-harmonic law where the consistent one is asked",
                 counterpart={"form": "printed"}),

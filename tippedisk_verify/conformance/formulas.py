@@ -63,7 +63,7 @@ def _bases(p: SimpleNamespace) -> dict[str, float]:
     """What a factor of the closed forms may be made of."""
     return {
         "r": p.r, "e": p.e, "(r + e)": p.r + p.e, "(r - e)": p.r - p.e, "m": p.m, "g": p.g, "A": p.A, "Bbar": p.Bbar,
-        "(B/Bbar)": p.B / p.Bbar, "pi": math.pi,
+        "mu": p.mu, "epsilon": p.epsilon, "(B/Bbar)": p.B / p.Bbar, "pi": math.pi,
     }  # fmt: skip
 
 

@@ -35,7 +35,15 @@ _HELD = {
 def place_shapes(
     here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]
 ) -> Iterator[tuple[str, dict[str, float]]]:
-    """(What the answers to one quantity are, these answers)."""
+    """(What the answers to one quantity are, these answers), the fewest factors first: many terms fit with more."""
+    for _, text, expected in sorted(_fits(here, answers, wrong), key=lambda fit: fit[0]):
+        yield text, expected
+
+
+def _fits(
+    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]
+) -> Iterator[tuple[int, str, dict[str, float]]]:
+    """How many factors, and what they make of it."""
     right = {quantity.id: quantity.for_doubles for quantity in here}
     factors = {quantity.id: _factors(quantity) for quantity in here}
     values, names = named_values(here[0].set), list(factors[here[0].id])
@@ -61,17 +69,18 @@ def place_shapes(
                 expected[id_] = share * part[id_] + (x if text else 0.0)
         power = product.pop(_ITSELF, 0)
         words, unknown = factor_said(constant, tuple(product.items()), values, "the factor")
+        rank = len(words.split())
         words, mark = words.removeprefix("has the factor "), "~" if unknown else ""
         if not text:
-            yield f"{mark}{words} times {_ITSELF}{f' to the power {power + 1}' if power else ''}", expected
+            yield rank, f"{mark}{words} times {_ITSELF}{f' to the power {power + 1}' if power else ''}", expected
         elif text == "1":
-            yield f"{mark}{_ITSELF} plus {words}", expected
+            yield rank, f"{mark}{_ITSELF} plus {words}", expected
         elif not product and abs(constant + 1) < _PLAIN:
-            yield f"those in which {text} is missing", expected
+            yield rank, f"those in which {text} is missing", expected
         elif not product and abs(constant + 2) < _PLAIN:
-            yield f"those in which {text} has the wrong sign", expected
+            yield rank, f"those in which {text} has the wrong sign", expected
         else:
-            yield f"{mark}{_ITSELF} plus {text} times {words}", expected
+            yield rank, f"{mark}{_ITSELF} plus {text} times {words}", expected
 
 
 def _factors(quantity: Quantity) -> dict[str, float]:

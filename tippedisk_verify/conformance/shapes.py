@@ -387,8 +387,8 @@ def _motion(
             if store[grade.id].name.startswith(("crossing_time", "flat_time"))
         ]
         if times and max(times) < _CRUDE:
-            what = "flat_time is" if failing == {"flat_time"} else "crossings are"
-            text = f"{what} located crudely, by straight lines or at steps: samples in time are right"
+            what, where = ("flat_time is", "") if failing == {"flat_time"} else ("crossings are", ", or not at pi/2")
+            text = f"{what} located crudely, by straight lines or at steps{where}: samples in time are right"
             return (("crossings", text),), frozenset(wrong)
         return None
     samples = [grade for grade in usable if "@" in grade.id]
