@@ -514,14 +514,16 @@ def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, nonsense: list[str
 
 
 def test_equations_that_pass_are_not_blamed_later(store: Store) -> None:
-    """With the right-hand side right, a wrong trajectory is no fault of the equations."""
+    """With the right-hand side right, a wrong trajectory is the fault of another copy of the equations."""
     given = {quantity.id: repr(quantity.for_doubles) for quantity in store.matching("printed/linear/rhs/")}
     quantities = store.matching("printed/linear/trajectory/d1/")
     by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
     given |= {id_: repr(x) for id_, x in predicted(by_name["h-2-sign"], quantities, store, {}).items()}
     (diagnosis,) = diagnosed(graded(_answers(given), store), store)
     assert diagnosis.level == 6
-    assert diagnosis.causes == ()
+    ((name, cause),) = diagnosis.causes
+    assert name == "h-2-sign"
+    assert cause.endswith("(in the orbits' equations: those of level 1 are right)")
 
 
 # ------------------------------------------------------------------------------------------ pages

@@ -155,6 +155,11 @@ def _causes(
     entries = _entries_to_try(usable, store, level)
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
 
+    def said(alternative: Alternative) -> str:
+        """Equations that are right at level 1 are wrong in the orbits' own copy of them."""
+        elsewhere = outputs_only and level == _ORBITS and alternative.spelling != CORRECT
+        return alternative.cause + " (in the orbits' equations: those of level 1 are right)" * elsewhere
+
     def fitting(alternatives: Iterable[Alternative]) -> tuple[Causes, frozenset[str]] | None:
         fits = []
         for alternative in alternatives:
@@ -167,7 +172,7 @@ def _causes(
         best = max((digits for digits, _, _ in fits), default=0.0)
         close = [(alternative, tried) for digits, tried, alternative in fits if digits > best - 2]
         close = [(alternative, tried) for alternative, tried in close if alternative.name in _KNOWN] or close
-        causes = tuple(dict.fromkeys((alternative.name, alternative.cause) for alternative, _ in close))
+        causes = tuple(dict.fromkeys((alternative.name, said(alternative)) for alternative, _ in close))
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
