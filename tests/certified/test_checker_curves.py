@@ -52,6 +52,18 @@ def test_the_rests_of_the_sines_are_there() -> None:
 
 
 # ------------------------------------------------------------------------------------------------------ sets of states
+def test_values_are_held_by_every_degree() -> None:
+    jet = Jet([arb(1), arb(-2), arb(3), arb(5), arb(-7)])
+    for degree, s in product(range(7), (-1, -0.75, 0, 0.5, 1)):
+        chebyshev = [1, s, 2 * s**2 - 1, 4 * s**3 - 3 * s, 8 * s**4 - 8 * s**2 + 1]
+        truth = sum(x * y for x, y in zip((1, -2, 3, 5, -7), chebyshev, strict=True))
+        found = jet.cut(degree)
+        assert len(found.c) == min(degree, 4) + 1
+        known = chebyshev[: degree + 1]
+        assert sum((x * y for x, y in zip(found.c, known, strict=False)), arb(0)).contains(truth)
+        assert [x.mid() for x in found.c[: min(degree, 4) + 1]] == [1, -2, 3, 5, -7][: degree + 1]
+
+
 def made_up_tube(rest: Sequence[Any]) -> Tube:
     tube = object.__new__(Tube)
     tube.curve, tube.away = SimpleNamespace(), arb_mat([[arb(0)], [arb(0, 0.5)], [arb(0, 0.25)]])

@@ -31,6 +31,7 @@ from tippedisk_verify.checker.steps import Flow, Unproved, column, inside, need,
 __all__ = ["Arc", "Curve"]
 
 _ORDER, _ROUGH = 12, 10  # of the states' series, and of those of derivatives: more of either tighten nothing
+_DEGREE = 2  # in s, of derivatives at most: more tighten nothing, and 1 is too few
 _UPRIGHT = arb(0, 1.5706999)  # rad: |beta_bar| lies in it; rounded up, its radius is still below 1.5707 and pi/2
 _FINEST = 9  # halvings of a step in which an orbit turns
 
@@ -123,6 +124,7 @@ class Curve:
             need(bool(p[0].range() < 1), "the amplitude is not shown to be less than 1")
         self.thin = Motion(flow, p[2], p[0] if scaled else None)
         self.wide = Motion(flow, w, p[0] if scaled else None)
+        self.rough = Motion(flow, w.cut(_DEGREE), p[0].cut(_DEGREE) if scaled else None)
         self.all = self.wide.ranges()
         #: where the orbits start on the section, its derivatives by p, and which of p the equations depend on
         self.start = [1 + 0 * p[1] if scaled else p[0], p[1]]
@@ -183,8 +185,8 @@ class Step:
         need(positive(longest), "its length is not positive")
         count = 3 + len(curve.own)
         unit = [[arb(int(row == column)) for row in range(3)] for column in range(count)]
-        wide = curve.wide.series(tube.box(), _ROUGH)
-        slopes = curve.wide.derivatives(wide, unit, _ROUGH)
+        wide = curve.rough.series([part.cut(_DEGREE) for part in tube.box()], _ROUGH)
+        slopes = curve.rough.derivatives(wide, unit, _ROUGH)
         flat = [*wide[:3], *(part for column in slopes for part in column)]
         span = arb(0).union(longest)
         last = power_of(span, _ROUGH)

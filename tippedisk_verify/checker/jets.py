@@ -84,10 +84,11 @@ class Jet:
 
     def range(self) -> Any:
         """Balls that hold all values."""
-        total = self.c[0]
-        for x in self.c[1:]:
-            total = total + symmetric(x)
-        return total
+        return sum(map(symmetric, self.c[1:]), self.c[0])
+
+    def cut(self, degree: int) -> Jet:
+        """The same values by no more than this degree: c_0 takes what is beyond it."""
+        return Jet([Jet([self.c[0], *self.c[degree + 1 :]]).range(), *self.c[1 : degree + 1]])
 
     def map(self, function: Callable[[Any], Any]) -> Jet:
         """A linear function of each coefficient."""
@@ -219,21 +220,18 @@ class Dual:
 
 
 def _folded(products: Sequence[Sequence[Any]]) -> Jet:
-    """The sum of products[i][j] T_i T_j."""
+    """The sum of products[i][j] T_i T_j, of the second factor's degree."""
     if len(products) == 1:
         return Jet(products[0])
-    terms = [[products[i][j] for i, j in pairs] for pairs in _table(len(products))]
-    parts = [sum(row[1:], row[0]) * _HALF for row in terms]
-    for part in parts[len(products) :]:
-        parts[0] = parts[0] + symmetric(part)
-    return Jet(parts[: len(products)])
+    terms = [[products[i][j] for i, j in pairs] for pairs in _table(len(products), len(products[0]))]
+    return Jet([sum(row[1:], row[0]) * _HALF for row in terms]).cut(len(products[0]) - 1)
 
 
 @cache
-def _table(count: int) -> list[list[tuple[int, int]]]:
+def _table(rows: int, columns: int) -> list[list[tuple[int, int]]]:
     """For each k the pairs (i, j) that have T_k / 2 in T_i T_j, twice where they have it all."""
-    pairs = [(i, j) for i in range(count) for j in range(count)]
-    return [[(i, j) for i, j in pairs for n in (i + j, abs(i - j)) if n == k] for k in range(2 * count - 1)]
+    pairs = [(i, j) for i in range(rows) for j in range(columns)]
+    return [[(i, j) for i, j in pairs for n in (i + j, abs(i - j)) if n == k] for k in range(rows + columns - 1)]
 
 
 def _inverse(x: Any) -> Any:
