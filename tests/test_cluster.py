@@ -15,8 +15,12 @@ import pytest
 
 from tests.dask_cluster import changed_package, scheduler, surroundings, without_package, worker
 from tippedisk_verify import __version__
+from tippedisk_verify.certified.branch import omega_crit
 from tippedisk_verify.cli import main
-from tippedisk_verify.sweep import cluster, running
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.sweep import answers, cluster, running
 
 pytest.importorskip("distributed")
 
@@ -211,7 +215,7 @@ def test_a_worker_of_other_code_that_joins_later(
         path = changed_package(
             tmp_path / "other", "sweep/plan.py", '    row["status"] = "ok"', '    row["status"] = "old"'
         )
-    monkeypatch.setattr(running, "_PATIENCE", 1.0)
+    monkeypatch.setattr(answers, "_PATIENCE", 1.0)
     with scheduler(tmp_path) as (_, host), worker(host, tmp_path) as good:
         stranger = worker(host, tmp_path, path)
 
@@ -231,6 +235,38 @@ def test_a_worker_of_other_code_that_joins_later(
     sweep.ends_as(serial)
 
 
+@pytest.mark.parametrize("same", [True, False])
+def test_each_answer_is_held_against_the_code_of_its_function(same: bool, tmp_path: Path) -> None:
+    """A worker with another proof of the branch is trusted with sweeps, and not with arcs."""
+    changed = ("certified/branch.py", "from __future__", "# other words\nfrom __future__")
+    path = None if same else changed_package(tmp_path / "other", *changed)
+    with (
+        scheduler(tmp_path) as (_, host), worker(host, tmp_path, path),
+        cluster.executor_at(f"dask://{host}") as there, answers.Compared(there) as compared,
+    ):  # fmt: skip
+        asked = compared.submit(omega_crit, PRINTED)
+        if same:
+            assert asked.result(60) == omega_crit(PRINTED)
+            with pytest.raises(InputError, match="digits"):
+                compared.submit(checked_digits, 0).result(60)
+        else:
+            with pytest.raises(Shortfall, match=r"an answer came from process .* has changed code"):
+                asked.result(60)
+
+
+@pytest.mark.slow(minutes=2)
+def test_arcs_are_proved_by_a_cluster(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The first arc is proved here, the second one there; it is that of this machine."""
+    found = []
+    with scheduler(tmp_path) as (_, host), worker(host, tmp_path):
+        for executor in ("serial", f"dask://{host}"):
+            arcs = ["--arcs", str(tmp_path / executor[:4]), "--executor", executor]
+            assert main(["certify", "branch", "--to", "0.85", "--quiet", "--json", *arcs]) == 1
+            found.append(json.loads(capfd.readouterr().out)["arcs"])
+    assert len(found[0]) == 2
+    assert found[1] == found[0]
+
+
 # ------------------------------------------------------------------------------------------ gone in mid-run
 @pytest.mark.parametrize(
     "number",
@@ -239,7 +275,7 @@ def test_a_worker_of_other_code_that_joins_later(
 def test_a_scheduler_that_goes_away(
     number: int, sweep: _Sweep, tmp_path: Path, serial: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(running, "_PATIENCE", 1.0)
+    monkeypatch.setattr(answers, "_PATIENCE", 1.0)
     monkeypatch.setattr(cluster, "_ANSWER", 5.0)
     with scheduler(tmp_path) as (process, host), worker(host, tmp_path):
         _after_rows(monkeypatch, 5, lambda: process.send_signal(number))
@@ -252,7 +288,7 @@ def test_a_scheduler_that_goes_away(
 
 @pytest.mark.slow
 def test_workers_that_go_away(sweep: _Sweep, tmp_path: Path, serial: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(running, "_PATIENCE", 0.5)
+    monkeypatch.setattr(answers, "_PATIENCE", 0.5)
     monkeypatch.setattr(cluster, "_WORKERLESS", 1.0)
     with scheduler(tmp_path) as (_, host), worker(host, tmp_path) as only:
         _after_rows(monkeypatch, 5, only.kill)
@@ -264,8 +300,8 @@ def test_the_longest_waits_stay_below_a_minute() -> None:
     """Asking who is there, the client's connection, no worker, the question to the workers; then leaving."""
     assert 3 * cluster._CONNECT + cluster._WORKERLESS + cluster._ANSWER < 60
     # In mid-run: two looks, the second of which finds the cluster still without workers.
-    assert 2 * running._PATIENCE + cluster._WORKERLESS + cluster._CONNECT < 60
-    assert running._PATIENCE + cluster._ANSWER + cluster._CONNECT < 60
+    assert 2 * answers._PATIENCE + cluster._WORKERLESS + cluster._CONNECT < 60
+    assert answers._PATIENCE + cluster._ANSWER + cluster._CONNECT < 60
 
 
 @pytest.mark.slow

@@ -226,7 +226,7 @@ def test_rows_of_a_process_with_other_code_are_refused(
 ) -> None:
     """As when a new version is installed while a pool's processes start."""
     old = here() | {"numpy": "1.0"}
-    monkeypatch.setattr("tippedisk_verify.sweep.running.here", lambda: old)
+    monkeypatch.setattr("tippedisk_verify.sweep.answers.origin", lambda module: old)
     arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:9", "--jobs", "2", "--out", str(tmp_path / "a.csv")]
     assert main(arguments) == 1
     told = capsys.readouterr().err

@@ -40,6 +40,7 @@ NOT_COUNTS = st.one_of(
 NOT_NAMES = st.one_of(
     WORDS, st.sampled_from(["", "../../etc/passwd", "x" * 5000, "\x1b]0;x\x07", "\ud800", "a\nb", "\0"])
 )
+NOT_EXECUTORS = st.one_of(NOT_NAMES, st.just("dask://\0"), st.just("dask://"))
 NOT_FOLDERS = st.sampled_from(["", "/dev/null/x", "/proc/nothing", "a\0b", "x" * 5000, "file", "file/below", "loop/x"])
 NOT_TARGETS = st.sampled_from(
     ["", ".", "/dev/null", "nowhere/x.csv", "a\0.csv", "x" * 5000 + ".csv", "folder", "folder/", "file/x.csv", "pipe"]
@@ -200,6 +201,7 @@ SHAPES: dict[str, Shape] = {
             "--arcs": ("arcs", NOT_TARGETS),
             "--box": ("1e-6", st.one_of(NOT_DISTANCES, st.sampled_from(["0.02", "1", "1e-31"]))),
             "--out": ("out", NOT_FOLDERS),
+            "--executor": ("serial", NOT_EXECUTORS),
         },
     ),
     "certify branch with a certificate": Shape(("certify", "branch"), {"--certificate": ("c.json", NOT_TARGETS)}),
@@ -292,7 +294,7 @@ SHAPES: dict[str, Shape] = {
             **_JOBS,
             "--over": ("mu=0.3", _AXES),
             "--out": ("o.csv", st.one_of(NOT_TARGETS, st.just("x.txt"))),
-            "--executor": ("serial", st.one_of(NOT_NAMES, st.just("dask://\0"), st.just("dask://"))),
+            "--executor": ("serial", NOT_EXECUTORS),
         },
         (("hopf", NOT_NAMES),),
     ),

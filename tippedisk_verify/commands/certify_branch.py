@@ -16,6 +16,7 @@ from tippedisk_verify.commands.common import (
     certificate_option,
     checked_jobs,
     common_options,
+    executor_option,
     print_result,
     processes,
     progress,
@@ -47,6 +48,7 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option("--box", metavar="R", help="As one curve: of every disk whose four numbers are within R, relatively.")
 @click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
 @certificate_option
+@executor_option
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @common_options
 def branch(
@@ -57,22 +59,23 @@ def branch(
     box: str | None,
     out: str | None,
     certificate: str | None,
+    executor: str,
     jobs: int | None,
 ) -> int:
     """Prove the family of limit cycles from the Hopf point to the heteroclinic cycle: one curve, stable, Omega falls.
 
-    It takes some 20 minutes of CPU. With --at the cycles at many speeds are proved one by one instead: the period to
-    DIGITS digits, stability, and the rest of `orbit`. A^in and A^de are the paper's sets, each with Omega_0 =
-    Omega_crit - 0.5.
+    It takes some 20 minutes of CPU. Every worker of a cluster needs this version of the package. With --at the cycles
+    at many speeds are proved one by one instead: the period to DIGITS digits, stability, and the rest of `orbit`. A^in
+    and A^de are the paper's sets, each with Omega_0 = Omega_crit - 0.5.
 
     With --box the curve is proved of all disks at once of which e / r, A / (m r^2), (B - m e^2) / (m r^2) and
     mu sqrt(g r) / epsilon differ by no more than R, relatively, from those of the parameters.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until, out, box, certificate)
-    if (until, arcs, box, out, certificate) != (None,) * 5:
+        return family_as_a_curve(common, jobs, arcs, until, out, box, certificate, executor)
+    if (until, arcs, box, out, certificate, executor) != (*(None,) * 5, "local"):
         raise InputError(
-            "--to, --arcs, --box, --out and --certificate belong to the family as one curve: leave out --at"
+            "--to, --arcs, --box, --out, --certificate and --executor belong to the family as one curve: leave out --at"
         )
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from tippedisk_verify.commands.common import (
     Common,
     alone_in,
+    checked_executor,
     checked_jobs,
     print_result,
-    processes,
     progress,
     result_lines,
+    workers_of,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.files import output_file, write_text
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import Interval, Known
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
@@ -47,6 +51,7 @@ def family_as_a_curve(
     out: str | None,
     box: str | None,
     certificate: str | None,
+    executor: str,
 ) -> int:
     """Prove as much of the family as can be, and say how much that is."""
     from tippedisk_verify.certified.branch import BranchProof
@@ -58,6 +63,7 @@ def family_as_a_curve(
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
     wanted = _amplitude(_DEFAULT_END if until is None else until)
     width = Fraction(0) if box is None else _width(box)
+    checked_executor(executor)
     checked_jobs(jobs)
     folder = alone_in(out)
     if certificate is not None:
@@ -65,6 +71,8 @@ def family_as_a_curve(
             raise InputError("a certificate is written of one disk: leave out --box")
         output_file(certificate)
     pieces = [] if arcs is None else read_pieces(arcs, parameters, width)
+    with workers_of(executor, jobs, needed=False):
+        pass  # a cluster that is not there is told at once
     stopped = None
     connection: ProvedConnection | None = None
     near: ProvedEnd | None = None
@@ -92,7 +100,7 @@ def family_as_a_curve(
                 near = _next_to(connection, known, width)
                 wanted = _end_for(near, known) or wanted
             if stopped is None and (left := open_intervals(pieces, wanted)):
-                with processes(jobs, needed=len(left) > 1) as pool:
+                with _answers(executor, jobs, len(left)) as pool:
                     stopped = prove_intervals(parameters, left, known, pool, keep, width)
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
@@ -105,18 +113,31 @@ def family_as_a_curve(
         save(draw_proved_family(proof), folder, "proved_family")
     print_result(common, proof.json(), _lines(proof))  # first: it stands if no certificate can be written
     if certificate is not None and proof.hopf_closed:
-        _certify(common, proof, certificate, jobs)
+        _certify(common, proof, certificate, executor, jobs)
     return 0 if proof.proved else 1
 
 
-def _certify(common: Common, proof: BranchProof, name: str, jobs: int | None) -> None:
+def _certify(common: Common, proof: BranchProof, name: str, executor: str, jobs: int | None) -> None:
     """Write the certificate of the arcs."""
     from tippedisk_verify.certified.family_certificate import family_certificate
 
-    with progress(common, len(proof.pieces)) as advance, processes(jobs, needed=len(proof.pieces) > 1) as pool:
+    with progress(common, len(proof.pieces)) as advance, _answers(executor, jobs, len(proof.pieces)) as pool:
         advance("certificate", 0)
         text = family_certificate(proof, pool, lambda done: advance(f"certificate: arc {done}", 1))
     write_text(output_file(name), text)
+
+
+@contextmanager
+def _answers(executor: str, jobs: int | None, count: int) -> Iterator[Executor | None]:
+    """Where so many arcs are worked on."""
+    from tippedisk_verify.sweep.answers import Compared
+
+    with workers_of(executor, jobs, needed=count > 1) as pool:
+        if pool is None:
+            yield None
+        else:
+            with Compared(pool) as compared:
+                yield compared
 
 
 def _next_to(connection: ProvedConnection, known: list[Known], width: Fraction) -> ProvedEnd | None:

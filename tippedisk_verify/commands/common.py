@@ -28,9 +28,11 @@ __all__ = [
     "Common",
     "alone_in",
     "certificate_option",
+    "checked_executor",
     "checked_jobs",
     "common_options",
     "console",
+    "executor_option",
     "plain_options",
     "print_result",
     "processes",
@@ -38,6 +40,7 @@ __all__ = [
     "result_lines",
     "speed",
     "speed_options",
+    "workers_of",
 ]
 
 _FEWEST_OFFERED = 16  # processes, each with a memory of its own
@@ -107,6 +110,13 @@ _OUTPUT_OPTIONS = (
     click.option("--quiet", is_flag=True, help="No progress and no table."),
 )
 #: of `certify`
+executor_option = click.option(
+    "--executor",
+    default="local",
+    show_default=True,
+    metavar="serial|local|dask://HOST:PORT",
+    help="One process, all cores of this machine, or a cluster.",
+)
 certificate_option = click.option(
     "--certificate", metavar="FILE.json", help="Write what `certify check FILE.json` needs to prove it again."
 )
@@ -240,3 +250,25 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
             pool.shutdown(wait=True, cancel_futures=True)
             raise
     pool.shutdown(wait=True, cancel_futures=True)  # or its own hook at exit may find its pipe closed
+
+
+def checked_executor(executor: str) -> str:
+    """Raises InputError unless it is the name of one."""
+    if executor not in ("serial", "local") and not executor.startswith("dask://"):
+        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+    return executor
+
+
+@contextmanager
+def workers_of(executor: str, jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
+    """What `executor_option` names; None where this process is to do it. Others of this machine start if ``needed``."""
+    if executor == "serial":
+        yield None
+    elif executor == "local":
+        with processes(jobs, needed=needed) as pool:
+            yield pool
+    else:
+        from tippedisk_verify.sweep.cluster import executor_at
+
+        with executor_at(executor) as cluster:
+            yield cluster

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from typing import Any
-
 import click
 
-from tippedisk_verify.commands.common import Common, checked_jobs, common_options, print_result, processes, progress
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.commands.common import (
+    Common,
+    checked_executor,
+    checked_jobs,
+    common_options,
+    executor_option,
+    print_result,
+    progress,
+    workers_of,
+)
 
 __all__ = ["COMMANDS"]
 
@@ -24,13 +28,7 @@ __all__ = ["COMMANDS"]
     help="An axis: omega, below-crit, a parameter, or beta, gamma, v, duration of a trajectory.",
 )
 @click.option("--out", required=True, metavar="FILE.csv|FILE.parquet", help="Where the table goes.")
-@click.option(
-    "--executor",
-    default="local",
-    show_default=True,
-    metavar="serial|local|dask://HOST:PORT",
-    help="One process, all cores of this machine, or a cluster.",
-)
+@executor_option
 @click.option("--jobs", type=int, metavar="N", help="Processes of `local`; as many as there are cores if not given.")
 @common_options
 def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, executor: str, jobs: int | None) -> int:
@@ -42,23 +40,16 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     import os
 
     from tippedisk_verify.files import output_file
-    from tippedisk_verify.sweep.cluster import executor_at
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
     plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits)
     target = output_file(out)
-    pools: dict[str, Callable[[], AbstractContextManager[Any]]] = {
-        "serial": lambda: nullcontext(None),
-        "local": lambda: processes(jobs),
-    }
-    if executor not in pools and not executor.startswith("dask://"):
-        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+    checked_executor(executor)
     checked_jobs(jobs)
-    pool = pools.get(executor, lambda: executor_at(executor))
     with progress(common, len(plan)) as advance:
         workers = jobs or (64 if executor.startswith("dask://") else os.cpu_count() or 1)
-        points, without = swept(plan, target, pool=pool, workers=workers, advance=advance)
+        points, without = swept(plan, target, pool=lambda: workers_of(executor, jobs), workers=workers, advance=advance)
     line = f"{points} points, {without} of them without numbers (their status says why): {target}"
     print_result(common, {"points": points, "without_numbers": without, "file": str(target)}, [line])
     return 0

@@ -7,8 +7,6 @@ columns of their own.
 from __future__ import annotations
 
 import itertools
-import os
-import platform
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -24,7 +22,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 
-__all__ = ["ANALYSES", "Plan", "answered", "axis", "computed", "here"]
+__all__ = ["ANALYSES", "Plan", "axis", "computed", "here"]
 
 _MOST_POINTS = 1_000_000
 _MOST_BITS = 1_000_000_000  # of a range's numbers
@@ -219,8 +217,3 @@ def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
 def here() -> dict[str, str]:
     """The `origin` of the rows that this process computes."""
     return origin(__name__)
-
-
-def answered(plan: Plan, point: Mapping[str, str]) -> tuple[str, dict[str, str], dict[str, str]]:
-    """What another process is asked for: which one it is, the `origin` of its rows, and the row."""
-    return f"process {os.getpid()} on {platform.node()}", here(), computed(plan, point)

@@ -13,7 +13,7 @@ import itertools
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -24,15 +24,14 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, write_bytes, write_csv
 from tippedisk_verify.fingerprint import unlike
 from tippedisk_verify.interrupts import undoing
-from tippedisk_verify.sweep.cluster import Cluster
-from tippedisk_verify.sweep.plan import Plan, answered, computed, here
+from tippedisk_verify.sweep.answers import Compared
+from tippedisk_verify.sweep.plan import Plan, computed, here
 
 __all__ = ["swept"]
 
 _LONGEST_LINE = 1_000_000  # bytes of a journal's line
 _WAITING = 4  # points for each worker that are handed out ahead
 _REVIVALS = 5  # of a pool whose processes died
-_PATIENCE = 10.0  # s without a row after which a cluster is asked whether it is still there
 
 
 def swept(
@@ -125,29 +124,21 @@ def _run(
         return
     ahead = iter(missing)
     waiting: dict[Future[Any], int] = {}
-    try:
-        while True:
-            for index in itertools.islice(ahead, max(1, _WAITING * workers - len(waiting))):
-                waiting[executor.submit(answered, plan, points[index])] = index
-            if not waiting:
-                return
-            done, _ = wait(waiting, timeout=_PATIENCE, return_when=FIRST_COMPLETED)
-            if not done and isinstance(executor, Cluster):
-                executor.look()
-            for future in done:
-                where, theirs, row = future.result()
-                if difference := unlike(theirs, here()):
-                    raise Shortfall(f"a row came from {where}, which has {difference}: it is not used")
-                keep(waiting[future], row)
-                del waiting[future]
-    except CancelledError:
-        raise Shortfall("the points under way were cancelled: their scheduler is gone, or was started anew") from None
-    finally:
-        for future, index in waiting.items():  # whatever has ended this
-            if future.done() and not future.cancelled() and not future.exception():
-                _, theirs, row = future.result()
-                if not unlike(theirs, here()):
-                    keep(index, row)
+    with Compared(executor) as answers:
+        try:
+            while True:
+                for index in itertools.islice(ahead, max(1, _WAITING * workers - len(waiting))):
+                    waiting[answers.submit(computed, plan, points[index])] = index
+                if not waiting:
+                    return
+                done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in done:
+                    keep(waiting[future], future.result())
+                    del waiting[future]
+        finally:
+            for future, index in waiting.items():  # whatever has ended this
+                if future.done() and not future.cancelled() and not future.exception():
+                    keep(index, future.result())
 
 
 def _taken_up(journal: Path, plan: Plan, points: Sequence[Mapping[str, str]]) -> dict[int, dict[str, str]]:
