@@ -316,6 +316,10 @@ def test_the_statement_of_a_box() -> None:
     assert whole.json()["box"]["width"] == "0.0001"
     # 1e-10, the radius of the middle disk's Omega_h, is said of no other disk.
     assert connection().omega_h.decimals()[0] not in whole.statement
+    told = replace(whole, connection=connection()).json()
+    assert "omega_h" not in told
+    assert "omega_crit" not in told
+    assert told["box"]["middle_disk"].keys() == {"omega_crit", "omega_h"}
     # Speeds that do not move with the disk: 15 rad/s times the width is more than the room there is.
     still = MovingBox(WIDTH, (Fraction(0),) * 4)
     high = str(float(piece.at(HIGH)[1] + Fraction("1e-3")))

@@ -231,16 +231,19 @@ class BranchProof:
             "covered": None if share is None else _decimals(share),
             "statement": self.statement,
             "ends": ends,
-            "omega_crit": omega_crit(self.parameters).json(),
         }
-        if self.width:
+        numbers: dict[str, object] = {"omega_crit": omega_crit(self.parameters).json()}
+        if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
+            numbers["omega_h"] = self.connection.omega_h.json()
+        if not self.width:
+            entries |= numbers
+        else:
             entries["box"] = {
                 "width": exact_text(self.width),
                 "of": ["e / r", "A / (m r^2)", "(B - m e^2) / (m r^2)", "mu sqrt(g r) / epsilon"],
                 "each_of_eight_within": each_within(self.parameters, self.width),
+                "middle_disk": numbers,
             }
-        if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
-            entries["omega_h"] = self.connection.omega_h.json()
         if hopf:
             names = ("v_0_per_gamma_bar_0", "v_0", "omega")
             entries["amplitude_end"] = exact_text(self.pieces[-1].high)
