@@ -20,6 +20,7 @@ from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alt
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.predictions import Model, predicted
+from tippedisk_verify.conformance.scans import orbit_values
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
@@ -34,7 +35,6 @@ _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake 
 _DURATION = 10.0  # s, of an orbit
 _FAR = 20.0  # times; slopes are no further off
 _LINEAR = 0.1  # rad, rad/s; they say nothing of larger moves
-_EARLY = 12  # samples of an orbit that a parameter's slope must foretell
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
@@ -188,10 +188,9 @@ def _causes(
         models = []  # which would have changed other answers
     outputs = [one for one in ALTERNATIVES if one.output or one.counterpart]
     worst = _worst(usable, wrong, store)
-    early = _early(worst, usable, store)
-    first = early[0] if early else worst
+    first = _first_sample(worst, usable, store)
     models = [one for one in _distinct(models, entries) if _foretold(one, worst, first, answers, wrong, store)]
-    values = partial(free_values, worst, answers, store, early)
+    values = partial(free_values, worst, answers, store)
     if level == 1:
         found = fitting(models + outputs)
         if found is None:
@@ -208,9 +207,13 @@ def _causes(
             found = fitting(late_values(worst, answers, store))
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
-            free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
+            several = len(wrong) >= _BORNE_OUT
+            free = values() if several and level < _ORBITS and (level in (2, 4, 5) or not outputs_only) else ()
             orbits = [one for one in models if one.of_orbits and level >= _ORBITS]
             found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
+            if found is None and level == _ORBITS and several:
+                numbers, terms = orbit_values(usable, wrong, answers, store)
+                found = fitting(numbers) or fitting(terms)
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
     found = found or shape_of(usable, wrong, store, by_place=True)
@@ -266,11 +269,11 @@ def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
     return store[min((grade for grade in usable if grade.id in wrong), key=rank).id]
 
 
-def _early(worst: Quantity, usable: list[Grade], store: Store) -> list[Quantity]:
-    """The first samples of the same orbit."""
+def _first_sample(worst: Quantity, usable: list[Grade], store: Store) -> Quantity:
+    """The first sample of the same orbit, or the same question where there is none."""
     entry = [store[grade.id] for grade in usable if grade.id.startswith(worst.id.rsplit("/", 1)[0] + "/")]
     samples = [quantity for quantity in entry if "@" in quantity.name]
-    return sorted(samples, key=lambda quantity: float(quantity.name.split("@")[1]))[:_EARLY]
+    return min(samples, key=lambda quantity: float(quantity.name.split("@")[1]), default=worst)
 
 
 def _entries_to_try(usable: Iterable[Grade], store: Store, level: int) -> list[list[Quantity]]:

@@ -24,7 +24,10 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["factor_said", "free_values", "late_values", "monomial", "named_product", "named_values", "term_factors"]
+__all__ = [
+    "changed_term", "factor_said", "free_values", "late_values", "monomial", "moved", "named_product", "named_values",
+    "parameter", "scaled", "term_factors", "term_names",
+]  # fmt: skip
 
 _TERMS = {
     "rho": {"rho": ""},
@@ -61,9 +64,6 @@ _SMALL = ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, 
 _LEAST_STATES = 12  # for at most nine unknowns
 _ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
 _LATE = 0.05  # s
-_NEAR = 0.2  # relative: so far the slope of an orbit's answer is a guide
-_ALIKE = 0.3  # relative: how well slopes foretell errors so far
-_MOST = 0.7  # of the answers beside the one that is solved for
 _GRID = sorted(
     {sign * 10 ** (k / 6) for k in range(-24, 25) for sign in (-1, 1)} | {0.0} | {1 + k / 40 for k in range(-20, 21)}
 )
@@ -107,9 +107,7 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
                 yield Alternative("number-more" if unknown else "more", f"{number} {said}",
                                   replace(CORRECT, extra=extra))  # fmt: skip
                 continue
-            label = f"{number}'s term {what}, {terms[name]}," if terms[name] and what[:1].isdigit() else number
-            if terms[name] and not what[:1].isdigit():
-                label = f"{terms[name]} in {number}"
+            label = _term_said(name)
             said, unknown = factor_said(constant, factors, named_values(wrong[0].set))
             plain = not unknown and component != "rho"  # one factor of e says the same of rho, and more simply
             yield Alternative(
@@ -118,6 +116,26 @@ def term_factors(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> I
                 replace(CORRECT, extra=((name, constant, factors),)),
             )
     yield from _coefficients(wrong, answers)
+
+
+def _term_said(name: str) -> str:
+    component, _, what = name.partition(" ")
+    text = _TERMS[component][name]
+    if what[:1].isdigit():
+        return f"{component}'s term {what}, {text},"
+    return f"{text} in {component}" if text else component
+
+
+def term_names() -> list[str]:
+    """The terms of the equations that may have a factor each, `Spelling.extra`."""
+    return [name for terms in _TERMS.values() for name in terms]
+
+
+def changed_term(name: str, set_name: str, factor: float) -> Alternative:
+    """A plain factor on one term throughout; a tiny one stands for a term that is missing."""
+    constant = 0.0 if abs(factor) < _CONSTANT else factor
+    said, _ = factor_said(constant, (), named_values(set_name))
+    return Alternative(f"{name}-factor", f"{_term_said(name)} {said}", replace(CORRECT, extra=((name, constant, ()),)))
 
 
 def _coefficients(wrong: Sequence[Quantity], answers: Mapping[str, Decimal]) -> Iterator[Alternative]:
@@ -225,41 +243,34 @@ def named_product(
     return None
 
 
-def free_values(
-    worst: Quantity, answers: Mapping[str, Decimal], store: Store, beside: Sequence[Quantity] = ()
-) -> Iterator[Alternative]:
-    """Alternatives with another value of one parameter or input, which all predict the answer to ``worst``.
-
-    An orbit's prediction takes an integration. There a value is only tried if the slopes that the reference knows say
-    that it moves most of the answers ``beside`` as far as they are off.
-    """
-    answer = float(answers[worst.id])
+def free_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:
+    """Alternatives with another value of one parameter or input, which all predict the answer to ``worst``."""
     exact = parameters_of(worst.set)
     known = {name: float(getattr(exact, name)) for name in SYMBOLS}
     known["Bbar"] = known["B"] - known["m"] * known["e"] ** 2
-    if worst.level >= 6:  # each prediction is an orbit: from the slopes that the reference knows
-        makes: list[tuple[Callable[[float], Alternative], Sequence[float]]] = []
-        for name, slope in worst.condition.items():
-            shift = (answer - worst.for_doubles) / float(slope) if float(slope) else math.inf
-            moved = [(float(answers[q.id]) - q.for_doubles, shift * float(q.condition.get(name, 0))) for q in beside]
-            alike = sum(abs(error - move) <= _ALIKE * abs(move) for error, move in moved)
-            if abs(shift) < _NEAR and alike >= _MOST * len(moved):
-                near = [1 + share * shift for share in (0.6, 1.0, 1.6)]
-                makes.append((partial(_parameter, name, known[name]), [c * known[name] for c in near])
-                             if name in known else (partial(_scaled, name), near))  # fmt: skip
-    else:
-        makes = [(partial(_parameter, name, x), [c * x for c in _GRID]) for name, x in known.items()]
+    makes: list[tuple[Callable[[float], Alternative], Sequence[float]]]
+    makes = [(partial(parameter, name, x), [c * x for c in _GRID]) for name, x in known.items()]
     if worst.level in (2, 5):
         makes.append((partial(_fixed, "Omega"), [30 * c for c in _GRID if c > 0]))
     if worst.level == 1:
         turns = [k * math.pi / 12 + 0.01 for k in range(-13, 13)]  # one turn, its end within
-        makes += [(partial(_scaled, name), _GRID) for name in ("Omega", "v")]
-        makes += [(partial(_moved, name, sign), turns) for name in ("beta", "gamma") for sign in (1, -1)]
+        makes += [(partial(scaled, name), _GRID) for name in ("Omega", "v")]
+        makes += [(partial(moved, name, sign), turns) for name in ("beta", "gamma") for sign in (1, -1)]
         makes.append((_eccentric, _GRID))
         makes.append((partial(_fixed, "Omega"), [30 * c for c in _GRID]))
     for make, grid in makes:
-        for root in _roots(partial(_error, make, worst, answer, store), grid):
-            yield make(root)
+        yield from map(make, solved(make, worst, answers, store, grid))
+
+
+def solved(
+    make: Callable[[float], Alternative],
+    worst: Quantity,
+    answers: Mapping[str, Decimal],
+    store: Store,
+    grid: Sequence[float],
+) -> Iterator[float]:
+    """The numbers within ``grid`` with which an alternative gives the answer to ``worst``."""
+    return _roots(partial(_error, make, worst, float(answers[worst.id]), store), grid)
 
 
 def late_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:
@@ -269,7 +280,7 @@ def late_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -
     late = (answer - float(worst)) / rate if rate else math.inf
     if abs(late) < _LATE:
         near = [share * late for share in (0.6, 1.0, 1.6)]
-        yield from map(_late, _roots(partial(_error, _late, worst, answer, store), near))
+        yield from map(_late, solved(_late, worst, answers, store, near))
 
 
 def _rate(sample: Quantity, store: Store) -> float:
@@ -302,7 +313,7 @@ def _roots(error: Callable[[float], float], grid: Sequence[float]) -> Iterator[f
                 yield float(brentq(error, grid[n - 1], c, xtol=1e-300, rtol=1e-15))
 
 
-def _parameter(name: str, right: float, value: float) -> Alternative:
+def parameter(name: str, right: float, value: float) -> Alternative:
     return Alternative(
         f"{name}-value", f"{name} = {value:.9g} instead of {right:.9g}", parameters=lambda p: {name: value}
     )
@@ -317,12 +328,12 @@ def _changed(name: str, cause: str, label: str, change: Callable[[float], float]
         key: change(value) if key == name else value for key, value in inputs.items()})  # fmt: skip
 
 
-def _scaled(name: str, factor: float) -> Alternative:
+def scaled(name: str, factor: float) -> Alternative:
     cause = f"the sign of {name}" if abs(factor + 1) < 1e-9 else f"{name} taken {factor:.9g} times as large"
     return _changed(name, cause, f"{name}-factor", lambda value: factor * value)
 
 
-def _moved(name: str, sign: int, by: float) -> Alternative:
+def moved(name: str, sign: int, by: float) -> Alternative:
     turns = round(math.remainder(by, 2 * math.pi) / math.pi * 2, 8)
     amounts = {0.0: "", 1.0: "pi/2", -1.0: "-pi/2", 2.0: "pi", -2.0: "pi"}
     amount = amounts.get(turns, f"{turns * math.pi / 2:.9g}")
