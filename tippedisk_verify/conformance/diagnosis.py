@@ -11,7 +11,7 @@ import itertools
 import math
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import partial
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
+from tippedisk_verify.conformance.integrators import integrator_of
 from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.conformance.scans import orbit_values
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
@@ -35,6 +36,7 @@ _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake 
 _DURATION = 10.0  # s, of an orbit
 _FAR = 20.0  # times; slopes are no further off
 _LINEAR = 0.1  # rad, rad/s; they say nothing of larger moves
+_DOUBLES = 1e-12  # rad, rad/s; what a program in doubles may be off at the start of an orbit
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
@@ -204,7 +206,8 @@ def _causes(
             if found is None and outputs_only:  # another number in this level alone
                 found = fitting(one for one in ALTERNATIVES if one.parameters)
         if found is None and level == _ORBITS:
-            found = fitting(late_values(worst, answers, store))
+            advance(f"level {level}: integrators", 1)
+            found = fitting(late_values(worst, answers, store)) or integrator_of(usable, wrong, store)
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             several = len(wrong) >= _BORNE_OUT
@@ -322,16 +325,36 @@ def _fit(
             if any(quantity.id in wrong for quantity in quantities):
                 return None
             continue
+        nudged: dict[str, float] = {}
         for quantity in quantities:
             if quantity.id not in expected:
                 continue
             digits = borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in wrong)
             if digits is None:
-                return None
-            if quantity.id in wrong:
+                if level != _ORBITS:
+                    return None
+                nudged = nudged or predicted(_nudged(alternative), quantities, store, truth, given)
+                if not _lost(expected[quantity.id], nudged.get(quantity.id, math.nan), quantity):
+                    return None
+            elif quantity.id in wrong:
                 tried.add(quantity.id)
                 least = min(least, digits)
     return (least, frozenset(tried)) if tried else None
+
+
+def _nudged(alternative: Alternative) -> Alternative:
+    """The same mistake with a start that is off by what doubles leave of it."""
+
+    def inputs(given: dict[str, Any]) -> dict[str, Any]:
+        given = alternative.inputs(given) if alternative.inputs is not None else given
+        return {name: value + _DOUBLES if name in ("gamma", "v") else value for name, value in given.items()}
+
+    return replace(alternative, inputs=inputs)
+
+
+def _lost(expected: float, nudged: float, quantity: Quantity) -> bool:
+    """Whether an orbit by the mistaken model has lost the digits that the question needs, next to a saddle."""
+    return borne_out(Decimal(nudged), expected, quantity, False) is None if math.isfinite(nudged) else True
 
 
 def near_float(answer: Decimal) -> float:

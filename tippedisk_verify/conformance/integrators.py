@@ -1,0 +1,230 @@
+"""Which integrator's errors the answers have: methods with a fixed step, and SciPy's at a tolerance.
+
+The right equations are integrated by each method from the starts that were asked for to the first samples, with shorter
+and shorter steps. A method is named if it gives the answers' errors, not only the answers: nothing else has them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.conformance.alternatives import Alternative
+from tippedisk_verify.conformance.flights import Array, Field, Step, field, flown, runge_kutta
+from tippedisk_verify.conformance.grading import Grade, as_decimal
+from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.conformance.shapes import Found
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["fixed_steps", "integrator_of", "tolerances"]
+
+_STATE = ("beta", "gamma", "v")
+_ALIKE = 0.02  # of the errors: what a method may leave of them
+_MOST = 10_000  # steps of a flight
+_FEW = 500  # steps where a step is dear, or of high order
+_WORTH = 5.0  # times: errors that are so much smaller than the answers' need no shorter step
+_SLOW = 1.2  # the reciprocal of the least order that is believed
+_LOST = 1.0  # rad, rad/s; a method that is further off is unstable
+_LEAST = 2  # orbits
+_LONGEST = 0.05  # s, of a step
+_EXACT = 2.5e-4  # s, of a step of RK4 that leaves some 1e-10
+_DURATION = 10.0  # s, that a solver is told
+_ADAPTIVE = ("RK45", "RK23", "LSODA", "BDF", "Radau", "DOP853")
+_RELATIVE = (1e-3, *(10.0**-k for k in range(2, 11) if k != 3))
+_NEWTON = 4  # iterations of an implicit step: with a difference quotient, of nearly second order
+_TINY = 1e-7
+_COUNTS = (10, 20, 25, 40, 50, 80, 100, 125, 200, 250, 400, 500, 800, 1000, 1250, 2000, 2500, 5000, 10_000)
+_RK4 = ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+_SLIPS = {
+    "weights 1/4 each": (*_RK4[:3], (0.25,) * 4),
+    "weights 1/8, 3/8, 3/8, 1/8": (*_RK4[:3], (1 / 8, 3 / 8, 3 / 8, 1 / 8)),
+    "weights 1/3, 1/6, 1/6, 1/3": (*_RK4[:3], (1 / 3, 1 / 6, 1 / 6, 1 / 3)),
+    "weights 1/6, 1/6, 1/3, 1/3": (*_RK4[:3], (1 / 6, 1 / 6, 1 / 3, 1 / 3)),
+    "weights 1/6, 1/2, 1/6, 1/6": (*_RK4[:3], (1 / 6, 1 / 2, 1 / 6, 1 / 6)),
+    "half a step to its last stage": (*_RK4[:2], (0.0, 0.0, 0.5), _RK4[3]),
+    "its last stage from the second": (*_RK4[:2], (0.0, 1.0, 0.0), _RK4[3]),
+    "its last stage from the first": (*_RK4[:2], (1.0, 0.0, 0.0), _RK4[3]),
+    "its third stage from the first": (_RK4[0], (0.5, 0.0), *_RK4[2:]),
+    "whole steps to all stages": ((1.0,), (0.0, 1.0), *_RK4[2:]),
+    "a whole step to its second stage": ((1.0,), *_RK4[1:]),
+    "a whole step to its third stage": (_RK4[0], (0.0, 1.0), *_RK4[2:]),
+    "the sum of all slopes for its last stage": (*_RK4[:2], (1 / 3, 1 / 3, 1 / 3), _RK4[3]),
+}  # fmt: skip
+
+
+def _implicit(theta: float) -> Step:
+    """y + h (theta f(new) + (1 - theta) f(y)): implicit Euler, or the trapezoidal rule."""
+
+    def step(f: Field, y: Array, h: Any) -> Array:
+        slope = f(y)
+        known = y + (1 - theta) * h * slope
+        columns = [(f(y + _TINY * unit[:, None]) - slope) / _TINY for unit in numpy.eye(3)]
+        matrix = numpy.eye(3)[:, :, None] - theta * h * numpy.stack(columns, axis=1)
+        inverse, z = numpy.linalg.inv(numpy.moveaxis(matrix, 2, 0)), y + h * slope
+        for _ in range(_NEWTON):
+            z = z - numpy.einsum("nij,jn->in", inverse, z - known - theta * h * f(z))
+        return z
+
+    return step
+
+
+def _midpoint(f: Field, y: Array, h: Any) -> Array:
+    return 2 * _implicit(1.0)(f, y, h / 2) - y
+
+
+def _by_parts(first: str, drifting: bool, stale: bool) -> Step:
+    """Euler's step for v, then beta with the new v, or the other way; gamma from the new or the ``stale`` beta."""
+
+    def step(f: Field, y: Array, h: Any) -> Array:
+        slope = f(y)
+        z = y + h * slope
+        if first == "v":
+            z[0] = y[0] + h * z[2]
+            if drifting:
+                z[0] -= h * h / 2 * slope[2]
+        else:
+            z[2] = y[2] + h * f(numpy.stack([z[0], z[1], y[2]]))[2]
+        if not stale:
+            z[1] = y[1] + h * f(z)[1]
+        return z
+
+    return step
+
+
+_METHODS: dict[str, Step] = {
+    "explicit Euler": runge_kutta(((1.0,),)),
+    "the midpoint rule": runge_kutta(((0.5,), (0.0, 1.0))),
+    "Heun's method": runge_kutta(((1.0,), (0.5, 0.5))),
+    "Ralston's method": runge_kutta(((2 / 3,), (0.25, 0.75))),
+    "Kutta's third-order method": runge_kutta(((0.5,), (-1.0, 2.0), (1 / 6, 2 / 3, 1 / 6))),
+    "Heun's third-order method": runge_kutta(((1 / 3,), (0.0, 2 / 3), (0.25, 0.0, 0.75))),
+    "the third-order method of Bogacki and Shampine": runge_kutta(((0.5,), (0.0, 0.75), (2 / 9, 1 / 3, 4 / 9))),
+    "the third-order method of Shu and Osher": runge_kutta(((1.0,), (0.25, 0.25), (1 / 6, 1 / 6, 2 / 3))),
+    "RK4": runge_kutta(_RK4),
+    "Kutta's 3/8 rule": runge_kutta(((1 / 3,), (-1 / 3, 1.0), (1.0, -1.0, 1.0), (1 / 8, 3 / 8, 3 / 8, 1 / 8))),
+    "implicit Euler": _implicit(1.0),
+    "the trapezoidal rule": _implicit(0.5),
+    "the implicit midpoint rule": _midpoint,
+    **{
+        f"semi-implicit Euler, {'v' if first == 'v' else 'beta'} first{', gamma from the old beta' * stale}":
+            _by_parts(first, False, stale)
+        for first in ("v", "beta") for stale in (False, True)
+    },
+    "Euler's method with beta to second order": _by_parts("v", True, True),
+    **{f"RK4 with a slip, {text}": runge_kutta(table) for text, table in _SLIPS.items()},
+}  # fmt: skip
+_QUICK = ("explicit Euler", "the midpoint rule", "Heun's method", "semi-implicit Euler, v first")
+_ADAMS = {"the Adams-Bashforth method of two steps": (1.5, -0.5), "that of three steps": (23 / 12, -4 / 3, 5 / 12)}
+
+
+def _adams(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
+    """After one or two steps of RK4, or of Euler's method."""
+    weights = _ADAMS[name.split(" after")[0]]
+    start = runge_kutta(_RK4) if name.endswith("RK4") else runge_kutta(((1.0,),))
+    h, slopes = duration / count, []
+    for n in range(count):
+        slopes = [f(y), *slopes][: len(weights)]
+        y = start(f, y, h) if n + 1 < len(weights) else y + h * sum(b * k for b, k in zip(weights, slopes, strict=True))
+    return y
+
+
+def _flights(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
+    with numpy.errstate(all="ignore"):
+        if name not in _METHODS:
+            return _adams(name, f, y, duration, count)
+        return flown(f, y, duration, count, _METHODS[name])
+
+
+def integrator_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    """The integrator whose errors all orbits have, where samples are wrong."""
+    here, answers = [store[grade.id] for grade in usable], {grade.id: as_decimal(grade.answer) for grade in usable}
+    samples = frozenset(id_ for id_ in wrong if "@" in id_)
+    text = fixed_steps(here, answers) or tolerances(here, answers) if samples else None
+    return ((("integrator", f"the integrator's errors: {text}"),), samples) if text else None
+
+
+def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str | None:
+    """The method and its step that give the errors of the first samples of all orbits, if one does."""
+    starts, speeds, errors, time = _firsts(here, answers)
+    if len(speeds) < _LEAST:
+        return None
+    f, size = field(here[0].set, here[0].friction, speeds), float(abs(errors).max())
+    exact = flown(f, starts, time, round(time / _EXACT))
+    for name in (*_METHODS, *(f"{name} after {start}" for name in _ADAMS for start in ("Euler", "RK4"))):
+        last, before, wanted = math.inf, 0.0, 0.0
+        for count in (count for count in _COUNTS if time / count < _LONGEST):
+            if count < wanted / _WORTH:
+                continue
+            if max(wanted / _WORTH, count) > (_MOST if name in _QUICK else _FEW):
+                break
+            made = _flights(name, f, starts, time, round(count)) - exact
+            if not (off := float(abs(made).max())) < _LOST:
+                continue
+            left = numpy.linalg.norm(made - errors, axis=0)
+            if (left <= _ALIKE * numpy.linalg.norm(errors, axis=0)).all():
+                return f"{name} at a fixed step of {1000 * time / count:.6g} ms"
+            if off < size / _WORTH:
+                break
+            if off < last < _LOST:  # by the order that the last two steps show
+                wanted = count * (off / size) ** min(math.log(count / before) / math.log(last / off), _SLOW)
+            last, before = off, count
+    return None
+
+
+def _firsts(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tuple[Array, Array, Array, float]:
+    """Starts, speeds and the errors of the first sample of each orbit, in columns, and their time."""
+    orbits: dict[str, dict[str, Quantity]] = {}
+    for quantity in here:
+        if "@" in quantity.name:
+            orbits.setdefault(quantity.id.rsplit("/", 1)[0], {})[quantity.name] = quantity
+    first = min((float(name.split("@")[1]) for orbit in orbits.values() for name in orbit), default=math.nan)
+    whole = [[orbit.get(f"{name}@{first:g}") for name in _STATE] for orbit in orbits.values()]
+    columns = [[quantity for quantity in three if quantity is not None] for three in whole]
+    columns = [three for three in columns if len(three) == len(_STATE)]
+    starts = numpy.array([[float(three[0].inputs[name]) for name in _STATE] for three in columns]).T
+    speeds = numpy.array([float(three[0].inputs["Omega"]) for three in columns])
+    errors = numpy.array([[float(answers[q.id]) - q.for_doubles for q in three] for three in columns]).T
+    return starts, speeds, errors, first
+
+
+def tolerances(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str | None:
+    """The method of SciPy and the tolerances that give the errors of the first samples of all orbits, if some do."""
+    from scipy import integrate
+
+    starts, speeds, errors, time = _firsts(here, answers)
+    if len(speeds) < _LEAST:
+        return None
+    sizes = numpy.linalg.norm(errors, axis=0)
+    order = numpy.argsort(sizes)[::-1]
+    exact = flown(field(here[0].set, here[0].friction, speeds), starts, time, round(time / _EXACT))
+
+    def fits(method: str, relative: float, absolute: float) -> float:
+        """How far from the errors: at most 1 if they are alike on all orbits."""
+        worst = 0.0
+        for lane in order:
+            rates = Model(Alternative("", ""), here[0].set, here[0].friction).rates(speeds[lane], starts[:, lane])
+            solver = getattr(integrate, method)(rates, 0.0, starts[:, lane], _DURATION, rtol=relative, atol=absolute)
+            while solver.status == "running" and solver.t < time:
+                solver.step()
+            if solver.status == "failed":
+                return math.inf
+            made = solver.dense_output()(time) - exact[:, lane]
+            left = float(numpy.linalg.norm(made - errors[:, lane]) / max(sizes[lane], _TINY**2))
+            if left > _ALIKE:
+                ratio = max(numpy.linalg.norm(made), _TINY**2) / max(sizes[lane], _TINY**2)
+                return float(max(ratio, 1 / ratio, 2.0))
+            worst = max(worst, left / _ALIKE)
+        return worst
+
+    for method, relative in itertools.product(_ADAPTIVE, _RELATIVE):
+        near = fits(method, relative, relative)
+        absolutes = (1e-6, *(relative * 10.0**k for k in (-1, -2, -3, -4, 1, 2)), 1e-8, 1e-9, 1e-10, 1e-12)
+        for absolute in (relative, *(absolutes if near < 10 * _WORTH else ())):
+            if (near if absolute == relative else fits(method, relative, absolute)) <= 1:
+                return f"SciPy's {method} at rtol = {relative:g}, atol = {absolute:g}"
+    return None
