@@ -17,6 +17,8 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
+from tippedisk_verify.conformance.closing import closing_of, unclosed
+from tippedisk_verify.conformance.cycles import slip_of
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.integrators import integrator_of
@@ -31,6 +33,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
 _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _MATRICES = 2
+_CYCLES = (7, 9)
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
@@ -201,6 +204,9 @@ def _causes(
             found = fitting([*values(), *plain]) or fitting(terms)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
+        if found is None and level in _CYCLES:
+            advance(f"level {level}: cycles", 1)
+            found = slip_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone
@@ -220,7 +226,8 @@ def _causes(
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
     found = found or shape_of(usable, wrong, store, by_place=True)
-    return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
+    found = found or size_of(usable, wrong, store, outputs_only)
+    return found or (unclosed(usable, wrong, store) if level in _CYCLES else None) or ((), frozenset())
 
 
 def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity]]) -> Iterator[Alternative]:

@@ -21,7 +21,7 @@ from tippedisk_verify.conformance.predictions import Model
 from tippedisk_verify.conformance.shapes import Found
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["fixed_steps", "integrator_of", "tolerances"]
+__all__ = ["METHODS", "fixed_steps", "integrator_of", "tolerances"]
 
 _STATE = ("beta", "gamma", "v")
 _ALIKE = 0.02  # of the errors: what a method may leave of them
@@ -96,7 +96,7 @@ def _by_parts(first: str, drifting: bool, stale: bool) -> Step:
     return step
 
 
-_METHODS: dict[str, Step] = {
+METHODS: dict[str, Step] = {
     "explicit Euler": runge_kutta(((1.0,),)),
     "the midpoint rule": runge_kutta(((0.5,), (0.0, 1.0))),
     "Heun's method": runge_kutta(((1.0,), (0.5, 0.5))),
@@ -135,9 +135,9 @@ def _adams(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
 
 def _flights(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
     with numpy.errstate(all="ignore"):
-        if name not in _METHODS:
+        if name not in METHODS:
             return _adams(name, f, y, duration, count)
-        return flown(f, y, duration, count, _METHODS[name])
+        return flown(f, y, duration, count, METHODS[name])
 
 
 def integrator_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
@@ -155,7 +155,7 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
         return None
     f, size = field(here[0].set, here[0].friction, speeds), float(abs(errors).max())
     exact = flown(f, starts, time, round(time / _EXACT))
-    for name in (*_METHODS, *(f"{name} after {start}" for name in _ADAMS for start in ("Euler", "RK4"))):
+    for name in (*METHODS, *(f"{name} after {start}" for name in _ADAMS for start in ("Euler", "RK4"))):
         last, before, wanted = math.inf, 0.0, 0.0
         for count in (count for count in _COUNTS if time / count < _LONGEST):
             if count < wanted / _WORTH:
@@ -167,7 +167,7 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
                 continue
             left = numpy.linalg.norm(made - errors, axis=0)
             if (left <= _ALIKE * numpy.linalg.norm(errors, axis=0)).all():
-                return f"{name} at a fixed step of {1000 * time / count:.6g} ms"
+                return f"too long a step, {name} at a fixed step of {1000 * time / count:.6g} ms"
             if off < size / _WORTH:
                 break
             if off < last < _LOST:  # by the order that the last two steps show
@@ -226,5 +226,5 @@ def tolerances(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str 
         absolutes = (1e-6, *(relative * 10.0**k for k in (-1, -2, -3, -4, 1, 2)), 1e-8, 1e-9, 1e-10, 1e-12)
         for absolute in (relative, *(absolutes if near < 10 * _WORTH else ())):
             if (near if absolute == relative else fits(method, relative, absolute)) <= 1:
-                return f"SciPy's {method} at rtol = {relative:g}, atol = {absolute:g}"
+                return f"a loose tolerance, SciPy's {method} at rtol = {relative:g}, atol = {absolute:g}"
     return None

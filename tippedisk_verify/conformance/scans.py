@@ -24,7 +24,7 @@ from tippedisk_verify.conformance.predictions import Model
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Change", "changes", "orbit_values"]
+__all__ = ["Change", "Lanes", "changed_field", "changes", "lane_field", "narrowed", "orbit_values", "plain"]
 
 _STATE = ("beta", "gamma", "v")
 _PARAMETERS = ("mu", "epsilon", "g", "e", "r", "m", "A", "B")
@@ -73,7 +73,7 @@ def changes(set_name: str, starts: bool) -> list[Change]:
 Lanes = Sequence[tuple[Change, float]]
 
 
-def _flight(lanes: Lanes, set_name: str, friction: str, omega: float, start: Sequence[float]) -> tuple[Field, Array]:
+def lane_field(lanes: Lanes, set_name: str, friction: str, omega: float, start: Sequence[float]) -> tuple[Field, Array]:
     """The field and the starts of these lanes; the last lane is the right one."""
     count = len(lanes) + 1
     parameters: dict[str, Array] = {}
@@ -94,7 +94,16 @@ def _flight(lanes: Lanes, set_name: str, friction: str, omega: float, start: Seq
     return field(set_name, friction, speeds, parameters, factors), starts
 
 
-def _narrowed(
+def changed_field(change: Change, value: float, set_name: str, friction: str, speeds: Array) -> Field:
+    """The field with this number throughout, at several speeds."""
+    if change.kind == "speed":
+        return field(set_name, friction, value * speeds)
+    if change.kind == "parameter":
+        return field(set_name, friction, speeds, {change.name: value})
+    return field(set_name, friction, speeds, factors={change.name: value})
+
+
+def narrowed(
     residual: Callable[[Lanes], Array], error: Array, asked: Sequence[Change]
 ) -> Iterator[tuple[Change, float]]:
     """Values for which all rows of ``residual`` vanish, nearly, where that of the largest ``error`` changes sign."""
@@ -119,7 +128,7 @@ def _narrowed(
         ranges = narrower
 
 
-def _plain(value: float) -> float:
+def plain(value: float) -> float:
     """A number of few digits where one is as near as these flights tell."""
     for digits in range(1, _DIGITS):
         if abs((short := float(f"{value:.{digits}g}")) - value) <= _NEAR * max(abs(value), _NEAR):
@@ -149,7 +158,7 @@ def orbit_values(
         return [], []
     found: tuple[list[Alternative], list[Alternative]] = [], []
     one = next(quantity for quantity in samples[0] if quantity.id in wrong)
-    candidates = list(_narrowed(*_residual(samples[0], answers), changes(one.set, starts=True)))
+    candidates = list(narrowed(*_residual(samples[0], answers), changes(one.set, starts=True)))
     for sample in samples[1:]:
         residual, error = _residual(sample, answers)
         left = abs(residual(candidates)).max(axis=0) if candidates else numpy.zeros(0)
@@ -158,7 +167,7 @@ def orbit_values(
     for change, value in candidates:
         near = _POLISHED * max(abs(value), sorted(map(abs, change.grid))[len(change.grid) // 2])
         for root in solved(change.make, one, answers, store, [value - near, value, value + near]):
-            found[change.kind == "term"].append(change.make(_plain(root)))
+            found[change.kind == "term"].append(change.make(plain(root)))
     return found
 
 
@@ -171,7 +180,7 @@ def _residual(sample: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tup
     time = float(first.name.split("@")[1])
 
     def residual(lanes: Lanes) -> Array:
-        f, starts = _flight(lanes, first.set, first.friction, omega, start)
+        f, starts = lane_field(lanes, first.set, first.friction, omega, start)
         ends = flown(f, starts, time, round(time / _STEP))[rows]
         return ends[:, :-1] - ends[:, -1:] - error[:, None]
 

@@ -1,0 +1,274 @@
+"""Slips in what is made of a cycle: its multipliers, and the derivatives by Omega.
+
+The half map's pieces are computed once, from the right cycles: the variational equations' solution, its variants, and
+the change of the arrival time. A slip puts them together in another way; what follows from it is predicted for all cycles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.flights import Array
+from tippedisk_verify.conformance.grading import Grade, as_decimal
+from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.conformance.shapes import Found, borne_out
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["slip_of"]
+
+_STEP = 1e-40  # imaginary
+_TOLERANCE = 1e-11
+_TINY = 1e-9  # far below all slow multipliers that are asked for
+_STATE = ("period", "gamma_bar_0", "v_0")
+_DERIVATIVES = ("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
+_MULTIPLIERS = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
+_VARIANTS = {
+    "": "",
+    "linear": "the variational equations are those of the linear friction law",
+    "gamma source": "dgamma'/dOmega is missing in the variational equations by Omega",
+    "v source": "dv'/dOmega is missing in the variational equations by Omega",
+    "gamma source sign": "dgamma'/dOmega has the wrong sign in the variational equations by Omega",
+    "no source": "the explicit parts by Omega are missing in the variational equations",
+    "no gamma row": "dgamma'/dbeta is missing in the variational equations",
+    "gamma row sign": "dgamma'/dbeta has the wrong sign in the variational equations",
+    "no gamma column": "dv'/dgamma is missing in the variational equations",
+    "transposed": "the Jacobian of the variational equations is transposed",
+}
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Of one cycle: d(state at half the period) / d(gamma_bar_0, v_0, Omega), the rates there, and the divergence."""
+
+    change: Array
+    speed: Array
+    divergence: float
+
+
+def _pieces(here: Sequence[Quantity], store: Store) -> dict[str, dict[str, _Pieces]]:
+    """By variant of the variational equations and by entry; ``here`` has one question of each entry."""
+    from scipy.integrate import solve_ivp
+
+    first, count = here[0], len(here)
+    model = Model(Alternative("", ""), first.set, first.friction)
+    entries = [quantity.id.rsplit("/", 1)[0] for quantity in here]
+    half, gamma, v = (numpy.array([store[f"{entry}/{name}"].for_doubles for entry in entries]) for name in _STATE)
+    half = half / 2
+    omega = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
+    start = numpy.stack([numpy.full(count, math.pi / 2), math.pi / 2 + gamma, v])
+    steps = 1j * _STEP * numpy.eye(4)
+
+    def jacobian(y: Array, law: str) -> tuple[Array, Array]:
+        """Rates, and their derivatives by the state and Omega, three rows."""
+        parts = spelled(CORRECT, numpy, model.p, omega, y, law)
+        moved = y[:, None, :] + steps[:3, :, None]
+        speeds = omega + steps[3][:, None]
+        side = numpy.where(parts["gamma_y"] >= 0, 1.0, -1.0)
+        found = spelled(CORRECT, numpy, model.p, speeds, moved, law, side)
+        rows = numpy.zeros((3, 4, count))
+        rows[0, 2] = 1.0
+        rows[1], rows[2] = found["gamma_rate"].imag / _STEP, found["v_rate"].imag / _STEP
+        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"]]), rows
+
+    def rates(t: float, flat: Array) -> Array:
+        y, changes = flat[: 3 * count].reshape(3, count), flat[3 * count :].reshape(len(_VARIANTS), 10, count)
+        speed, right = jacobian(y, model.friction)
+        found = []
+        for name, change in zip(_VARIANTS, changes, strict=True):
+            rows = jacobian(y, "linear")[1] if name == "linear" and model.friction == "smooth" else right.copy()
+            if name in ("gamma source", "no source"):
+                rows[1, 3] = 0.0
+            if name in ("v source", "no source"):
+                rows[2, 3] = 0.0
+            if name == "gamma source sign":
+                rows[1, 3] *= -1
+            if name in ("no gamma row", "gamma row sign"):
+                rows[1, 0] *= 0.0 if name == "no gamma row" else -1.0
+            if name == "no gamma column":
+                rows[2, 1] = 0.0
+            if name == "transposed":
+                rows[:, :3] = numpy.swapaxes(right[:, :3], 0, 1)
+            matrix = change[:9].reshape(3, 3, count)
+            moved = numpy.einsum("ijn,jkn->ikn", rows[:, :3], matrix)
+            moved[:, 2] += rows[:, 3]
+            found.append(numpy.concatenate([moved.reshape(9, count), rows[2, 2][None]]))
+        return numpy.concatenate([(speed * half).ravel(), (numpy.stack(found) * half).ravel()])
+
+    begin = numpy.zeros((len(_VARIANTS), 10, count))
+    begin[:, [3, 7]] = 1.0  # d(gamma, v) / d(gamma_bar_0, v_0)
+    with numpy.errstate(all="ignore"):
+        run = solve_ivp(rates, (0.0, 1.0), numpy.concatenate([start.ravel(), begin.ravel()]), method="DOP853",
+                        rtol=_TOLERANCE, atol=_TOLERANCE)  # fmt: skip
+    end = run.y[:, -1]
+    y, changes = end[: 3 * count].reshape(3, count), end[3 * count :].reshape(len(_VARIANTS), 10, count)
+    speed = jacobian(y, model.friction)[0]
+    return {
+        name: {
+            entry: _Pieces(changes[m, :9, n].reshape(3, 3), speed[:, n], float(changes[m, 9, n]))
+            for n, entry in enumerate(entries)
+        }
+        for m, name in enumerate(_VARIANTS)
+    }
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    return numpy.linalg.solve(matrix, right)
+
+
+_ONE = numpy.eye(2)
+_CORRECTED: dict[str, Callable[[Array, Array], Array]] = {
+    "": numpy.outer,
+    "the change of the arrival time is left out of the half map's derivative": lambda f, dt: 0 * numpy.outer(f, dt),
+    "the change of the arrival time has the wrong sign in the half map's derivative": lambda f, dt: -numpy.outer(f, dt),
+    "the derivative is projected along the section's normal, not along the flow":
+        lambda f, dt: numpy.outer([f[0], 0.0, 0.0], dt),
+}  # fmt: skip
+_SHIFTED: dict[str, Callable[[Array, Array], Array]] = {
+    "": lambda p, by: _solved(_ONE - p, by),
+    "the derivatives by Omega are those of the map at a fixed start: (I - P)^-1 is left out": lambda p, by: by,
+    "the derivatives by Omega solve with I + P instead of I - P": lambda p, by: _solved(_ONE + p, by),
+    "the derivatives by Omega solve with P - I instead of I - P": lambda p, by: _solved(p - _ONE, by),
+    "the derivatives by Omega solve with P instead of I - P": _solved,
+    "the derivatives by Omega multiply by I - P instead of solving with it": lambda p, by: (_ONE - p) @ by,
+    "the derivatives by Omega solve with the transpose of I - P": lambda p, by: _solved(_ONE - p.T, by),
+    "the derivatives by Omega solve with I - P^2, of the whole map, for the half map's change":
+        lambda p, by: _solved(_ONE - p @ p, by),
+    "the derivatives by Omega solve with I - P, the symmetry left out of P alone": lambda p, by: _solved(_ONE + p, -by),
+    "the derivatives by Omega take the wrong sign of dP/dOmega": lambda p, by: _solved(_ONE - p, -by),
+}  # fmt: skip
+_TIMES: dict[str, Callable[[Array, float, Array], float]] = {
+    "": lambda dt, explicit, s: 2 * (dt @ s + explicit),
+    "dperiod_domega lacks the explicit part by Omega": lambda dt, explicit, s: 2 * dt @ s,
+    "dperiod_domega lacks the start's share, as at a fixed start": lambda dt, explicit, s: 2 * explicit,
+    "dperiod_domega has the explicit part by Omega with the wrong sign": lambda dt, explicit, s: 2 * (dt @ s - explicit),
+    "dperiod_domega has the explicit part by Omega once, not twice": lambda dt, explicit, s: 2 * dt @ s + explicit,
+    "dperiod_domega has the start's share once, not twice": lambda dt, explicit, s: dt @ s + 2 * explicit,
+    "dperiod_domega lacks gamma_bar_0's share": lambda dt, explicit, s: 2 * (dt[1] * s[1] + explicit),
+    "dperiod_domega lacks v_0's share": lambda dt, explicit, s: 2 * (dt[0] * s[0] + explicit),
+}  # fmt: skip
+_SIZES: dict[str, Callable[[Array], float]] = {
+    "": lambda p: max(abs(numpy.linalg.eigvals(p))) ** 2,
+    "the matrix norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p, 2) ** 2,
+    "the Frobenius norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p) ** 2,
+    "the maximum norm of the half map's derivative, squared, for its spectral radius":
+        lambda p: numpy.linalg.norm(p, numpy.inf) ** 2,
+    "the 1-norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p, 1) ** 2,
+    "the matrix norm of the whole map's derivative for its spectral radius": lambda p: numpy.linalg.norm(p @ p, 2),
+    "the determinant of the half map's derivative for its spectral radius": lambda p: numpy.linalg.det(p) ** 2,
+    "the trace of the half map's derivative, squared, for its spectral radius": lambda p: numpy.trace(p) ** 2,
+    "the trace of the whole map's derivative for its spectral radius": lambda p: numpy.trace(p @ p),
+    "the first entry of the half map's derivative, squared, for its spectral radius": lambda p: p[0, 0] ** 2,
+    "the last entry of the half map's derivative, squared, for its spectral radius": lambda p: p[1, 1] ** 2,
+    "the spectral radius to the fourth power": lambda p: max(abs(numpy.linalg.eigvals(p))) ** 4,
+}  # fmt: skip
+
+
+def _numbers(pieces: _Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = "") -> dict[str, float]:
+    dt = -pieces.change[0] / pieces.speed[0]
+    by = -(pieces.change + _CORRECTED[corrected](pieces.speed, dt))[1:]
+    p, slope = by[:, :2], _SHIFTED[shifted](by[:, :2], by[:, 2])
+    slow = float(_SIZES[sized](p))
+    log = math.log(slow) if slow > 0 else math.nan
+    return {
+        "dperiod_domega": float(_TIMES[timed](dt[:2], dt[2], slope)),
+        "dgamma_bar_0_domega": float(slope[0]),
+        "dv_0_domega": float(slope[1]),
+        "multiplier_slow": slow,
+        "log_multiplier_slow": log,
+        "log_multiplier_fast": 2 * pieces.divergence - log,
+    }
+
+
+Numbers = Mapping[str, Mapping[str, float]]  # by entry and quantity
+
+
+def _slips(pieces: Mapping[str, Mapping[str, _Pieces]]) -> Iterator[tuple[str, Numbers]]:
+    """Each single slip, and what it makes of all entries."""
+    right = pieces[""]
+
+    def all_of(parts: Mapping[str, _Pieces], **slip: str) -> dict[str, dict[str, float]]:
+        return {entry: _numbers(part, **slip) for entry, part in parts.items()}
+
+    def only(made: Numbers, names: Sequence[str]) -> Numbers:
+        return {entry: {name: made[entry][name] for name in names} for entry in made}
+
+    for name, text in _VARIANTS.items():
+        if name:
+            made = all_of(pieces[name])
+            yield text, made
+            yield f"{text}, for the derivatives", only(made, _DERIVATIVES)
+            yield f"{text}, for the multipliers", only(made, _MULTIPLIERS)
+    for text in filter(None, _CORRECTED):
+        made = all_of(right, corrected=text)
+        yield text, made
+        yield f"{text}, for the derivatives", only(made, _DERIVATIVES)
+        yield f"{text}, for the multipliers", only(made, _MULTIPLIERS)
+    for text in filter(None, _SHIFTED):
+        made = all_of(right, shifted=text)
+        yield text, made
+        yield f"{text}, dperiod_domega apart", only(made, _DERIVATIVES[1:])
+        yield f"{text}, in dperiod_domega alone", only(made, _DERIVATIVES[:1])
+    yield from ((text, all_of(right, timed=text)) for text in filter(None, _TIMES))
+    for text in filter(None, _SIZES):
+        made = all_of(right, sized=text)
+        yield text, made
+        yield f"{text}, in multiplier_slow and its logarithm", only(made, _MULTIPLIERS[:2])
+        for name in _MULTIPLIERS:
+            yield f"{text}, in {name} alone", only(made, (name,))
+
+
+def _by_other_variables(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, Numbers]]:
+    """Derivatives by the logarithm or a root of the distance from Omega_h or Omega_crit."""
+    first = here[0]
+    for name, place in (
+        ("Omega_h", f"{first.set}/{first.friction}/heteroclinic/point/omega_h"),
+        ("Omega_crit", f"{first.set}/linear/hopf/point/omega_crit"),
+    ):
+        if (origin := store.get(place)) is None:
+            continue
+        base = Decimal(origin.values["decimals"][0])
+        away = {q.id.rsplit("/", 1)[0]: float(Decimal(q.inputs["Omega"]) - base) for q in here}
+        for text, factor in (
+            (f"by the logarithm of Omega's distance from {name}", lambda d: d),
+            (f"by the common logarithm of Omega's distance from {name}", lambda d: d * math.log(10)),
+            (f"by the square root of Omega's distance from {name}", lambda d: 2 * math.copysign(abs(d) ** 0.5, d)),
+        ):
+            for names in (_DERIVATIVES, _DERIVATIVES[:1], _DERIVATIVES[1:]):
+                yield f"{', '.join(names)}: the answers are derivatives {text}", {
+                    entry: {name: factor(d) * store[f"{entry}/{name}"].for_doubles for name in names}
+                    for entry, d in away.items()
+                }
+
+
+def slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    """The one slip that gives the wrong derivatives and multipliers of cycles that are right."""
+    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
+    asked = [store[grade.id] for grade in usable if store[grade.id].name in (*_DERIVATIVES, *_MULTIPLIERS)]
+    if not wrong <= {quantity.id for quantity in asked}:
+        return None
+    here = list({quantity.id.rsplit("/", 1)[0]: quantity for quantity in asked}.values())
+
+    def fits(made: Numbers) -> bool:
+        tried = set()
+        for quantity in asked:
+            entry, name = quantity.id.rsplit("/", 1)
+            expected = made[entry].get(name, quantity.for_doubles)
+            if borne_out(answers[quantity.id], expected, quantity, quantity.id in wrong) is None:
+                return False
+            tried.add(quantity.id)
+        return wrong <= tried
+
+    tiny = {id_ for id_ in wrong if id_.endswith("/multiplier_slow") and abs(answers[id_]) < _TINY}
+    if tiny and all(quantity.id in tiny for quantity in asked if quantity.name == "multiplier_slow"):
+        text = "multiplier_slow: tiny, the fast multiplier or rounding in its place"
+        return (("slip", text),), frozenset(tiny)
+    found = [text for text, made in _by_other_variables(here, store) if fits(made)]
+    found = found or [text for text, made in _slips(_pieces(here, store)) if fits(made)]
+    return (tuple(("slip", text) for text in found[:1]), frozenset(wrong)) if found else None
