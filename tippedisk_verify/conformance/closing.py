@@ -23,9 +23,11 @@ __all__ = ["closing_of", "unclosed"]
 
 _STATE = ("gamma_bar_0", "v_0")
 _FINE = 1e-3  # s, of a step of RK4: it leaves some 1e-9
-_COARSE = 2e-3
+_COARSE = 4e-3  # where lanes are many, to find out which are worth more
+_MANY = 200
 _LEFT = 1e-8  # rad, rad/s; of a state that is brought back
-_CLOSED = 0.02  # of what the right equations leave: what others may
+_LONGEST = 1.5  # periods, for half of one
+_CLOSED = 0.05  # of what the right equations leave: what others may
 _PERIOD = 1e-4  # relative
 _TRIVIAL, _MOST = 1e-2, 2 * math.pi  # rad; less is the inverted equilibrium, not a cycle
 _SMALL = 2e-4  # rad, rad/s: less than wrong equations leave
@@ -52,14 +54,16 @@ class _Answered:
         self.period = numpy.array(
             [float(answers[here["period"].id]) if "period" in here else math.nan for here in whole]
         )
-        self.wrong = numpy.array([any(here[name].id in wrong for name in (*_STATE, "period") if name in here) for here in whole])
+        self.wrong = numpy.array(
+            [any(here[name].id in wrong for name in (*_STATE, "period") if name in here) for here in whole]
+        )
         self.tried = frozenset(
             here[name].id for here in whole for name in (*_STATE, "period") if name in here and here[name].id in wrong
         )
 
     def left(self, f: Field) -> tuple[Array, Array]:
         """What half a period leaves of each cycle, and the period."""
-        time, end = half_map(f, self.start, _FINE, _QUARTERS)
+        time, end = half_map(f, self.start, _FINE, _QUARTERS, _LONGEST * float(numpy.nanmax(self.period, initial=1.0)))
         return numpy.stack([2 * _QUARTERS - end[1] - self.start[1], -end[2] - self.start[2]]), 2 * time
 
     def closed(self, f: Field, right: tuple[Array, Array]) -> bool:
@@ -97,17 +101,20 @@ def _numbers(here: _Answered, right: tuple[Array, Array], set_name: str, frictio
     lane = int(numpy.argmax(abs(right[0]).max(axis=0) * here.wrong))
     start, omega, error = here.start[:, lane], float(here.omega[lane]), right[0][:, lane]
 
+    longest = _LONGEST * (float(here.period[lane]) if here.period[lane] > 0 else 1.0)
+
     def residual(lanes: Lanes) -> Array:
         f, starts = lane_field(lanes, set_name, friction, omega, start)
-        _, end = half_map(f, starts, _COARSE, _QUARTERS)
+        _, end = half_map(f, starts, _COARSE if len(lanes) > _MANY else _FINE, _QUARTERS, longest)
         return numpy.stack([2 * _QUARTERS - end[1] - start[1], -end[2] - start[2]])[:, :-1]
 
-    found: dict[bool, list[str]] = {False: [], True: []}
+    found: dict[tuple[bool, bool], list[str]] = {}
     for change, rough in narrowed(residual, error, changes(set_name, starts=False)):
         value = plain(rough)
         if here.closed(changed_field(change, value, set_name, friction, here.omega), right):
-            found[change.kind == "term"].append(f"{change.make(value).cause} (in the cycles' equations)")
-    return found[False] or found[True]
+            rank = change.kind == "term", value == rough  # a number of few digits says more than another
+            found.setdefault(rank, []).append(f"{change.make(value).cause} (in the cycles' equations)")
+    return found[min(found)] if found else []
 
 
 def unclosed(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:

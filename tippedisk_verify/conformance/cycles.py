@@ -170,7 +170,9 @@ _SIZES: dict[str, Callable[[Array], float]] = {
 }  # fmt: skip
 
 
-def _numbers(pieces: _Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = "") -> dict[str, float]:
+def _numbers(
+    pieces: _Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = ""
+) -> dict[str, float]:
     dt = -pieces.change[0] / pieces.speed[0]
     by = -(pieces.change + _CORRECTED[corrected](pieces.speed, dt))[1:]
     p, slope = by[:, :2], _SHIFTED[shifted](by[:, :2], by[:, 2])
@@ -241,10 +243,13 @@ def _by_other_variables(here: Sequence[Quantity], store: Store) -> Iterator[tupl
             (f"by the square root of Omega's distance from {name}", lambda d: 2 * math.copysign(abs(d) ** 0.5, d)),
         ):
             for names in (_DERIVATIVES, _DERIVATIVES[:1], _DERIVATIVES[1:]):
-                yield f"{', '.join(names)}: the answers are derivatives {text}", {
-                    entry: {name: factor(d) * store[f"{entry}/{name}"].for_doubles for name in names}
-                    for entry, d in away.items()
-                }
+                yield (
+                    f"{', '.join(names)}: the answers are derivatives {text}",
+                    {
+                        entry: {name: factor(d) * store[f"{entry}/{name}"].for_doubles for name in names}
+                        for entry, d in away.items()
+                    },
+                )
 
 
 def slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:

@@ -22,6 +22,7 @@ from tippedisk_verify.conformance.cycles import slip_of
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.integrators import integrator_of
+from tippedisk_verify.conformance.orbits import events_of
 from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.conformance.scans import orbit_values
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
@@ -214,6 +215,7 @@ def _causes(
         if found is None and level == _ORBITS:
             advance(f"level {level}: integrators", 1)
             found = fitting(late_values(worst, answers, store)) or integrator_of(usable, wrong, store)
+            found = found or events_of(usable, wrong, store)
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             several = len(wrong) >= _BORNE_OUT

@@ -21,7 +21,6 @@ Array = numpy.ndarray[Any, Any]
 Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows
 Step = Callable[[Field, Array, Any], Array]  #: (rates, states, length) -> states; the length may be one for each lane
 _PASSES = 40  # of the secant method on the last step's length
-_LONGEST = 12.0  # s, of half a cycle
 
 
 def field(
@@ -71,8 +70,8 @@ def flown(f: Field, start: Array, duration: float, count: int, step: Step = RK4)
     return y
 
 
-def half_map(f: Field, start: Array, h: Any, section: float, step: Step = RK4) -> tuple[Array, Array]:
-    """Times and states at the return to beta = ``section``, by steps h and a last one that ends there; NaN if none.
+def half_map(f: Field, start: Array, h: float, section: float, longest: float) -> tuple[Array, Array]:
+    """Times and states at the return to beta = ``section`` by RK4, its last step to there; NaN if none by ``longest``.
 
     The start has v < 0, and the return v > 0.
     """
@@ -80,8 +79,8 @@ def half_map(f: Field, start: Array, h: Any, section: float, step: Step = RK4) -
     before, begun = numpy.full_like(start, numpy.nan), numpy.full_like(time, numpy.nan)
     gone = numpy.zeros(start.shape[1], dtype=bool)
     with numpy.errstate(all="ignore"):
-        for _ in range(int(_LONGEST / numpy.min(h))):
-            z = step(f, y, h)
+        for _ in range(int(longest / h)):
+            z = RK4(f, y, h)
             home = ~gone & (y[0] < section) & (z[0] >= section)
             before[:, home], begun[home] = y[:, home], time[home]
             gone |= home | ~numpy.isfinite(z[0])
@@ -90,7 +89,7 @@ def half_map(f: Field, start: Array, h: Any, section: float, step: Step = RK4) -
             y, time = z, time + h
         rest = (section - before[0]) / before[2]
         for _ in range(_PASSES):
-            end = step(f, before, rest)
+            end = RK4(f, before, rest)
             shift = (section - end[0]) / end[2]
             if not numpy.nanmax(abs(shift), initial=0.0) > 1e-15:
                 break

@@ -204,7 +204,9 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
         if abs(given / right - 1) < _CLOSE:
             text = f"the search for Omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are right there"
             if wrong == {here["omega_h"].id}:
-                text = f"omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are those at the right speed"
+                text = (
+                    f"omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are those at the right speed"
+                )
                 yield 1.0, text, spectrum(right, -1)
                 return
             yield 1.0, text, spectrum(given, -1)

@@ -289,6 +289,10 @@ def _shapes(
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
+    if "@" in here[0].name:
+        from tippedisk_verify.conformance.orbits import rates_at  # which looks at shapes' results itself
+
+        yield from ((f"{INSTEAD}{name}", rates) for name, rates in rates_at(here, store).items())
     if right[worst]:
         factor = given[worst] / right[worst]
         yield f"~{factor:.8g} times the right value", {id_: factor * x for id_, x in right.items()}
