@@ -1,7 +1,7 @@
 """Slips in what is made of a cycle: its multipliers, and the derivatives by Omega.
 
 The half map's pieces are computed once, from the right cycles: the variational equations' solution, its variants, and
-the change of the arrival time. A slip puts them together in another way; what follows from it is predicted for all cycles.
+the change of the arrival time. A slip puts them together in another way, and predicts the answers for all cycles.
 """
 
 from __future__ import annotations
@@ -143,20 +143,20 @@ _SHIFTED: dict[str, Callable[[Array, Array], Array]] = {
     "the derivatives by Omega solve with I - P, the symmetry left out of P alone": lambda p, by: _solved(_ONE + p, -by),
     "the derivatives by Omega take the wrong sign of dP/dOmega": lambda p, by: _solved(_ONE - p, -by),
 }  # fmt: skip
-_TIMES: dict[str, Callable[[Array, float, Array], float]] = {
+_TIMES: dict[str, Callable[[Array, float, Array], Any]] = {
     "": lambda dt, explicit, s: 2 * (dt @ s + explicit),
     "dperiod_domega lacks the explicit part by Omega": lambda dt, explicit, s: 2 * dt @ s,
     "dperiod_domega lacks the start's share, as at a fixed start": lambda dt, explicit, s: 2 * explicit,
-    "dperiod_domega has the explicit part by Omega with the wrong sign": lambda dt, explicit, s: 2 * (dt @ s - explicit),
+    "dperiod_domega has the explicit part by Omega with a wrong sign": lambda dt, explicit, s: 2 * (dt @ s - explicit),
     "dperiod_domega has the explicit part by Omega once, not twice": lambda dt, explicit, s: 2 * dt @ s + explicit,
     "dperiod_domega has the start's share once, not twice": lambda dt, explicit, s: dt @ s + 2 * explicit,
     "dperiod_domega lacks gamma_bar_0's share": lambda dt, explicit, s: 2 * (dt[1] * s[1] + explicit),
     "dperiod_domega lacks v_0's share": lambda dt, explicit, s: 2 * (dt[0] * s[0] + explicit),
 }  # fmt: skip
-_SIZES: dict[str, Callable[[Array], float]] = {
+_SIZES: dict[str, Callable[[Array], Any]] = {
     "": lambda p: max(abs(numpy.linalg.eigvals(p))) ** 2,
-    "the matrix norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p, 2) ** 2,
-    "the Frobenius norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p) ** 2,
+    "the matrix norm of the half map's derivative, squared, for its radius": lambda p: numpy.linalg.norm(p, 2) ** 2,
+    "the Frobenius norm of the half map's derivative, squared, for its radius": lambda p: numpy.linalg.norm(p) ** 2,
     "the maximum norm of the half map's derivative, squared, for its spectral radius":
         lambda p: numpy.linalg.norm(p, numpy.inf) ** 2,
     "the 1-norm of the half map's derivative, squared, for its spectral radius": lambda p: numpy.linalg.norm(p, 1) ** 2,

@@ -53,7 +53,8 @@ def runge_kutta(table: tuple[tuple[float, ...], ...]) -> Step:
         slopes = [f(y)]
         for row in rows:
             slopes.append(f(y + h * sum(a * k for a, k in zip(row, slopes, strict=False) if a)))
-        return y + h * sum(b * k for b, k in zip(weights, slopes, strict=True) if b)
+        moved: Array = y + h * sum(b * k for b, k in zip(weights, slopes, strict=True) if b)
+        return moved
 
     return step
 
@@ -61,7 +62,7 @@ def runge_kutta(table: tuple[tuple[float, ...], ...]) -> Step:
 RK4 = runge_kutta(((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)))
 
 
-def flown(f: Field, start: Array, duration: float, count: int, step: Step = RK4) -> Array:
+def flown(f: Field, start: Array, duration: Any, count: int, step: Step = RK4) -> Array:
     """The states after ``duration``, in ``count`` steps; NaN where the method blows up."""
     y = start
     with numpy.errstate(all="ignore"):

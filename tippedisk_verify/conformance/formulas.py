@@ -202,14 +202,10 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
 
     if here["omega_h"].id in wrong:
         if abs(given / right - 1) < _CLOSE:
-            text = f"the search for Omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are right there"
-            if wrong == {here["omega_h"].id}:
-                text = (
-                    f"omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are those at the right speed"
-                )
-                yield 1.0, text, spectrum(right, -1)
-                return
-            yield 1.0, text, spectrum(given, -1)
+            alone = wrong == {here["omega_h"].id}
+            off, where = f"alone is off, by {given - right:.2g} rad/s", "at the right speed" if alone else "right there"
+            text = f"{'omega_h' if alone else 'the search for Omega_h'} {off}: the eigenvalues are {where}"
+            yield 1.0, text, spectrum(right if alone else given, -1)
         return
     for side, name in ((-1, "noninverted"), (1, "inverted")):
         for omega, text in ((_omega_crit(first.set), "Omega_crit"), (right, "Omega_h")):

@@ -68,7 +68,7 @@ def _implicit(theta: float) -> Step:
         inverse, z = numpy.linalg.inv(numpy.moveaxis(matrix, 2, 0)), y + h * slope
         for _ in range(_NEWTON):
             z = z - numpy.einsum("nij,jn->in", inverse, z - known - theta * h * f(z))
-        return z
+        return numpy.asarray(z)
 
     return step
 
@@ -91,7 +91,7 @@ def _by_parts(first: str, drifting: bool, stale: bool) -> Step:
             z[2] = y[2] + h * f(numpy.stack([z[0], z[1], y[2]]))[2]
         if not stale:
             z[1] = y[1] + h * f(z)[1]
-        return z
+        return numpy.asarray(z)
 
     return step
 
@@ -126,7 +126,7 @@ def _adams(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
     """After one or two steps of RK4, or of Euler's method."""
     weights = _ADAMS[name.split(" after")[0]]
     start = runge_kutta(_RK4) if name.endswith("RK4") else runge_kutta(((1.0,),))
-    h, slopes = duration / count, []
+    h, slopes = duration / count, list[Array]()
     for n in range(count):
         slopes = [f(y), *slopes][: len(weights)]
         y = start(f, y, h) if n + 1 < len(weights) else y + h * sum(b * k for b, k in zip(weights, slopes, strict=True))
@@ -207,7 +207,9 @@ def tolerances(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str 
         """How far from the errors: at most 1 if they are alike on all orbits."""
         worst = 0.0
         for lane in order:
-            rates = Model(Alternative("", ""), here[0].set, here[0].friction).rates(speeds[lane], starts[:, lane])
+            rates = Model(Alternative("", ""), here[0].set, here[0].friction).rates(
+                speeds[lane], starts[:, lane].tolist()
+            )
             solver = getattr(integrate, method)(rates, 0.0, starts[:, lane], _DURATION, rtol=relative, atol=absolute)
             while solver.status == "running" and solver.t < time:
                 solver.step()

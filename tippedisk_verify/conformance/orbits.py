@@ -1,7 +1,7 @@
 """What answers that are no orbit's samples or crossings say of the right orbit: which event, which times, which rate.
 
-The right state at any time is a short flight from the stored sample before it. Where a function of it is the same at all
-answered times, that function is the event; where answered states lie on the right orbit, their times can be told.
+The right state at any time is a short flight from the stored sample before it. Where a function of it is the same at
+all answered times, that function is the event.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def _section(bad: Sequence[Quantity], answers: Mapping[str, Decimal], store: Sto
     if known.sum() < _LEAST:
         return None
     for row, name in ((1, "crossing_gamma"), (2, "crossing_v")):
-        for lane in numpy.flatnonzero(known):
+        for lane in numpy.flatnonzero(known).tolist():
             said = answers.get(bad[lane].id.replace("crossing_time", name))
             if said is not None and abs(float(said) - states[row, lane]) > 100 * _ALIKE:
                 return None

@@ -1,8 +1,8 @@
 """One changed number in the equations that orbits or cycles are computed with, searched for over a wide range.
 
-Each lane of one flight has another value of one parameter, speed or start, or another factor on one term. Where a lane's
-end passes the answered one, the range is narrowed. What is found so has a few digits and is a guess: the diagnosis
-solves for the number with a better integrator, and tries it on other orbits.
+Each lane of one flight has another value of one parameter, speed or start, or another factor on one term. Where a
+lane's end passes the answered one, the range is narrowed. What is found so has a few digits and is a guess: the
+diagnosis solves for the number with a better integrator, and tries it on other orbits.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import partial
+from typing import Any
 
 import numpy
 
@@ -42,6 +43,7 @@ _PARTS = 8  # that a range is narrowed to one of
 _TIMES = 4
 _DIGITS = 6
 _NEAR = 1e-6  # relative: how well a flight tells a number
+_HUGE = 1e100  # an end that blew up
 _HOPEFUL = 0.5  # of an error: what a change may leave whose range has been narrowed once
 _FITS = 0.02  # of an error: what a change that explains it may leave, all its parts counted
 
@@ -73,7 +75,7 @@ def changes(set_name: str, starts: bool) -> list[Change]:
 Lanes = Sequence[tuple[Change, float]]
 
 
-def lane_field(lanes: Lanes, set_name: str, friction: str, omega: float, start: Sequence[float]) -> tuple[Field, Array]:
+def lane_field(lanes: Lanes, set_name: str, friction: str, omega: float, start: Any) -> tuple[Field, Array]:
     """The field and the starts of these lanes; the last lane is the right one."""
     count = len(lanes) + 1
     parameters: dict[str, Array] = {}
@@ -116,7 +118,7 @@ def narrowed(
             here = found[:, at : at + len(grid)]
             at += len(grid)
             for n, (a, b) in enumerate(itertools.pairwise(here[row])):
-                if not (a * b <= 0 and math.isfinite(a + b)):
+                if not (abs(a) < _HUGE and abs(b) < _HUGE and a * b <= 0):
                     continue
                 share = a / (a - b) if a != b else 0.5
                 left = here[:, n] + share * (here[:, n + 1] - here[:, n])
@@ -145,7 +147,7 @@ def orbit_values(
     """
     by_time: dict[str, dict[float, list[Quantity]]] = {}
     for quantity in (store[grade.id] for grade in usable if "@" in grade.id):
-        name, place = placed(quantity.name)
+        place = placed(quantity.name)[1]
         times = by_time.setdefault(quantity.id.rsplit("/", 1)[0], {})
         times.setdefault(float(place["t"]), []).append(quantity)
     firsts = []
@@ -172,7 +174,7 @@ def orbit_values(
 
 
 def _residual(sample: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tuple[Callable[[Lanes], Array], Array]:
-    """How far lanes are from the answers to one sample of an orbit, some of beta, gamma and v; and the answers' errors."""
+    """How far lanes are from the answers to one sample, some of beta, gamma and v; and the answers' errors."""
     first = sample[0]
     rows = [_STATE.index(quantity.name.split("@")[0]) for quantity in sample]
     start, omega = [float(first.inputs[name]) for name in _STATE], float(first.inputs["Omega"])
@@ -182,6 +184,7 @@ def _residual(sample: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tup
     def residual(lanes: Lanes) -> Array:
         f, starts = lane_field(lanes, first.set, first.friction, omega, start)
         ends = flown(f, starts, time, round(time / _STEP))[rows]
-        return ends[:, :-1] - ends[:, -1:] - error[:, None]
+        left: Array = ends[:, :-1] - ends[:, -1:] - error[:, None]
+        return left
 
     return residual, error

@@ -1,0 +1,153 @@
+"""What the diagnosis says of orbits and cycles, where an independent program makes the mistake on a few of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.conformance.scipy_program import motion
+from tippedisk_verify.conformance.closing import closing_of, unclosed
+from tippedisk_verify.conformance.cycles import slip_of
+from tippedisk_verify.conformance.grading import Grade, graded
+from tippedisk_verify.conformance.integrators import fixed_steps, tolerances
+from tippedisk_verify.conformance.orbits import events_of
+from tippedisk_verify.conformance.scans import orbit_values
+from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.reference_values.store import Quantity, Store, stored
+
+STATE = ("beta", "gamma", "v")
+ORBITS = ("b1", "b2", "d1")
+P = {"r": 0.045, "e": 2.5e-3, "m": 0.435, "A": 0.249e-3, "B": 0.227e-3, "g": 9.81, "mu": 0.3, "epsilon": 0.1}
+
+
+@pytest.fixture(scope="module")
+def store() -> Store:
+    return stored()
+
+
+def _rates(quantity: Quantity, p: dict[str, float] = P) -> Callable[[float, Any], Any]:
+    def rates(t: float, y: Any) -> Any:
+        gamma_rate, v_rate, _ = motion(math, p, float(quantity.inputs["Omega"]), False, [float(x) for x in y])
+        return np.array([y[2], gamma_rate, v_rate])
+
+    return rates
+
+
+def _samples(store: Store, orbits: Sequence[str] = ORBITS) -> list[list[Quantity]]:
+    return [[store[f"printed/linear/trajectory/{orbit}/{name}@0.5"] for name in STATE] for orbit in orbits]
+
+
+def _start(quantity: Quantity) -> list[float]:
+    return [float(quantity.inputs[name]) for name in STATE]
+
+
+def _answers(samples: Sequence[Sequence[Quantity]], states: Sequence[Any]) -> dict[str, Decimal]:
+    return {
+        q.id: Decimal(float(x)) for three, y in zip(samples, states, strict=True) for q, x in zip(three, y, strict=True)
+    }
+
+
+def _grades(store: Store, given: dict[str, float]) -> tuple[list[Grade], set[str]]:
+    grades = graded(Answers({id_: ("doubles", repr(float(x))) for id_, x in given.items()}), store)
+    return grades, {grade.id for grade in grades if grade.failed}
+
+
+def test_a_fixed_step_is_told_by_the_errors_that_it_makes(store: Store) -> None:
+    samples, states, h = _samples(store), [], 2.5e-3
+    for three in samples:
+        f, y = _rates(three[0]), np.array(_start(three[0]))
+        for _ in range(200):
+            a = f(0, y)
+            y = y + h / 2 * (a + f(0, y + h * a))
+        states.append(y)
+    here = [quantity for three in samples for quantity in three]
+    assert fixed_steps(here, _answers(samples, states)) == "too long a step, Heun's method at a fixed step of 2.5 ms"
+
+
+def test_tolerances_are_told_by_the_errors_that_they_make(store: Store) -> None:
+    samples = _samples(store)
+    runs = [
+        solve_ivp(_rates(three[0]), (0, 10), _start(three[0]), "RK23", t_eval=[0.5], rtol=1e-4, atol=1e-6).y[:, 0]
+        for three in samples
+    ]
+    here = [quantity for three in samples for quantity in three]
+    said = "a loose tolerance, SciPy's RK23 at rtol = 0.0001, atol = 1e-06"
+    assert tolerances(here, _answers(samples, runs)) == said
+
+
+def test_another_value_in_the_orbits_equations_is_found_however_far(store: Store) -> None:
+    samples = _samples(store)
+    wrong_one, options = P | {"mu": 0.9}, {"method": "DOP853", "rtol": 1e-12, "atol": 1e-12}
+    states = [
+        solve_ivp(_rates(three[0], wrong_one), (0, 0.5), _start(three[0]), **options).y[:, -1] for three in samples
+    ]
+    answers = _answers(samples, states)
+    grades, wrong = _grades(store, {id_: float(x) for id_, x in answers.items()})
+    numbers, terms = orbit_values(grades, wrong, answers, store)
+    assert "mu = 0.9 instead of 0.3" in [one.cause for one in numbers]
+    assert "lambda_Ty has the extra factor mu epsilon^-1" in [one.cause for one in terms]  # which is 3
+
+
+def test_another_event_is_told_by_what_is_the_same_at_all_of_its_times(store: Store) -> None:
+    given = {}
+    for orbit in ORBITS:
+        first = store[f"printed/linear/trajectory/{orbit}/crossing_time#1"]
+        run = solve_ivp(
+            _rates(first), (0, 3), _start(first), "DOP853", events=lambda t, y: math.cos(y[1]), rtol=1e-12, atol=1e-12
+        )
+        passed = [(t, y) for t, y in zip(run.t_events[0], run.y_events[0], strict=True) if t > 0.01]
+        for n, (time, y) in enumerate(passed, start=1):
+            for name, x in zip(("time", "gamma", "v"), (time, y[1], y[2]), strict=True):
+                given[f"printed/linear/trajectory/{orbit}/crossing_{name}#{n}"] = x
+    found = events_of(*_grades(store, given), store)
+    assert found is not None
+    (cause,) = found[0]
+    assert cause[1].startswith("crossings are those of gamma = pi/2, modulo ")
+
+
+def _cycles(store: Store, *entries: str) -> dict[str, float]:
+    return {
+        quantity.id: quantity.for_doubles
+        for entry in entries
+        for quantity in store.matching(f"printed/linear/limit-cycle/{entry}/")
+    }
+
+
+def test_the_fast_multiplier_in_the_slow_ones_place_is_told(store: Store) -> None:
+    given = _cycles(store, "crit-0.2", "crit-0.5")
+    for id_ in given:
+        if id_.endswith("/multiplier_slow"):
+            given[id_] = 1e-17
+    found = slip_of(*_grades(store, given), store)
+    assert found is not None
+    assert "tiny" in found[0][0][1]
+
+
+def test_right_pieces_give_the_right_derivatives_and_multipliers(store: Store) -> None:
+    from tippedisk_verify.conformance.cycles import _numbers, _pieces
+
+    for friction in ("linear", "smooth"):
+        here = [store[f"printed/{friction}/limit-cycle/crit-0.5/dperiod_domega"]]
+        for entry, pieces in _pieces(here, store)[""].items():
+            for name, value in _numbers(pieces).items():
+                # The equations are integrated to 1e-11; their growth along half a cycle is some hundred.
+                assert value == pytest.approx(store[f"{entry}/{name}"].for_doubles, rel=1e-8)
+
+
+def test_a_state_a_little_off_is_said_not_to_be_closed(store: Store) -> None:
+    given = _cycles(store, "crit-0.2", "crit-0.3", "crit-0.5")
+    grades, wrong = _grades(store, given)
+    assert closing_of(grades, wrong, store) is None
+    assert unclosed(grades, wrong, store) is None
+    for id_ in list(given):
+        if id_.endswith(("gamma_bar_0", "v_0")):
+            given[id_] += 1e-5
+    found = unclosed(*_grades(store, given), store)
+    assert found is not None
+    assert "not closed" in found[0][0][1]
