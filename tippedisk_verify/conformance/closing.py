@@ -30,6 +30,7 @@ _LONGEST = 1.5  # periods, for half of one
 _CLOSED = 0.05  # of what the right equations leave: what others may
 _PERIOD = 1e-4  # relative
 _TRIVIAL, _MOST = 1e-2, 2 * math.pi  # rad; less is the inverted equilibrium, not a cycle
+_NEAR = 1e-3  # relative: a period that is further off has another cause
 _SMALL = 2e-4  # rad, rad/s: less than wrong equations leave
 _QUARTERS = math.pi / 2
 
@@ -122,9 +123,9 @@ def unclosed(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | 
     here = _Answered(usable, wrong, store)
     if here.first is None or not here.wrong.any():
         return None
-    right, _ = here.left(field(here.first.set, here.first.friction, here.omega))
+    right, period = here.left(field(here.first.set, here.first.friction, here.omega))
     sizes = abs(right[:, here.wrong]).max(axis=0)
-    if not (_LEFT < sizes.max() < _SMALL):
+    if not (_LEFT < sizes.max() < _SMALL and (abs(period - here.period) < _NEAR * period).all()):
         return None
     text = (
         f"(gamma_bar_0, v_0) is not closed: the right equations bring it back only to {sizes.max():.1g}; Newton's "
