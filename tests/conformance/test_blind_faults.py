@@ -11,9 +11,9 @@ With the second list six statements were false or misleading, one ended the diag
 stayed unexplained, of which two fail no question. After that the diagnosis was extended with each of them in view, so
 that neither says anything of faults that nobody has seen. `first` is the level that a fault touches first.
 
-`blind_faults_third.jsonl` was written after that, drawn from 209 faults. At its first grading 106 were named truly, four
-had a statement that is false or misleads, and 40 stayed unexplained; the first failing level was right for all. The four
-were mended, and the diagnosis of levels 6 to 9 was extended with the list in view: it is a regression test, too.
+`blind_faults_third.jsonl` was written after that, drawn from 209 faults. At its first grading 106 were named truly,
+four had a statement that is false or misleads, and 40 stayed unexplained; the first failing level was right for all.
+The four were mended; then the diagnosis was extended with this list in view, and it is a regression test, too.
 """
 
 from __future__ import annotations
