@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -22,6 +23,7 @@ from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade
 from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.conformance.slipped import slip_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]
@@ -38,6 +40,7 @@ _EARLY = 12  # samples of an orbit that a parameter's slope must foretell
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
+_A_NUMBER = re.compile(r"\d\.?\d{4}")  # five digits and more, which were read off an answer
 _EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
 
 
@@ -197,7 +200,7 @@ def _causes(
         if found is None:
             terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
             plain = (term for term in terms if term.name.startswith("term"))
-            found = fitting([*values(), *plain]) or fitting(terms)
+            found = fitting([*values(), *plain]) or slip_of(entries, answers, wrong, advance) or fitting(terms)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _FORMULAS:
@@ -213,6 +216,8 @@ def _causes(
             found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
+    if found is None or any(_A_NUMBER.search(text) for _, text in found[0]):  # a slip says more than such a number
+        found = slip_of(entries, answers, wrong, advance) or found
     found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 
