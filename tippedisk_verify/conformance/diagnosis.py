@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
@@ -178,6 +178,7 @@ def _causes(
         causes = tuple(dict.fromkeys((alternative.name, said(alternative)) for alternative, _ in close))
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
+    slips = cache(partial(slip_of, entries, answers, wrong, advance))
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
     models = [
         one
@@ -200,7 +201,7 @@ def _causes(
         if found is None:
             terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
             plain = (term for term in terms if term.name.startswith("term"))
-            found = fitting([*values(), *plain]) or slip_of(entries, answers, wrong, advance) or fitting(terms)
+            found = fitting([*values(), *plain]) or slips() or fitting(terms)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _FORMULAS:
@@ -213,11 +214,13 @@ def _causes(
             # An orbit may have been computed with another number than the right-hand side.
             free = values() if len(wrong) >= _BORNE_OUT and (level in (2, 4, 5, _ORBITS) or not outputs_only) else ()
             orbits = [one for one in models if one.of_orbits and level >= _ORBITS]
-            found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
+            rest = [one for one in models if one not in orbits]
+            found = fitting(orbits) or ((fitting(rest) or slips()) if level < _ORBITS else None)
+            found = found or fitting(itertools.chain(rest, free))
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
     if found is None or any(_A_NUMBER.search(text) for _, text in found[0]):  # a slip says more than such a number
-        found = slip_of(entries, answers, wrong, advance) or found
+        found = slips() or found
     found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import warnings
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
@@ -11,7 +10,7 @@ from functools import partial
 from tippedisk_verify.conformance.grading import needed, scale_of
 from tippedisk_verify.conformance.shapes import Found, borne_out
 from tippedisk_verify.conformance.slips import Slip, Written
-from tippedisk_verify.conformance.written import Formula, formulas_of
+from tippedisk_verify.conformance.written import MEANINGS, Formula, formulas_of
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["slip_of"]
@@ -35,28 +34,39 @@ def slip_of(
     told = [here for here in told if here]
     blamed = {quantity.id for here in told for quantity in here if quantity.id in wrong}
     bad = [quantity for here in told for quantity in here if quantity.id in blamed]
-    if not bad or sum(map(needed, bad)) < _EVIDENCE:
+    if not bad:
         return None
     told.sort(key=lambda here: blamed.isdisjoint(quantity.id for quantity in here))
     limits = {quantity.id: _limits(answers[quantity.id], quantity) for here in told for quantity in here}
     friction = next((here[0].friction for here in told if here[0].friction != "both"), "both")
-    found: list[tuple[int, str]] = []
+    given: set[str] = set()
+    found: dict[int, tuple[int, str]] = {}  # the first of the simplest in each statement
     for formula in formulas_of(bad[0].kind, friction):
-        if not any(quantity.name.startswith(formula.gives) for quantity in bad):
+        given = {quantity.id for quantity in bad if quantity.name.startswith(formula.gives)}
+        if not (given if formula.alone else given == blamed):
             continue
         for slip, written in _drawn(formula, advance, bad[0].level):
-            if _fits(formula, partial(written.run, slip=slip), told, answers, blamed, limits):
-                found.append((slip.rank, slip.says()))
+            expected = _expected(formula, partial(written.run, slip=slip), told, limits)
+            if _borne_out(expected, told, answers, given):
+                found[slip.place] = min(
+                    found.get(slip.place, (slip.rank + 1, "")), (slip.rank, _with_meanings(slip.says())),
+                    key=lambda one: one[0],
+                )  # fmt: skip
         if found:
             break
-    best = min((rank for rank, _ in found), default=0)
-    texts = list(dict.fromkeys(text for rank, text in found if rank == best))[:_MOST]
-    return (tuple(("slip", text) for text in texts), frozenset(blamed)) if texts else None
+    best = min((rank for rank, _ in found.values()), default=0)
+    texts = list(dict.fromkeys(text for rank, text in found.values() if rank == best))[:_MOST]
+    return (tuple(("slip", text) for text in texts), frozenset(given)) if texts else None
+
+
+def _with_meanings(text: str) -> str:
+    known = [f"{name}: {MEANINGS[name]}" for name in dict.fromkeys(re.findall(r"\w+", text)) if name in MEANINGS]
+    return f"{text} ({'; '.join(known)})" if known else text
 
 
 def _drawn(formula: Formula, advance: Callable[[str, int], None], level: int) -> Iterator[tuple[Slip, Written]]:
     written = Written(formula.source, formula.groups)
-    for n, slip in enumerate(written.slips()):
+    for n, slip in enumerate(written.slips(formula.only)):
         if n % _STEPS == 0:
             advance(f"level {level}: slips in its formulas", 1)
         yield slip, written
@@ -69,30 +79,42 @@ def _limits(answer: Decimal, quantity: Quantity) -> tuple[float, float]:
     return float(answer) - width, float(answer) + width
 
 
-def _fits(
+def _expected(
     formula: Formula,
     run: Callable[..., dict[str, object]],
     entries: Sequence[Sequence[Quantity]],
+    limits: Mapping[str, tuple[float, float]],
+) -> dict[str, float]:
+    """What the slip makes of all answers by id; nothing as soon as one is out of its limits."""
+    expected: dict[str, float] = {}
+    try:
+        for here in entries:
+            asked = {quantity.name: quantity.id for quantity in here}
+            for numbers in formula.answers(run, here):
+                for name, number in numbers.items():
+                    if (id_ := asked.get(name)) is not None:
+                        low, high = limits[id_]
+                        if not low <= number <= high:
+                            return {}
+                        expected[id_] = number
+    except (ArithmeticError, ValueError, TypeError, LookupError, NameError, AttributeError):
+        return {}  # the slip leaves no formula, or none that has a value
+    return expected
+
+
+def _borne_out(
+    expected: Mapping[str, float],
+    entries: Sequence[Sequence[Quantity]],
     answers: Mapping[str, Decimal],
     blamed: set[str],
-    limits: Mapping[str, tuple[float, float]],
 ) -> bool:
-    explained: set[str] = set()
-    for here in entries:
-        asked = {quantity.name: quantity for quantity in here}
-        try:
-            with warnings.catch_warnings(action="ignore"):  # what the slip makes of a formula
-                for numbers in formula.answers(run, here):
-                    for name, number in numbers.items():
-                        if (quantity := asked.get(name)) is None:
-                            continue
-                        low, high = limits[quantity.id]
-                        if not low <= number <= high:
-                            return False
-                        if borne_out(answers[quantity.id], number, quantity, quantity.id in blamed) is None:
-                            return False
-                        if quantity.id in blamed:
-                            explained.add(quantity.id)
-        except (ArithmeticError, ValueError, TypeError, LookupError, NameError, AttributeError):
-            return False  # the slip leaves no formula, or none that has a value
-    return explained == blamed
+    """Whether every answer is as expected, wrong ones by enough digits for this to be no chance."""
+    total = 0.0
+    if not blamed <= expected.keys():
+        return False
+    for quantity in (quantity for here in entries for quantity in here if quantity.id in expected):
+        digits = borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in blamed)
+        if digits is None:
+            return False
+        total += digits if quantity.id in blamed else 0.0
+    return total >= _EVIDENCE

@@ -56,8 +56,11 @@ class Written:
             exec(slip.code if slip is not None and place == slip.place else code, found)
         return found
 
-    def slips(self) -> Iterator[Slip]:
+    def slips(self, only: Sequence[str] = ()) -> Iterator[Slip]:
+        """All of them, or those in the statements that assign one of these names."""
         for place, statement in enumerate(self.statements):
+            if only and _assigned(statement) not in only:
+                continue
             for rank, says in self._changes(statement):
                 try:
                     code = _compiled(statement)
@@ -73,27 +76,28 @@ class Written:
             near = [one for one, text in zip(chain, texts, strict=True) if len(text) <= _NEAR]
             context = near[0] if near else node
             old, old_node = plain(ast.unparse(context)), plain(ast.unparse(node))
+            given = ast.unparse(node) == f"given_{target}"
             term = next((plain(text) for text in texts if len(text) <= _LONGEST), old_node)
             whole = isinstance(parent, ast.Assign | ast.AugAssign | ast.Return)
             for rank, new, words in self._variants(node, parent, whole):
 
                 def says(
                     new: ast.expr = new, words: str = words, context: ast.expr = context, node: ast.expr = node,
-                    old: str = old, old_node: str = old_node, term: str = term, target: str = target,
+                    old: str = old, old_node: str = old_node, term: str = term, target: str = target, given: bool = given,
                 ) -> str:  # fmt: skip
-                    if old_node == target:  # an input
+                    if given:
                         return f"{plain(ast.unparse(new))} taken for {target}"
                     changed = f"{plain(ast.unparse(new if context is node else context))} for {old}"
                     text = words or changed
                     return (f"in {target}: " if target else "") + text + f" in {term}" * (term not in (old_node, old))
 
-                _put(parent, field, index, new)
+                _put(parent, field, index, ast.fix_missing_locations(new))
                 yield rank, says
                 _put(parent, field, index, node)
         for condition in [node for node in ast.walk(statement) if isinstance(node, ast.If)]:
             test = condition.test
             for value, words in ((True, "the condition {} is lost"), (False, "what holds only if {} is missing")):
-                condition.test = ast.Constant(value)
+                condition.test = ast.fix_missing_locations(ast.Constant(value))
                 text = words.format(ast.unparse(test))
                 target = _assigned(condition.body[0])
                 yield 0, lambda text=text, target=target: f"in {target}: {text}"  # type: ignore[misc]
@@ -127,7 +131,7 @@ class Written:
         elif isinstance(node, ast.Name | ast.Call | ast.Subscript) and not isinstance(parent, ast.Call):
             if not (isinstance(parent, ast.BinOp) and isinstance(parent.op, ast.Pow)):
                 yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), ""
-            yield 2, _call("sqrt", node), ""
+                yield 2, _call("sqrt", node), ""
             yield 2, _call("abs", node), ""
         if whole or (isinstance(parent, ast.BinOp) and isinstance(parent.op, ast.Add | ast.Sub)):
             if not isinstance(node, ast.Constant | ast.List):
@@ -168,8 +172,8 @@ class Written:
 
 def plain(text: str) -> str:
     """Python's spelling of a formula as the rest of the package writes formulas in sentences; inputs by their names."""
-    text = text.replace("given_", "")
-    return re.sub(r"(?<=[\w)\]]) ?\* ?(?=[\w(])", " ", re.sub(r" ?\*\* ?", "^", text))
+    text = re.sub(r"\^1(?![\d.])", "", re.sub(r" ?\*\* ?", "^", text.replace("given_", "")))
+    return re.sub(r"(?<=[\w)\]]) ?\* ?(?=[\w(])", " ", text)
 
 
 def _operations(node: ast.BinOp) -> Iterator[_Variant]:
@@ -252,5 +256,4 @@ def _walked(
 
 
 def _compiled(statement: ast.stmt) -> CodeType:
-    module = ast.Module([statement], [])
-    return compile(ast.fix_missing_locations(module), "formula", "exec")
+    return compile(ast.Module([statement], []), "formula", "exec")

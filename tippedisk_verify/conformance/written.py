@@ -21,7 +21,7 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity
 from tippedisk_verify.theory.jets import Jet
 
-__all__ = ["Formula", "formulas_of"]
+__all__ = ["MEANINGS", "Formula", "formulas_of"]
 
 Run = Callable[[Mapping[str, Any]], Names]
 Numbers = dict[str, float]
@@ -35,13 +35,15 @@ class Formula:
 
     source: str
     groups: tuple[tuple[str, ...], ...]
-    gives: tuple[str, ...]  #: beginnings of the names of the quantities
+    gives: tuple[str, ...]  #: beginnings of the names of the quantities that it explains
     answers: Callable[[Run, Sequence[Quantity]], Iterator[Numbers]]  #: to the questions of one entry, step by step
+    only: tuple[str, ...] = ()  #: statements to change, by what they assign, if not all
+    alone: bool = False  #: whether all else follows from what it gives, so that no other answer has to be explained
 
 
 _INPUT = tuple(
     (name, f"-{name}", f"single({name})", *(f"round({name}, {n})" for n in range(7)),
-     *((f"2 * pi * {name}", f"{name} / (2 * pi)", f"2 * {name}", f"{name} / 2") if name == "given_Omega" else
+     *((f"2 * pi * {name}", f"{name} / (2 * pi)", f"2 * {name}", f"{name} / 2", f"{name} * pi / 30", f"{name} * 30 / pi") if name == "given_Omega" else
        (f"radians({name})", f"degrees({name})", f"pi / 2 + {name}", f"{name} - pi / 2", f"pi - {name}",
         f"pi / 2 - {name}", f"pi + {name}", f"2 * {name}", f"{name} / 2")))
     for name in ("given_Omega", "given_beta", "given_gamma")
@@ -86,6 +88,7 @@ f_G = -m * g * rho * cb
 w_y = rho * sb
 gamma_y = w_y * v - e * Omega * sb**2 * cg
 """
+_SHARED = ("sb", "cb", "sg", "cg", "inertia", "coupling", "h", "gamma_y")
 _DERIVATIVES = """\
 dM_dbeta = -2 * m * rho**2 * sin(beta) * cos(beta)
 dM_dgamma = -2 * (A - Bbar) * sin(gamma) * cos(gamma) + 2 * m * rho * e * cos(gamma) * cos(beta)**2
@@ -156,6 +159,20 @@ def _parameters(set_name: str) -> Names:
     return {name: float(getattr(p, name)) for name in SYMBOLS} | {"single": _single}
 
 
+#: Names in the texts that are not the paper's.
+MEANINGS = {
+    "side": "1 for inverted, -1 for noninverted", "damping": "mu m g / epsilon", "reach": "r + e",
+    "stiffness": "r - e as printed, r in the consistent law", "growth": "|z|^2 per Omega_crit - Omega",
+    "by_printed_law": "the slope of the printed one-harmonic law", "free": "h and f_G without v", "drift": "-gamma'",
+    "linear": "h's factor of v", "quadratic": "h's factor of v^2", "drag": "mu m g rho^2 sin(beta)^2",
+    "by_beta": "derivative by beta", "by_gamma": "derivative by gamma", "inertia": "A cos^2 gamma + Bbar sin^2 gamma",
+    "coupling": "m e rho", "total": "the truncated series", "change": "dh/dt of the order n - 1", "cb": "cos beta",
+    "sb": "sin beta", "cg": "cos gamma", "sg": "sin gamma", "third": "the third derivative, symmetric",
+    "eigenvalue_slope": "d lambda/d Omega", "product": "with the adjoint eigenvector",
+    "slope": "d lambda_Ty/d gamma_y", "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
+}  # fmt: skip
+
+
 def _given(here: Sequence[Quantity]) -> Names:
     """Parameters and inputs; those that are no numbers as they are."""
     names = dict(_parameters(here[0].set))
@@ -205,11 +222,12 @@ a_1 = Omega**2 - m * g * rho / Bbar
 a_0 = damping * rho * side * e * Omega**2 / Bbar
 values = roots([1, a_2, a_1, a_0])
 """
+_STEPS = ("1", "0.5", "0.1", "0.05", "0.01", "0.005", "0.001", "0.0001")
 _AT_EQUILIBRIA = (
     (*_FACTORS, "M", "side * e"), ("side", "1", "-1", "-side"), ("A_21", "A_31", "A_32", "A_33", "0", "1"),
     ("a_2", "a_1", "a_0", "0"), _INPUT[0], ("side * e", "e", "-e", "0"),
     ("eigenvalues(matrix)", "eigenvalues(lower_triangle(matrix))", "eigenvalues(upper_triangle(matrix))",
-     "eigenvalues(in_single_precision(matrix))", "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
+     "eigenvalues(in_single_precision(matrix))", *(f"eigenvalues(differences({d}))" for d in _STEPS), "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
 )  # fmt: skip
 
 
@@ -243,11 +261,24 @@ _MATRICES: Names = _REAL | {
 }  # fmt: skip
 
 
+_RIGHT = Written(_PARTS + _LAW["linear"] + _RATES, ())
+
+
 def _spectrum(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
     names = _given(here)
     names["side"] = 1 if names["equilibrium"] == "inverted" else -1
+    model = _RIGHT.run
+
+    def differences(step: float) -> Any:
+        """The matrix by central differences."""
+        start, columns = {"beta": math.pi / 2, "gamma": names["side"] * math.pi / 2, "v": 0.0}, []
+        for name, value in start.items():
+            sides = [model(_REAL | names | start | {name: value + sign * step}) for sign in (1, -1)]
+            columns.append([(sides[0][rate] - sides[1][rate]) / (2 * step) for rate in ("v", "gamma_rate", "v_rate")])
+        return list(zip(*columns, strict=True))
+
     values = sorted(
-        map(complex, run(_MATRICES | names)["values"]), key=lambda value: (-round(value.real, 7), -value.imag)
+        map(complex, run(_MATRICES | names | {"differences": differences})["values"]), key=lambda value: (-round(value.real, 7), -value.imag)
     )
     yield {
         f"lambda_{n}_{part}": getattr(value, name)
@@ -262,14 +293,14 @@ def third(x, y, z):
     return 2 * (x * y * conj(z) + x * conj(y) * z + conj(x) * y * z)
 Bbar = B - m * e**2
 reach = r + e
-omega_crit = sqrt(m * g * reach**2 / (Bbar * r))
+omega_crit = sqrt(m * g * (r + e)**2 / (Bbar * r))
 Omega = omega_crit
-frequency = Omega * sqrt(e / reach)
+root = eigenvalue(Omega)
+frequency = imag(root)
 period = 2 * pi / frequency
 damping = mu * m * g / epsilon
 A_32 = -damping * reach * e * Omega / Bbar
 A_33 = -damping * reach**2 / Bbar
-root = 1j * frequency
 beta = root
 gamma = Omega
 v = root**2
@@ -277,12 +308,10 @@ size = sqrt(abs(beta)**2 + abs(gamma)**2 + abs(v)**2)
 beta = beta / size
 gamma = gamma / size
 v = v / size
-p_gamma = A_32
-p_v = root
-scale = (root - A_33) * root * beta + p_gamma * gamma + p_v * v
-p_gamma = p_gamma / scale
-p_v = p_v / scale
-slope = p_gamma * beta + p_v * (A_32 / Omega * gamma - 2 * Omega * beta)
+scale = (root - A_33) * root * beta + A_32 * gamma + root * v
+def product(gamma_part, v_part):
+    return (A_32 * gamma_part + root * v_part) / scale
+eigenvalue_slope = product(beta, A_32 / Omega * gamma - 2 * Omega * beta)
 cubic_gamma = -Omega * third(beta, beta, beta) / 6
 cubic_h = (Bbar - A) * Omega**2 * third(beta, gamma, gamma) \\
     + (2 * Bbar / 3 - m * e * reach) * Omega**2 * third(beta, beta, beta) \\
@@ -297,31 +326,33 @@ cubic_M = (A - Bbar) * (stiffness * third(beta, gamma, gamma) - damping * reach*
     + m * reach**2 * (stiffness * third(beta, beta, beta) - damping * reach**2 * third(beta, beta, v) \\
     - damping * reach * e * Omega * third(beta, beta, gamma))
 cubic_v = (cubic_h + cubic_f_G + cubic_friction - cubic_M / Bbar) / Bbar
-c_1 = (p_gamma * cubic_gamma + p_v * cubic_v) / 2
+c_1 = product(cubic_gamma, cubic_v) / 2
 first_lyapunov_coefficient = real(c_1) / frequency
-transversality = real(slope)
-growth = real(slope) / real(c_1)
+transversality = real(eigenvalue_slope)
+growth = transversality / real(c_1)
+by_printed_law = 8 * e * Bbar * r * Omega / (reach * ((A * (r - 2 * e) \\
+    - Bbar * (2 * r**2 + e * reach) / (2 * reach)) * Omega**2 + m * g * e * reach))
 amplitude_squared_slope = 4 * abs(beta)**2 * growth
-period_slope = -2 * pi / frequency**2 * (imag(c_1) * growth - imag(slope))
+period_slope = -2 * pi / frequency**2 * (imag(c_1) * growth - imag(eigenvalue_slope))
 """
-_STEPS = ("1", "0.5", "0.1", "0.05", "0.01", "0.005", "0.001", "0.0001")
-_LAW_OF_AMPLITUDE = (
-    "8 * e * Bbar * r * Omega / (reach * ((A * (r - 2 * e) - Bbar * (2 * r**2 + e * reach) / (2 * reach)) * Omega**2"
-    " + m * g * e * reach))"
+_SPEEDS = tuple(
+    f"Bbar = B - m * e**2\nomega_crit = {text}\n"
+    for text in ("sqrt(m * g * (r + e)**2 / (Bbar * r))", "(r + e) * sqrt(m * g / (Bbar * r))")
 )
 _AT_HOPF = (
     (*_FACTORS, "reach", "r + 2 * e", "frequency", "damping", "pi", "omega_crit", "growth", "period"),
-    ("omega_crit", "30.92", "30.89", "30.9", "30.07", "30", "31"), ("frequency", "imag(slope)"),
-    ("sqrt(m * g * reach**2 / (Bbar * r))", "30.92"), ("beta", "gamma", "v"), ("root", "conj(root)", "A_33"),
-    ("c_1", "slope", "conj(c_1)"), ("real(c_1)", "imag(c_1)", "abs(c_1)"), ("real(slope)", "imag(slope)", "abs(slope)"),
-    ("p_gamma * beta + p_v * (A_32 / Omega * gamma - 2 * Omega * beta)",
+    ("omega_crit", "30.92", "30.89", "30.9", "30.07", "30", "31"), ("frequency", "imag(eigenvalue_slope)"),
+    ("sqrt(m * g * (r + e)**2 / (Bbar * r))", "30.92"), ("scale", "conj(scale)", "abs(scale)"), ("beta", "gamma", "v"), ("root", "conj(root)", "A_33"),
+    ("c_1", "eigenvalue_slope", "conj(c_1)"), ("real(c_1)", "imag(c_1)", "abs(c_1)"), ("real(eigenvalue_slope)", "imag(eigenvalue_slope)", "abs(eigenvalue_slope)"),
+    ("product(beta, A_32 / Omega * gamma - 2 * Omega * beta)",
      *(f"(eigenvalue(Omega + {d}) - eigenvalue(Omega)) / {d}" for d in _STEPS),
      *(f"(eigenvalue(Omega) - eigenvalue(Omega - {d})) / {d}" for d in _STEPS),
      *(f"(eigenvalue(Omega + {d}) - eigenvalue(Omega - {d})) / (2 * {d})" for d in _STEPS)),
-    ("4 * abs(beta)**2 * growth", _LAW_OF_AMPLITUDE, "4 * abs(gamma)**2 * growth", "4 * abs(v)**2 * growth"),
-    ("sqrt(abs(beta)**2 + abs(gamma)**2 + abs(v)**2)", "beta", "gamma", "v"),
-    ("-2 * pi / frequency**2 * (imag(c_1) * growth - imag(slope))",
-     f"-pi * Omega**2 / frequency**3 * (r - e) / (8 * reach) * -{_LAW_OF_AMPLITUDE}"
+    ("4 * abs(beta)**2 * growth", "by_printed_law", "4 * abs(gamma)**2 * growth", "4 * abs(v)**2 * growth"),
+    ("sqrt(abs(beta)**2 + abs(gamma)**2 + abs(v)**2)", "beta", "gamma", "v", "1"),
+    ("cubic_gamma", "0"), ("cubic_v", "0"), ("cubic_M", "0"),
+    ("-2 * pi / frequency**2 * (imag(c_1) * growth - imag(eigenvalue_slope))",
+     "-pi * Omega**2 / frequency**3 * (r - e) / (8 * reach) * -by_printed_law"
      " + 2 * pi * Omega * e / (reach * frequency**3)"),
 )  # fmt: skip
 
@@ -343,10 +374,15 @@ def _hopf(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
     yield {quantity.name: found[quantity.name] for quantity in here}
 
 
+def _speed(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
+    yield {"omega_crit": run(_REAL | _given(here))["omega_crit"]}
+
+
 # ------------------------------------------------------------------------------------------ level 4
 _CHI = """\
 Omega = given_Omega
 Bbar = B - m * e**2
+omega_crit = sqrt(m * g * (r + e)**2 / (Bbar * r))
 chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
 chi = chi + Bbar * e**2 / (2 * (r + e)) if consistent else chi
 stiffness = r if consistent else r - e
@@ -355,23 +391,25 @@ _BALANCES = (
     _CHI
     + """\
 C = 2 * sqrt(e / (r + e)) * sqrt(-(Bbar * r * Omega**2 - m * g * (r + e)**2) / (chi * Omega**2 + m * g * e * (r + e)))
-frequency = Omega * sqrt(e / (r + e) - 1 / 8 * stiffness / (r + e) * C**2)
+frequency = Omega * sqrt(e / (r + e) - 1 / 8 * (stiffness / (r + e)) * C**2)
 period = 2 * pi / frequency
 amplitude = C
 """,
     _CHI
     + """\
 C_squared = -4 * e / (r + e) * (Bbar * r * Omega**2 - m * g * (r + e)**2) / (chi * Omega**2 + m * g * e * (r + e))
-amplitude = sqrt(C_squared)
 delta = -stiffness * Omega**2 / (8 * (r + e))
 frequency = sqrt(e * Omega**2 / (r + e) + delta * C_squared)
 period = 2 * pi / frequency
+amplitude = sqrt(C_squared)
 """,
 )
 _AT_BALANCE = (
-    (*_FACTORS, "r + 2 * e", "stiffness", "chi", "C"), _INPUT[0], ("chi", "1.31e-07"),
+    (*_FACTORS, "r + 2 * e", "stiffness", "chi", "C", "omega_crit"), _INPUT[0], ("chi", "1.31e-07"),
+    ("Bbar * r * Omega**2 - m * g * (r + e)**2", "2 * Bbar * r * omega_crit * (Omega - omega_crit)"),
+    ("C", "frequency * C", "Omega * C / frequency"), ("sqrt(C_squared)", "sqrt(C_squared) * Omega / frequency"),
     ("C_squared", "amplitude"), ("sqrt(C_squared)", "C_squared / 2"),
-    ("C", "C / 2", "2 * C", "sqrt(C)"), ("r - 2 * e", "r + e", "r - e"), ("frequency", "Omega", "C", "delta"),
+    ("C", "C / 2", "2 * C"), ("r - 2 * e", "r + e", "r - e"), ("frequency", "Omega", "C", "delta"),
 )  # fmt: skip
 
 
@@ -393,11 +431,15 @@ free = (A * cos(gamma)**2 + Bbar * sin(gamma)**2) * Omega**2 * sin(beta) * cos(b
     + m * e * rho * Omega**2 * sin(beta) * cos(beta)**3 * sin(gamma) - m * g * rho * cos(beta)
 linear = -2 * (A - Bbar) * Omega * cos(beta) * sin(gamma) * cos(gamma) \\
     - m * e * rho * (3 * sin(beta)**2 - 2) * Omega * cos(beta) * cos(gamma)
-square = m * rho**2 * sin(beta) * cos(beta)
+quadratic = m * rho**2 * sin(beta) * cos(beta)
 drag = mu * m * g * rho**2 * sin(beta)**2
 h_0 = e * Omega * sin(beta) * cos(gamma) / rho
 drift = Omega * cos(beta)
 """
+_TURNING = "A * cos(gamma)**2 + Bbar * sin(gamma)**2"
+_FIELD_SHARED = _FIELD.replace(f"M = {_TURNING}", f"inertia = {_TURNING}\nM = inertia").replace(
+    f"({_TURNING})", "inertia"
+)
 _RECURSION = """\
 h = [h_0]
 for n in orders:
@@ -408,7 +450,7 @@ for n in orders:
     for i in range(n):
         change += h[n - 1 - i] * by_beta(h[i])
     for i in range(n):
-        force += square * h[i] * h[n - 1 - i]
+        force += quadratic * h[i] * h[n - 1 - i]
     h_n = (force - M * change) / drag
     h.append(h_n)
 """
@@ -421,13 +463,13 @@ for n in range(6):
     total += epsilon**n * h[n]
     dh_dbeta += epsilon**n * by_beta(h[n])
     dh_dgamma += epsilon**n * by_gamma(h[n])
-    force = free + linear * total + square * total**2
+    force = free + linear * total + quadratic * total**2
     residual_n = epsilon * (dh_dbeta * total - drift * dh_dgamma) - (epsilon * force - drag * (total - h_0)) / M
     residual.append(residual_n)
 """
 _AT_MANIFOLD = (
-    _FACTORS, _SINES, *_INPUT, ("beta", "gamma"), ("h_0", "h[0]", "h[n]", "total"), ("free", "linear", "square", "drag"),
-    ("by_beta", "by_gamma"), ("dh_dbeta", "dh_dgamma"), ("n == 1", "n >= 1"), ("h[n - 1]", "h[0]"),
+    _FACTORS, _SINES, *_INPUT, ("beta", "gamma"), ("h_0", "h[0]", "h[n]", "total"), ("free", "linear", "quadratic", "drag"),
+    ("by_beta", "by_gamma"), ("M", "Bbar", "A", "1"), ("dh_dbeta", "dh_dgamma"), ("n == 1", "n >= 1"), ("h[n - 1]", "h[0]"),
     ("n", "i"), ("total", "h[n]"), ("epsilon**n", "epsilon**(n + 1)", "epsilon"),
     ("range(n)", "range(n - 1)", "range(1, n)", "range(1)", "range(n // 2)", "range((n + 1) // 2)", "(0, n - 1)"),
     ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])"),
@@ -483,7 +525,7 @@ def _terms(set_name: str, omega: float, beta: float, gamma: float) -> Names:
     names: Names = _parameters(set_name) | {"given_Omega": omega, "given_beta": beta, "given_gamma": gamma}
     jets = {"coordinate": partial(_coordinate, _HIGHEST + 1), "orders": range(1, _HIGHEST + 1)}
     found = _SERIES.run(_JETS | names | jets)
-    terms = {name: found[name].value for name in ("M", "free", "linear", "square", "drag", "h_0", "drift")}
+    terms = {name: found[name].value for name in ("M", "free", "linear", "quadratic", "drag", "h_0", "drift")}
     return terms | {"h": [order.cut(1) for order in found["h"]]}
 
 
@@ -506,16 +548,21 @@ def formulas_of(kind: str, friction: str) -> tuple[Formula, ...]:
     derivatives = parts + _DERIVATIVES + _SLOPE.get(friction, _SLOPE["linear"]) + _CHAIN
     texts = {
         "rhs": (
-            Formula(parts, _AT_STATES, _OF_STATES, _rhs),
-            Formula(_NAMED + law + _RATES, _AT_STATES, _OF_STATES, _rhs),
+            Formula(parts, _AT_STATES, ("",), _rhs),
+            Formula(_NAMED + law + _RATES, _AT_STATES, ("",), _rhs, _SHARED),
             Formula(derivatives, _AT_STATES, ("dv_rate_d",), _slopes),
         ),
         "equilibrium": tuple(Formula(text, _AT_EQUILIBRIA, ("lambda",), _spectrum) for text in (_MATRIX, _POLYNOMIAL)),
-        "hopf": (Formula(_HOPF, _AT_HOPF, ("",), _hopf),),
+        "hopf": (
+            Formula(_HOPF, _AT_HOPF, ("",), _hopf),
+            # Far from the critical speed there may be no pair: the other answers are whatever a program makes of that.
+            *(Formula(text, _AT_HOPF, ("omega_crit",), _speed, alone=True) for text in _SPEEDS),
+        ),
         "harmonic-balance": tuple(Formula(text, _AT_BALANCE, ("",), _balance) for text in _BALANCES),
         "slow-manifold": (
-            *(Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("h_",), partial(_series, alike=alike))
+            *(Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("",), partial(_series, alike=alike))
               for alike in (True, False)),
+            Formula(_FIELD_SHARED + _RECURSION, _AT_MANIFOLD, ("",), partial(_series, alike=True), ("inertia",)),
             Formula(_FIELD + _RESIDUAL, _AT_MANIFOLD, ("residual",), _residual_alone),
         ),
     }  # fmt: skip
