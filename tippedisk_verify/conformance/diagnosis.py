@@ -40,7 +40,8 @@ _EARLY = 12  # samples of an orbit that a parameter's slope must foretell
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
-_A_NUMBER = re.compile(r"\d\.?\d{4}")  # five digits and more, which were read off an answer
+#: A number of five digits and more that was read off an answer, or a factor that was put together from parameters.
+_VAGUE = re.compile(r"\d\.?\d{4}|extra factor")
 _EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
 
 
@@ -219,7 +220,7 @@ def _causes(
             found = found or fitting(itertools.chain(rest, free))
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
-    if found is None or any(_A_NUMBER.search(text) for _, text in found[0]):  # a slip says more than such a number
+    if found is None or all(_VAGUE.search(text) for _, text in found[0]):  # a slip says more
         found = slips() or found
     found = found or shape_of(usable, wrong, store, by_place=True)
     return found or size_of(usable, wrong, store, outputs_only) or ((), frozenset())

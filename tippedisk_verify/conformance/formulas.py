@@ -101,13 +101,18 @@ def _normal_form(set_name: str, speed: float) -> dict[str, Any]:
     cubic = left[2] * sum(value * trilinear(powers, q, fp) for powers, value in cubic_acceleration(parts).items())
     c_1 = complex(cubic + left[1] * trilinear((3, 0, 0), q, fp) * -speed / 6) / 2
     drift = complex(left[1] * q[0] + left[2] * (-2 * speed * q[0] + last[1] / speed * q[1]))
-    omega, growth = float(values[place].imag), drift.real / c_1.real
-    turn = -2 * math.pi / omega**2
+    omega = float(values[place].imag)
+    rest = {"omega": omega, "q": q, "turn": -2 * math.pi / omega**2, "omega_crit": speed, "period": 2 * math.pi / omega}
+    return rest | _following(rest, c_1, drift)
+
+
+def _following(n: Mapping[str, Any], c_1: complex, drift: complex) -> dict[str, Any]:
+    """What follows from z' = (i omega + drift (Omega - Omega_crit)) z + c_1 |z|^2 z."""
+    growth = drift.real / c_1.real
     return {
-        "omega_crit": speed, "period": 2 * math.pi / omega, "first_lyapunov_coefficient": c_1.real / omega,
-        "transversality": drift.real, "amplitude_squared_slope": 4 * abs(q[0]) ** 2 * growth,
-        "period_slope": turn * (c_1.imag * growth - drift.imag),
-        "omega": omega, "q": q, "c_1": c_1, "drift": drift, "growth": growth, "turn": turn,
+        "first_lyapunov_coefficient": c_1.real / n["omega"], "transversality": drift.real,
+        "amplitude_squared_slope": 4 * abs(n["q"][0]) ** 2 * growth,
+        "period_slope": n["turn"] * (c_1.imag * growth - drift.imag), "c_1": c_1, "drift": drift, "growth": growth,
     }  # fmt: skip
 
 
@@ -167,18 +172,33 @@ def _other_speeds(entries: Entries, answers: Answers, wrong: set[str]) -> Iterat
 
 
 def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
-    """All that follows from another third-order coefficient c_1, which two of the answers tell."""
-    given = {
-        quantity.name: answers[quantity.id] for quantity in here if quantity.name in _BY_C_1 and quantity.id in wrong
-    }
+    """All that follows from another c_1, another slope of the eigenvalue, or another product with the adjoint.
+
+    Two of the answers tell such a complex number; the others have to bear it out.
+    """
+    given = {quantity.name: answers[quantity.id] for quantity in here}
+    bad = {quantity.name for quantity in here if quantity.id in wrong}
     n = _normal_form(here[0].set, _omega_crit(here[0].set))
-    if len(given) == len(_BY_C_1) and (real := given["first_lyapunov_coefficient"] * n["omega"]):
-        growth = n["drift"].real / real
-        imaginary = (given["period_slope"] / n["turn"] + n["drift"].imag) / growth
-        numbers = n | given | {"amplitude_squared_slope": 4 * abs(n["q"][0]) ** 2 * growth}
-        text = f"c_1, the coefficient of |z|^2 z, is {real:.9g} {imaginary:+.9g} i instead of "
-        text += f"{n['c_1'].real:.9g} {n['c_1'].imag:+.9g} i: a mistake in it or rounding, and all else follows from it"
-        yield LONG - 1, text, lambda _: numbers
+    if not {*_BY_C_1, "transversality"} <= given.keys() or not given["first_lyapunov_coefficient"]:
+        return
+    c_1, drift, coefficients = n["c_1"], n["drift"], []
+    real, speed = given["first_lyapunov_coefficient"] * n["omega"], given["transversality"]
+    if bad == set(_BY_C_1):
+        imaginary = (given["period_slope"] / n["turn"] + drift.imag) / (drift.real / real)
+        coefficients.append(("c_1, the coefficient of |z|^2 z,", c_1, complex(real, imaginary), drift))
+    elif bad == {"transversality", *_BY_C_1[1:]}:
+        imaginary = c_1.imag * speed / c_1.real - given["period_slope"] / n["turn"]
+        coefficients.append(("d lambda/d Omega", drift, c_1, complex(speed, imaginary)))
+    elif bad >= {"transversality", *_BY_C_1[:1]} and "omega_crit" not in bad:
+        share = (real * drift.imag - speed * c_1.imag) / (c_1.real * drift.imag - c_1.imag * drift.real)
+        factor = complex(share, (c_1.real * share - real) / c_1.imag)
+        text = "the factor of all products with the adjoint eigenvector"
+        coefficients.append((text, complex(1), factor * c_1, factor * drift))
+    for text, right, other, moved in coefficients:
+        value = other if right is c_1 else moved if right is drift else factor
+        said = f"{text} is {value.real:.9g} {value.imag:+.9g} i instead of {right.real:.9g} {right.imag:+.9g} i: "
+        numbers = n | _following(n, other, moved)
+        yield LONG - 1, said + "a mistake in it or rounding, and all else follows from it", lambda _, x=numbers: x  # type: ignore[misc]
 
 
 # ------------------------------------------------------------------------------------------ level 8

@@ -84,7 +84,8 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
     )
     mine = stem(here[0])
     law = f"/{here[0].friction}/"
-    for other_law in dict.fromkeys((law, "/both/", "/linear/", "/smooth/")):  # some columns are common to both
+    laws = ("/both/", "/linear/", "/smooth/") if here[0].kind == "rhs" else ()  # some columns are common to both
+    for other_law in dict.fromkeys((law, *laws)):
         entry = here[0].id.rsplit("/", 1)[0].replace(law, other_law)
         for name in dict.fromkeys(stem(q) for q in store.matching(entry + "/")):
             theirs = at(lambda id_, name=name, to=other_law: _renamed(f"/{mine}", f"/{name}", id_).replace(law, to))  # type: ignore[misc]

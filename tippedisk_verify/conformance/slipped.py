@@ -20,6 +20,7 @@ _LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a 
 _EVIDENCE = 9.0
 _MOST = 3  # slips that give the same answers and are named
 _BESIDE = 1.1  # times; how much the scales of an answer and of what is expected may differ where they agree
+_CLOSE = 2.0  # digits between slips that fit about as well
 _STEPS = 250  # slips between two words to the progress bar
 
 
@@ -39,24 +40,32 @@ def slip_of(
     told.sort(key=lambda here: blamed.isdisjoint(quantity.id for quantity in here))
     limits = {quantity.id: _limits(answers[quantity.id], quantity) for here in told for quantity in here}
     friction = next((here[0].friction for here in told if here[0].friction != "both"), "both")
+    fits: list[tuple[float, int, int, str]] = []  # digits, rank, statement, words
     given: set[str] = set()
-    found: dict[int, tuple[int, str]] = {}  # the first of the simplest in each statement
     for formula in formulas_of(bad[0].kind, friction):
         given = {quantity.id for quantity in bad if quantity.name.startswith(formula.gives)}
         if not (given if formula.alone else given == blamed):
             continue
         for slip, written in _drawn(formula, advance, bad[0].level):
             expected = _expected(formula, partial(written.run, slip=slip), told, limits)
-            if _borne_out(expected, told, answers, given):
-                found[slip.place] = min(
-                    found.get(slip.place, (slip.rank + 1, "")), (slip.rank, _with_meanings(slip.says())),
-                    key=lambda one: one[0],
-                )  # fmt: skip
-        if found:
+            if (digits := _borne_out(expected, told, answers, given)) is not None:
+                fits.append((digits, slip.rank, slip.place, _with_meanings(slip.says())))
+        if fits:
             break
-    best = min((rank for rank, _ in found.values()), default=0)
-    texts = list(dict.fromkeys(text for rank, text in found.values() if rank == best))[:_MOST]
+    texts = _simplest(fits)
     return (tuple(("slip", text) for text in texts), frozenset(given)) if texts else None
+
+
+def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
+    """Those that fit about as well as the best, are as simple as the simplest, and differ: one in each statement."""
+    best = max((digits for digits, *_ in fits), default=0.0)
+    close = [(rank, place, text) for digits, rank, place, text in fits if digits > best - _CLOSE]
+    least = min((rank for rank, *_ in close), default=0)
+    alike = [(place, text) for rank, place, text in close if rank == least]
+    first = dict(reversed(alike))
+    # Names and numbers that stand for each other in one statement are different mistakes, signs and factors are not.
+    others = [text for _, text in alike if least]
+    return list(dict.fromkeys([*reversed(first.values()), *others]))[:_MOST]
 
 
 def _with_meanings(text: str) -> str:
@@ -94,9 +103,10 @@ def _expected(
                 for name, number in numbers.items():
                     if (id_ := asked.get(name)) is not None:
                         low, high = limits[id_]
-                        if not low <= number <= high:
+                        either = number if isinstance(number, tuple) else (number,)
+                        if not (near := [one for one in either if low <= one <= high]):
                             return {}
-                        expected[id_] = number
+                        expected[id_] = near[0]
     except (ArithmeticError, ValueError, TypeError, LookupError, NameError, AttributeError):
         return {}  # the slip leaves no formula, or none that has a value
     return expected
@@ -107,14 +117,15 @@ def _borne_out(
     entries: Sequence[Sequence[Quantity]],
     answers: Mapping[str, Decimal],
     blamed: set[str],
-) -> bool:
-    """Whether every answer is as expected, wrong ones by enough digits for this to be no chance."""
-    total = 0.0
+) -> float | None:
+    """The least digits of the wrong answers, if every answer is as expected, and they by too many for a chance."""
+    found = []
     if not blamed <= expected.keys():
-        return False
+        return None
     for quantity in (quantity for here in entries for quantity in here if quantity.id in expected):
         digits = borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in blamed)
         if digits is None:
-            return False
-        total += digits if quantity.id in blamed else 0.0
-    return total >= _EVIDENCE
+            return None
+        if quantity.id in blamed:
+            found.append(digits)
+    return min(found) if sum(found) >= _EVIDENCE else None

@@ -1,8 +1,8 @@
 """Every single slip in a formula that is written down as Python assignments: what a hand does wrong once.
 
-A sign, an operator, a term or factor that is missing, another name of the vocabulary, another number, sine for cosine, a
-doubled angle, a square or root, lost parentheses, an index, a condition. A vocabulary is a set of groups; a group holds
-expressions that may stand for each other, from names to whole right-hand sides.
+A sign, an operator, a term or factor that is missing, another name of the vocabulary, another number, sine for cosine,
+a doubled angle, a square or root, lost parentheses, an index, a condition. A vocabulary is a set of groups; a group
+holds expressions that may stand for each other, from names to whole right-hand sides.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import io
 import re
 import tokenize
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import CodeType
 from typing import Any
@@ -83,7 +84,8 @@ class Written:
 
                 def says(
                     new: ast.expr = new, words: str = words, context: ast.expr = context, node: ast.expr = node,
-                    old: str = old, old_node: str = old_node, term: str = term, target: str = target, given: bool = given,
+                    old: str = old, old_node: str = old_node, term: str = term, target: str = target,
+                    given: bool = given,
                 ) -> str:  # fmt: skip
                     if given:
                         return f"{plain(ast.unparse(new))} taken for {target}"
@@ -133,12 +135,12 @@ class Written:
                 yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), ""
                 yield 2, _call("sqrt", node), ""
             yield 2, _call("abs", node), ""
-        if whole or (isinstance(parent, ast.BinOp) and isinstance(parent.op, ast.Add | ast.Sub)):
-            if not isinstance(node, ast.Constant | ast.List):
-                if whole or parent.left is node:
-                    yield 0, ast.UnaryOp(ast.USub(), node), f"the sign of {said}"
-                yield 2, ast.BinOp(ast.Constant(2), ast.Mult(), node), f"twice {said}"
-                yield 2, ast.BinOp(node, ast.Div(), ast.Constant(2)), f"half of {said}"
+        summed = isinstance(parent, ast.BinOp) and isinstance(parent.op, ast.Add | ast.Sub)
+        if (whole or summed) and not isinstance(node, ast.Constant | ast.List):
+            if whole or (isinstance(parent, ast.BinOp) and parent.left is node):
+                yield 0, ast.UnaryOp(ast.USub(), node), f"the sign of {said}"
+            yield 2, ast.BinOp(ast.Constant(2), ast.Mult(), node), f"twice {said}"
+            yield 2, ast.BinOp(node, ast.Div(), ast.Constant(2)), f"half of {said}"
         if whole:
             yield 2, _call("abs", node), f"the absolute value of {said}"
             yield 2, _call("sqrt", node), f"the square root of {said}"
@@ -161,19 +163,19 @@ class Written:
                 start, called = opened.pop()
                 less = source[:start] + source[start + 1 : at] + source[at + 1 :]
                 if not called:
-                    target = _assigned(statement) or "".join(re.findall(r"def (\w+)|(\w+) [-+*/]?= ", source[:start])[-1])
-                    inner = plain(source[start + 1 : at])
-                    yield Slip(
-                        0, place, compile(less, "formula", "exec"),
-                        lambda target=target, inner=inner: f"in {target}: the parentheses of ({inner}) are lost",  # type: ignore[misc]
-                    )  # fmt: skip
+                    before = re.findall(r"def (\w+)|(\w+) [-+*/]?= ", source[:start])
+                    target = _assigned(statement) or "".join(before[-1])
+                    words = f"in {target}: the parentheses of ({plain(source[start + 1 : at])}) are lost"
+                    with suppress(SyntaxError):
+                        yield Slip(0, place, compile(less, "formula", "exec"), lambda words=words: words)  # type: ignore[misc]
             previous = token.string
 
 
 def plain(text: str) -> str:
     """Python's spelling of a formula as the rest of the package writes formulas in sentences; inputs by their names."""
     text = re.sub(r"\^1(?![\d.])", "", re.sub(r" ?\*\* ?", "^", text.replace("given_", "")))
-    return re.sub(r"(?<=[\w)\]]) ?\* ?(?=[\w(])", " ", text)
+    text = re.sub(r"(?<=[\w)\]]) ?\* ?(?=[\w(])", " ", text)
+    return re.sub(r"(?<![\w.^] )(?<![\w.^])1 (?=[a-zA-Z(])", "", text)
 
 
 def _operations(node: ast.BinOp) -> Iterator[_Variant]:

@@ -24,7 +24,7 @@ from tippedisk_verify.theory.jets import Jet
 __all__ = ["MEANINGS", "Formula", "formulas_of"]
 
 Run = Callable[[Mapping[str, Any]], Names]
-Numbers = dict[str, float]
+Numbers = dict[str, Any]  # what is answered; two numbers where either may be
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _HIGHEST = 5  # order of the slow manifold
 
@@ -502,7 +502,7 @@ _JETS: Names = _REAL | {
 _RESIDUALS = Written(_RESIDUAL, ())
 
 
-def _series(run: Run, here: Sequence[Quantity], alike: bool) -> Iterator[Numbers]:
+def _series(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
     """The orders, low ones first, and residuals of the same terms or of right ones."""
     names, found = _given(here), {}
     for highest in (1, 2, 3, _HIGHEST):
@@ -510,8 +510,12 @@ def _series(run: Run, here: Sequence[Quantity], alike: bool) -> Iterator[Numbers
         found = run(_JETS | names | {"coordinate": partial(_coordinate, degree), "orders": range(1, highest + 1)})
         yield {f"h_{n}": order.value for n, order in enumerate(found["h"])}
     right = _terms(here[0].set, *(names[name] for name in ("Omega", "beta", "gamma")))
-    terms = {name: getattr(found[name], "value", found[name]) for name in right if name != "h"} if alike else right
-    yield _residuals(_RESIDUALS.run, _JETS | names | terms | {"h": [order.cut(1) for order in found["h"]]})
+    alike = {name: getattr(found[name], "value", found[name]) for name in right if name != "h"}
+    both = [
+        _residuals(_RESIDUALS.run, _JETS | names | terms | {"h": [order.cut(1) for order in found["h"]]})
+        for terms in (alike, right)
+    ]
+    yield {name: (number, both[1][name]) for name, number in both[0].items()}
 
 
 def _residuals(run: Run, names: Names) -> Numbers:
@@ -560,9 +564,8 @@ def formulas_of(kind: str, friction: str) -> tuple[Formula, ...]:
         ),
         "harmonic-balance": tuple(Formula(text, _AT_BALANCE, ("",), _balance) for text in _BALANCES),
         "slow-manifold": (
-            *(Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("",), partial(_series, alike=alike))
-              for alike in (True, False)),
-            Formula(_FIELD_SHARED + _RECURSION, _AT_MANIFOLD, ("",), partial(_series, alike=True), ("inertia",)),
+            Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("",), _series),
+            Formula(_FIELD_SHARED + _RECURSION, _AT_MANIFOLD, ("",), _series, ("inertia",)),
             Formula(_FIELD + _RESIDUAL, _AT_MANIFOLD, ("residual",), _residual_alone),
         ),
     }  # fmt: skip
