@@ -91,7 +91,8 @@ class Written:
                         return f"{plain(ast.unparse(new))} taken for {target}"
                     changed = f"{plain(ast.unparse(new if context is node else context))} for {old}"
                     text = words or changed
-                    return (f"in {target}: " if target else "") + text + f" in {term}" * (term not in (old_node, old))
+                    places = [one for one in dict.fromkeys((old, term)) if one not in text and len(one) <= _LONGEST]
+                    return (f"in {target}: " if target else "") + " in ".join([text, *places])
 
                 _put(parent, field, index, ast.fix_missing_locations(new))
                 yield rank, says

@@ -76,7 +76,8 @@ class Jet:
     __rmul__ = __mul__
 
     def __rsub__(self, other: Any) -> Jet:
-        return -self + other
+        difference: Jet = -self + other
+        return difference
 
     def __pow__(self, exponent: int) -> Jet:
         """A whole power from 0 on."""
