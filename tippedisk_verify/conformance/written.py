@@ -44,7 +44,8 @@ class Formula:
 INPUT = tuple(
     (name, f"-{name}", f"single({name})", *(f"round({name}, {n})" for n in range(7)),
      f"2 * {name}", f"{name} / 2",
-     *((f"2 * pi * {name}", f"{name} / (2 * pi)", f"{name} * pi / 30", f"{name} * 30 / pi") if name == "given_Omega" else
+     *((f"2 * pi * {name}", f"{name} / (2 * pi)", f"{name} * pi / 30", f"{name} * 30 / pi")
+       if name == "given_Omega" else
        (f"radians({name})", f"degrees({name})", f"pi / 2 + {name}", f"{name} - pi / 2", f"pi - {name}",
         f"pi / 2 - {name}", f"pi + {name}")))
     for name in ("given_Omega", "given_beta", "given_gamma")
