@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
@@ -47,10 +48,12 @@ def slip_of(
         given = {quantity.id for quantity in bad if quantity.name.startswith(formula.gives)}
         if not (given if formula.alone else given == blamed):
             continue
-        for slip, written in _drawn(formula, advance, bad[0].level):
-            expected = _expected(formula, partial(written.run, slip=slip), told, limits)
-            if (digits := _borne_out(expected, told, answers, given)) is not None:
-                fits.append((digits, slip.rank, slip.place, _with_meanings(slip.says())))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what a slip makes of a formula
+            for slip, written in _drawn(formula, advance, bad[0].level):
+                expected = _expected(formula, partial(written.run, slip=slip), told, limits)
+                if (digits := _borne_out(expected, told, answers, given)) is not None:
+                    fits.append((digits, slip.rank, slip.place, _with_meanings(slip.says())))
         if fits:
             break
     texts = _simplest(fits)
