@@ -91,7 +91,8 @@ class Written:
                         return f"{plain(ast.unparse(new))} taken for {target}"
                     changed = f"{plain(ast.unparse(new if context is node else context))} for {old}"
                     text = words or changed
-                    places = [one for one in dict.fromkeys((old, term)) if one not in text and len(one) <= _LONGEST]
+                    around = [one for one in (old_node, old, term) if one not in text and len(one) <= _LONGEST]
+                    places = dict.fromkeys((*around[:1], *around[-1:]))
                     return (f"in {target}: " if target else "") + " in ".join([text, *places])
 
                 _put(parent, field, index, ast.fix_missing_locations(new))
