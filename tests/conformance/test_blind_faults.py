@@ -11,9 +11,9 @@ With the second list six statements were false or misleading, one ended the diag
 stayed unexplained, of which two fail no question. After that the diagnosis was extended with each of them in view, so
 that neither says anything of faults that nobody has seen. `first` is the level that a fault touches first.
 
-`blind_faults_third.jsonl` was written after that, drawn from 209 faults. At its first grading 106 were named truly, four
-had a statement that is false or misleads, and 40 stayed unexplained; the first failing level was right for all. Single
-slips in the written formulas came after it, so that it is a regression test as well.
+`blind_faults_third.jsonl` was written after that, drawn from 209 faults. At its first grading 106 were named truly,
+four had a statement that is false or misleads, and 40 stayed unexplained; the first failing level was right for all.
+Single slips in the written formulas came after it, so that it is a regression test as well.
 """
 
 from __future__ import annotations
