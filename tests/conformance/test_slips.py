@@ -28,7 +28,7 @@ def test_a_difference_and_a_quotient() -> None:
     assert {
         "in y: the sign of b / c in a - b / c", "in y: b / c is missing in a - b / c",
         "in y: a is missing in a - b / c",
-        "in y: b / c - a for a - b / c", "in y: the division by c is missing in a - b / c",
+        "in y: b / c - a for a - b / c", "in y: the division by c is missing in b / c in a - b / c",
         "in y: a - b c for a - b / c", "in y: a - c / b for a - b / c", "in y: a - b / a for a - b / c",
         "in y: b - b / c for a - b / c", "in y: a - b / c^2 for a - b / c", "in y: the sign of a - b / c",
     } <= set(found)  # fmt: skip
