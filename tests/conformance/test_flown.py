@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from tests.conformance.scipy_program import motion
 from tippedisk_verify.conformance.closing import closing_of, unclosed
-from tippedisk_verify.conformance.cycles import slip_of
+from tippedisk_verify.conformance.cycles import cycle_slip_of
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.orbits import events_of
@@ -124,7 +124,7 @@ def test_the_fast_multiplier_in_the_slow_ones_place_is_told(store: Store) -> Non
     for id_ in given:
         if id_.endswith("/multiplier_slow"):
             given[id_] = 1e-17
-    found = slip_of(*_grades(store, given), store)
+    found = cycle_slip_of(*_grades(store, given), store)
     assert found is not None
     assert "tiny" in found[0][0][1]
 

@@ -37,17 +37,18 @@ _RHS = ("printed/both/rhs/0", "printed/linear/rhs/0")
 _FLY = ("printed/linear/trajectory/d1/", "printed/linear/trajectory/e1/")
 #: Looks like something that has a name, and is not.
 OTHERS = (
-    Fault("mu-and-g", "", rhs(Program(mu=0.31, g=9.8))), Fault("rho-beta", "", rhs(Program(("e*sg", "e*sb")))),
-    Fault("squared-size", "", rhs(Program(("(size + eps)", "(size*size + eps)")))),
+    Fault("mu-and-g", "", rhs(Program(mu=0.31, g=9.8))),
     Fault("noise", "", outputs(_noise, *_RHS)),
     Fault("crossing-times-wander", "", outputs(_wandering, *_FLY)),
     Fault("orbits-of-another-disk", "", tight(mu=0.3002, g=9.8101)),
     Fault("cycles-of-noise", "", outputs(_noise, "printed/linear/limit-cycle/")),
 )  # fmt: skip
-#: Found by a fit alone: two terms at once, and a factor that depends on the place.
+#: Found by a fit alone: two terms at once, and a factor that depends on the place; and by a slip alone.
 FITTED = (
     Fault("h1-and-h4", "in h has the wrong sign", rhs(Program(("h1 - h2", "-h1 - h2"), ("+ h4", "- h4")))),
     Fault("one-derivative", "times 0.0001 sin gamma", outputs(_small_term, *_RHS)),
+    Fault("rho-beta", "in rho: r + e sin(beta) for", rhs(Program(("e*sg", "e*sb")))),
+    Fault("squared-size", "in lambda_ty: gamma_y^2 + epsilon for", rhs(Program(("(size + eps)", "(size*size + eps)")))),
 )
 SAMPLE = [fault for fault in EVERY[::9] if not fault.name.startswith("fly-")]
 

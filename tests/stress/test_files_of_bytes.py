@@ -312,7 +312,8 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found += [(path.name, name) for name in names if name.split(".")[0] in modules]
     # What a cluster's workers are sent; here only Dask itself reads what they answer.
-    assert found == [("cluster.py", "pickle")]
+    # Formulas that the package itself has as texts; no file and no answer becomes a part of them.
+    assert sorted(set(found)) == [("cluster.py", "pickle"), ("slips.py", "compile"), ("slips.py", "exec")]
 
 
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from tippedisk_verify.conformance.predictions import Model
 from tippedisk_verify.conformance.shapes import Found, borne_out
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["slip_of"]
+__all__ = ["cycle_slip_of"]
 
 _STEP = 1e-40  # imaginary
 _TOLERANCE = 1e-11
@@ -252,7 +252,7 @@ def _by_other_variables(here: Sequence[Quantity], store: Store) -> Iterator[tupl
                 )
 
 
-def slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
     """The one slip that gives the wrong derivatives and multipliers of cycles that are right."""
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     asked = [store[grade.id] for grade in usable if store[grade.id].name in (*_DERIVATIVES, *_MULTIPLIERS)]

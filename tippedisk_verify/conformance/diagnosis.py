@@ -10,15 +10,16 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.closing import closing_of, unclosed
-from tippedisk_verify.conformance.cycles import slip_of
+from tippedisk_verify.conformance.cycles import cycle_slip_of
 from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.integrators import integrator_of
@@ -27,6 +28,7 @@ from tippedisk_verify.conformance.predictions import Model, predicted
 from tippedisk_verify.conformance.scans import orbit_values
 from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.conformance.slipped import slip_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]
@@ -44,6 +46,8 @@ _DOUBLES = 1e-12  # rad, rad/s; what a program in doubles may be off at the star
 _BORNE_OUT = 3  # wrong answers that must bear out a number that was read off one of them
 _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
+#: A number of five digits and more that was read off an answer, or a factor that was put together from parameters.
+_VAGUE = re.compile(r"\d\.?\d{4}|extra factor")
 _EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
 
 
@@ -181,6 +185,7 @@ def _causes(
         causes = tuple(dict.fromkeys((alternative.name, said(alternative)) for alternative, _ in close))
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
+    slips = cache(partial(slip_of, entries, answers, wrong, advance))
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
     models = [
         one
@@ -202,12 +207,12 @@ def _causes(
         if found is None:
             terms = list(term_factors([store[id_] for id_ in sorted(wrong)], answers))
             plain = (term for term in terms if term.name.startswith("term"))
-            found = fitting([*values(), *plain]) or fitting(terms)
+            found = fitting([*values(), *plain]) or slips() or fitting(terms)
     else:
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
-            found = slip_of(usable, wrong, store) or closing_of(usable, wrong, store)
+            found = cycle_slip_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone
@@ -221,12 +226,16 @@ def _causes(
             several = len(wrong) >= _BORNE_OUT
             free = values() if several and level < _ORBITS and (level in (2, 4, 5) or not outputs_only) else ()
             orbits = [one for one in models if one.of_orbits and level >= _ORBITS]
-            found = fitting(orbits) or fitting(itertools.chain((one for one in models if one not in orbits), free))
+            rest = [one for one in models if one not in orbits]
+            found = fitting(orbits) or ((fitting(rest) or slips()) if level < _ORBITS else None)
+            found = found or fitting(itertools.chain(rest, free))
             if found is None and level == _ORBITS and several:
                 numbers, terms = orbit_values(usable, wrong, answers, store)
                 found = fitting(numbers) or fitting(terms)
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
+    if found is None or all(_VAGUE.search(text) for _, text in found[0]):  # a slip says more
+        found = slips() or found
     found = found or shape_of(usable, wrong, store, by_place=True)
     found = found or size_of(usable, wrong, store, outputs_only)
     # Near the connection doubles do not close cycles well enough to tell.

@@ -16,18 +16,19 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from decimal import Decimal
-from functools import partial
+from functools import lru_cache, partial
+from types import SimpleNamespace
 
 from tippedisk_verify.conformance.alternatives import CORRECT, Alternative
 from tippedisk_verify.conformance.predictions import Model, predicted
-from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
-    "changed_term", "factor_said", "free_values", "late_values", "monomial", "moved", "named_product", "named_values",
-    "parameter", "scaled", "term_factors", "term_names",
-]  # fmt: skip
+    *("LONG", "changed_term", "factor_said", "free_values", "late_values", "model_bases", "model_values", "monomial"),
+    *("moved", "named_product", "named_values", "parameter", "said_factor", "scaled", "term_factors", "term_names"),
+]
 
 _TERMS = {
     "rho": {"rho": ""},
@@ -64,6 +65,8 @@ _SMALL = ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, 
 _LEAST_STATES = 12  # for at most nine unknowns
 _ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
 _LATE = 0.05  # s
+_HALVES = (1, -1, 2, -2, 0.5, -0.5)
+LONG = 9.0  # the rank of a factor that is nothing but a number
 _GRID = sorted(
     {sign * 10 ** (k / 6) for k in range(-24, 25) for sign in (-1, 1)} | {0.0} | {1 + k / 40 for k in range(-20, 21)}
 )
@@ -241,6 +244,34 @@ def named_product(
             names = [name if power == 1 else f"{name}^{power:g}" for name, power in product]
             return " ".join(part for part in (text, *names) if part)
     return None
+
+
+@lru_cache
+def model_values(set_name: str) -> SimpleNamespace:
+    p = Parameters.named(set_name)
+    names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Bbar")
+    return SimpleNamespace(**{name: float(getattr(p, name)) for name in names})
+
+
+def model_bases(p: SimpleNamespace) -> dict[str, float]:
+    """What a factor of the closed forms may be made of."""
+    return {
+        "r": p.r, "e": p.e, "(r + e)": p.r + p.e, "(r - e)": p.r - p.e, "m": p.m, "g": p.g, "A": p.A, "Bbar": p.Bbar,
+        "mu": p.mu, "epsilon": p.epsilon, "(B/Bbar)": p.B / p.Bbar, "pi": math.pi,
+    }  # fmt: skip
+
+
+def said_factor(factor: float, p: SimpleNamespace) -> tuple[float, str]:
+    """A rank and words for a term's extra factor."""
+    if abs(factor) < 1e-7:
+        return 0.0, "is missing"
+    if abs(factor + 1) < 1e-7:
+        return 0.0, "has the wrong sign"
+    found = named_product(factor, model_bases(p), _HALVES)
+    if found is None:
+        return LONG, f"has the extra factor {factor:.8g}"
+    text = f"has the extra factor {found}" + (", B in place of Bbar" if "B/Bbar" in found else "")
+    return 1.0 + len(found.split()), text
 
 
 def free_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:

@@ -83,9 +83,15 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
     )
     mine = stem(here[0])
+    law = f"/{here[0].friction}/"
+    laws = ("/both/", "/linear/", "/smooth/") if here[0].kind == "rhs" else ()  # some columns are common to both
+    for other_law in dict.fromkeys((law, *laws)):
+        entry = here[0].id.rsplit("/", 1)[0].replace(law, other_law)
+        for name in dict.fromkeys(stem(q) for q in store.matching(entry + "/")):
+            theirs = at(lambda id_, name=name, to=other_law: _renamed(f"/{mine}", f"/{name}", id_).replace(law, to))  # type: ignore[misc]
+            yield f"{INSTEAD}{name}", theirs if name != mine else {}
     for name in dict.fromkeys(stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
         other = at(partial(_renamed, f"/{mine}", f"/{name}"))
-        yield f"{INSTEAD}{name}", other
         yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
         if name.startswith("log_"):
             yield f"the exponential of the answer for {name}", {id_: math.exp(x) for id_, x in other.items()}

@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from statistics import median
 
-from tippedisk_verify.conformance.formulas import LONG, candidates, conventions
+from tippedisk_verify.conformance.factors import LONG
+from tippedisk_verify.conformance.formulas import candidates, conventions
 from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
 from tippedisk_verify.conformance.places import place_shapes
 from tippedisk_verify.conformance.relations import INSTEAD, ordered, relations, stem

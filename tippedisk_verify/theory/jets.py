@@ -7,6 +7,7 @@ power of the order where symbolic expressions would grow exponentially.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from tippedisk_verify.model.equations import Ops
@@ -73,6 +74,16 @@ class Jet:
 
     __radd__ = __add__
     __rmul__ = __mul__
+
+    def __rsub__(self, other: Any) -> Jet:
+        difference: Jet = -self + other
+        return difference
+
+    def __pow__(self, exponent: int) -> Jet:
+        """A whole power from 0 on."""
+        if not isinstance(exponent, int) or exponent < 0:
+            return NotImplemented
+        return math.prod([self] * exponent, start=Jet.constant(1, self.degree))
 
     def __truediv__(self, other: Any) -> Jet:
         """Division by a jet with a value other than zero, or by a number."""

@@ -1,0 +1,135 @@
+"""Which single slip in a level's formulas gives the wrong answers."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+
+from tippedisk_verify.conformance.grading import needed, scale_of
+from tippedisk_verify.conformance.shapes import Found, borne_out
+from tippedisk_verify.conformance.slips import Slip, Written
+from tippedisk_verify.conformance.written import MEANINGS, Formula
+from tippedisk_verify.conformance.written_theory import formulas_of
+from tippedisk_verify.reference_values.store import Quantity
+
+__all__ = ["slip_of"]
+
+_LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a slip
+#: Digits of all wrong answers together: of some ten thousand slips one in a hundred thousand levels fits by chance.
+_EVIDENCE = 9.0
+_MOST = 3  # slips that give the same answers and are named
+_BESIDE = 1.1  # times; how much the scales of an answer and of what is expected may differ where they agree
+_CLOSE = 2.0  # digits between slips that fit about as well
+_STEPS = 250  # slips between two words to the progress bar
+
+
+def slip_of(
+    entries: Sequence[Sequence[Quantity]],
+    answers: Mapping[str, Decimal],
+    wrong: set[str],
+    advance: Callable[[str, int], None],
+) -> Found | None:
+    """The simplest slips that explain all answers to these entries, those with wrong answers first; or None."""
+    told = [[quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS] for here in entries]
+    told = [here for here in told if here]
+    blamed = {quantity.id for here in told for quantity in here if quantity.id in wrong}
+    bad = [quantity for here in told for quantity in here if quantity.id in blamed]
+    if not bad:
+        return None
+    told.sort(key=lambda here: blamed.isdisjoint(quantity.id for quantity in here))
+    limits = {quantity.id: _limits(answers[quantity.id], quantity) for here in told for quantity in here}
+    friction = next((here[0].friction for here in told if here[0].friction != "both"), "both")
+    fits: list[tuple[float, int, int, str]] = []  # digits, rank, statement, words
+    given: set[str] = set()
+    for formula in formulas_of(bad[0].kind, friction):
+        given = {quantity.id for quantity in bad if quantity.name.startswith(formula.gives)}
+        if not (given if formula.alone else given == blamed):
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what a slip makes of a formula
+            for slip, written in _drawn(formula, advance, bad[0].level):
+                expected = _expected(formula, partial(written.run, slip=slip), told, limits)
+                if (digits := _borne_out(expected, told, answers, given)) is not None:
+                    fits.append((digits, slip.rank, slip.place, _with_meanings(slip.says())))
+        if fits:
+            break
+    texts = _simplest(fits)
+    return (tuple(("slip", text) for text in texts), frozenset(given)) if texts else None
+
+
+def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
+    """Those that fit about as well as the best, are as simple as the simplest, and differ: one in each statement."""
+    best = max((digits for digits, *_ in fits), default=0.0)
+    close = [(rank, place, text) for digits, rank, place, text in fits if digits > best - _CLOSE]
+    least = min((rank for rank, *_ in close), default=0)
+    alike = [(place, text) for rank, place, text in close if rank == least]
+    first = dict(reversed(alike))
+    # Names and numbers that stand for each other in one statement are different mistakes, signs and factors are not.
+    others = [text for _, text in alike if least]
+    return list(dict.fromkeys([*reversed(first.values()), *others]))[:_MOST]
+
+
+def _with_meanings(text: str) -> str:
+    known = [f"{name}: {MEANINGS[name]}" for name in dict.fromkeys(re.findall(r"\w+", text)) if name in MEANINGS]
+    return f"{text} ({'; '.join(known)})" if known else text
+
+
+def _drawn(formula: Formula, advance: Callable[[str, int], None], level: int) -> Iterator[tuple[Slip, Written]]:
+    written = Written(formula.source, formula.groups)
+    for n, slip in enumerate(written.slips(formula.only)):
+        if n % _STEPS == 0:
+            advance(f"level {level}: slips in its formulas", 1)
+        yield slip, written
+
+
+def _limits(answer: Decimal, quantity: Quantity) -> tuple[float, float]:
+    """Between which numbers what is expected has to lie."""
+    size = max(scale_of(quantity, answer), scale_of(quantity, Decimal(quantity.for_doubles)))
+    width = _BESIDE * float(size) * 10 ** -needed(quantity)
+    return float(answer) - width, float(answer) + width
+
+
+def _expected(
+    formula: Formula,
+    run: Callable[..., dict[str, object]],
+    entries: Sequence[Sequence[Quantity]],
+    limits: Mapping[str, tuple[float, float]],
+) -> dict[str, float]:
+    """What the slip makes of all answers by id; nothing as soon as one is out of its limits."""
+    expected: dict[str, float] = {}
+    try:
+        for here in entries:
+            asked = {quantity.name: quantity.id for quantity in here}
+            for numbers in formula.answers(run, here):
+                for name, number in numbers.items():
+                    if (id_ := asked.get(name)) is not None:
+                        low, high = limits[id_]
+                        either = number if isinstance(number, tuple) else (number,)
+                        if not (near := [one for one in either if low <= one <= high]):
+                            return {}
+                        expected[id_] = near[0]
+    except (ArithmeticError, ValueError, TypeError, LookupError, NameError, AttributeError):
+        return {}  # the slip leaves no formula, or none that has a value
+    return expected
+
+
+def _borne_out(
+    expected: Mapping[str, float],
+    entries: Sequence[Sequence[Quantity]],
+    answers: Mapping[str, Decimal],
+    blamed: set[str],
+) -> float | None:
+    """The least digits of the wrong answers, if every answer is as expected, and they by too many for a chance."""
+    found = []
+    if not blamed <= expected.keys():
+        return None
+    for quantity in (quantity for here in entries for quantity in here if quantity.id in expected):
+        digits = borne_out(answers[quantity.id], expected[quantity.id], quantity, quantity.id in blamed)
+        if digits is None:
+            return None
+        if quantity.id in blamed:
+            found.append(digits)
+    return min(found) if sum(found) >= _EVIDENCE else None
