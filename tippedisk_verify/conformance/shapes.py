@@ -284,6 +284,8 @@ def _shapes(
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
     for number in _PRINTED.get(here[0].name, ()):
         yield f"{number}, as the paper prints it,", dict.fromkeys(right, number)
+    if here[0].name == "multiplier_slow":
+        yield "1, the trivial multiplier of the whole monodromy matrix,", dict.fromkeys(right, 1.0)
     for text, function in _FUNCTIONS.items():
         yield text, _mapped(function, right)
     turns = {id_: x + 2 * math.pi * round((given[id_] - x) / (2 * math.pi)) for id_, x in right.items()}
@@ -399,7 +401,7 @@ def _motion(
     samples = [grade for grade in usable if "@" in grade.id]
     if len(samples) < _FREE or max(grade.off for grade in usable) > _INTEGRATED or _smooth(samples, store):
         return None
-    text = "the integrator's errors: a loose tolerance, too long a step, single precision, or interpolated steps"
+    text = "the integrator's errors: a loose tolerance, too long a step, or states rounded or interpolated on the way"
     return (("tolerance", text),), frozenset(wrong)
 
 

@@ -144,6 +144,8 @@ class Written:
             yield 2, ast.BinOp(ast.Constant(2), ast.Mult(), node), f"twice {said}"
             yield 2, ast.BinOp(node, ast.Div(), ast.Constant(2)), f"half of {said}"
         if whole:
+            if isinstance(node, ast.Name):
+                yield 0, ast.Constant(1), f"the factor {said} is missing"
             yield 2, _call("abs", node), f"the absolute value of {said}"
             yield 2, _call("sqrt", node), f"the square root of {said}"
             yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), f"the square of {said}"
