@@ -5,7 +5,8 @@ A lane is a start, a speed and a model of its own: its parameters, or one factor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,12 +15,17 @@ import numpy
 
 from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Field", "Step", "field", "flown", "half_map", "runge_kutta"]
+__all__ = ["Field", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
 
 Array = numpy.ndarray[Any, Any]
 Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows
 Step = Callable[[Field, Array, Any], Array]  #: (rates, states, length) -> states; the length may be one for each lane
+_DURATION = 10.0  # s, of an orbit
+_STATE = ("beta", "gamma", "v")
+_BETWEEN = 0.5  # s, of stored samples
+_STEPS = 500
 _PASSES = 40  # of the secant method on the last step's length
 
 
@@ -96,3 +102,33 @@ def half_map(f: Field, start: Array, h: float, section: float, longest: float) -
                 break
             rest = rest + shift
     return begun + rest, end
+
+
+def states_at(here: Sequence[Quantity], times: Array, store: Store) -> Array:
+    """The right states of the orbits of these questions at these times, three rows; NaN beyond the stored samples."""
+    starts = numpy.full((3, len(here)), math.nan)
+    rest = numpy.zeros(len(here))
+    for lane, (quantity, time) in enumerate(zip(here, times, strict=True)):
+        if not 0 <= time <= _DURATION:
+            continue
+        last = _BETWEEN * math.floor(time / _BETWEEN)
+        rest[lane] = time - last
+        for row, name in enumerate(_STATE):
+            stored = store.get(f"{quantity.id.rsplit('/', 1)[0]}/{name}@{last:g}")
+            if not last:
+                starts[row, lane] = float(quantity.inputs[name])
+            elif stored is not None:
+                starts[row, lane] = stored.for_doubles
+    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
+    return flown(field(here[0].set, here[0].friction, speeds), starts, rest, _STEPS)
+
+
+def rates_at(sample: Sequence[Quantity], store: Store) -> dict[str, dict[str, float]]:
+    """What the equations have at the right states of these samples, by name and id: gamma', v', gamma_y and so on."""
+    times = numpy.array([float(quantity.name.split("@")[1]) for quantity in sample])
+    states = states_at(sample, times, store)
+    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in sample])
+    model = Model(Alternative("", ""), sample[0].set, sample[0].friction)
+    parts = spelled(CORRECT, numpy, model.p, speeds, states, model.friction)
+    names = ("gamma_rate", "v_rate", "gamma_y", "M", "h", "f_G", "w_y", "lambda_Ty", "rho")
+    return {name: {q.id: float(x) for q, x in zip(sample, parts[name], strict=True)} for name in names}

@@ -13,51 +13,17 @@ from decimal import Decimal
 import numpy
 
 from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.flights import Array, field, flown
+from tippedisk_verify.conformance.flights import Array, states_at
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.conformance.predictions import Model
 from tippedisk_verify.conformance.shapes import Found
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["events_of", "rates_at"]
+__all__ = ["events_of"]
 
-_STATE = ("beta", "gamma", "v")
-_BETWEEN = 0.5  # s, of stored samples
-_STEPS = 500
 _ALIKE = 1e-6  # of an event's function, and of states
 _LEAST = 4  # answers that have the same
-_DURATION = 10.0
 _CRUDE = 0.005  # s; a smaller error is that of a crude location, which is looked for elsewhere
-
-
-def _states(here: Sequence[Quantity], times: Array, store: Store) -> Array:
-    """The right states of the orbits of these questions at these times, three rows; NaN beyond the stored samples."""
-    starts = numpy.full((3, len(here)), math.nan)
-    rest = numpy.zeros(len(here))
-    for lane, (quantity, time) in enumerate(zip(here, times, strict=True)):
-        if not 0 <= time <= _DURATION:
-            continue
-        last = _BETWEEN * math.floor(time / _BETWEEN)
-        rest[lane] = time - last
-        for row, name in enumerate(_STATE):
-            stored = store.get(f"{quantity.id.rsplit('/', 1)[0]}/{name}@{last:g}")
-            if not last:
-                starts[row, lane] = float(quantity.inputs[name])
-            elif stored is not None:
-                starts[row, lane] = stored.for_doubles
-    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
-    return flown(field(here[0].set, here[0].friction, speeds), starts, rest, _STEPS)
-
-
-def rates_at(sample: Sequence[Quantity], store: Store) -> dict[str, dict[str, float]]:
-    """What the equations have at the right states of these samples, by name and id: gamma', v', gamma_y and so on."""
-    times = numpy.array([float(quantity.name.split("@")[1]) for quantity in sample])
-    states = _states(sample, times, store)
-    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in sample])
-    model = Model(Alternative("", ""), sample[0].set, sample[0].friction)
-    parts = spelled(CORRECT, numpy, model.p, speeds, states, model.friction)
-    names = ("gamma_rate", "v_rate", "gamma_y", "M", "h", "f_G", "w_y", "lambda_Ty", "rho")
-    return {name: {q.id: float(x) for q, x in zip(sample, parts[name], strict=True)} for name in names}
 
 
 def events_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
@@ -86,7 +52,7 @@ def _functions(states: Array, parts: Mapping[str, Array]) -> Iterator[tuple[str,
 def _section(bad: Sequence[Quantity], answers: Mapping[str, Decimal], store: Store) -> str | None:
     """The function that has the same value at all answered crossings; gamma and v, if answered, are those there."""
     times = numpy.array([float(answers[quantity.id]) for quantity in bad])
-    states = _states(bad, times, store)
+    states = states_at(bad, times, store)
     known = numpy.isfinite(states[0])
     if known.sum() < _LEAST:
         return None
@@ -134,7 +100,7 @@ def _flat(bad: Sequence[Quantity], wrong: set[str], answers: Mapping[str, Decima
     """At the answered flat_time the right orbit is not flat yet."""
     if not bad or len(bad) < len(wrong):
         return None
-    sines = numpy.sin(_states(bad, numpy.array([float(answers[quantity.id]) for quantity in bad]), store)[0])
+    sines = numpy.sin(states_at(bad, numpy.array([float(answers[quantity.id]) for quantity in bad]), store)[0])
     late = [abs(float(answers[quantity.id]) - quantity.for_doubles) for quantity in bad]
     if not (abs(sines) > _ALIKE).all() or min(late) < _CRUDE:
         return None

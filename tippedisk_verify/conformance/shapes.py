@@ -293,7 +293,7 @@ def _shapes(
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
     if "@" in here[0].name:
-        from tippedisk_verify.conformance.orbits import rates_at  # which looks at shapes' results itself
+        from tippedisk_verify.conformance.flights import rates_at
 
         yield from ((f"{INSTEAD}{name}", rates) for name, rates in rates_at(here, store).items())
     if right[worst]:
