@@ -48,6 +48,7 @@ def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
     assert "flat at" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_verify_json_and_report(tmp_path: Path, capsys) -> None:
     assert main(["verify", "--json", "--out", str(tmp_path), "--only", "omega_crit", "scene_d,scene_f"]) == 0
     result = json.loads(capsys.readouterr().out)

@@ -154,6 +154,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 
+@pytest.mark.slow
 def test_multipliers_are_those_of_their_logarithms() -> None:
     cycle = tv.Disk("printed").limit_cycle("30.4", digits=20)
     along, slow, fast = cycle.multipliers
@@ -165,6 +166,7 @@ def test_multipliers_are_those_of_their_logarithms() -> None:
     assert cycle.log_multiplier_fast.uncertainty <= relative <= 3 * cycle.log_multiplier_fast.uncertainty
 
 
+@pytest.mark.slow(minutes=0.5)
 def test_a_cycle_remembers_its_disk() -> None:
     """The smooth law's cycle is flown with the smooth law, whoever is handed it."""
     smooth = tv.Disk("printed", friction="smooth")
@@ -177,6 +179,7 @@ def test_a_cycle_remembers_its_disk() -> None:
     assert abs(y[:, 0] - y[:, -1]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
     """Where the orbit of one law is at its fastest, the other law's flow leaves it."""
     smooth = tv.Disk("printed", friction="smooth")
@@ -291,6 +294,7 @@ def test_a_wide_solution_is_wide_between_its_samples_too() -> None:
     assert abs(sharp(sharp.t[7:9]) - sharp.y[:, 7:9]).max() < 1e-30
 
 
+@pytest.mark.slow
 def test_a_branch_takes_its_speeds_as_they_are_and_holds_its_rounding() -> None:
     disk = tv.Disk("printed")
     branch = disk.branch(["30.4"])
@@ -304,6 +308,7 @@ def test_a_branch_takes_its_speeds_as_they_are_and_holds_its_rounding() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_branch_reaches_next_to_omega_h() -> None:
     disk = tv.Disk("printed")
     speed = disk.heteroclinic().omega_h.value + Fraction(1, 10**7)

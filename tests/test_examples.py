@@ -25,6 +25,7 @@ SAYS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
     [pytest.param(path, marks=pytest.mark.slow if path.stem == "scenario_picture" else ()) for path in EXAMPLES],

@@ -57,6 +57,7 @@ def test_the_truth_is_that_of_another_integrator_and_transcription() -> None:
     assert truth.uncertainty < 1e-50
 
 
+@pytest.mark.slow
 def test_every_method_and_setting_has_a_score(scores: list[Score]) -> None:
     expected = {(m.name, m.label(s)) for m in METHODS if m.fits(TRANSIENT) for s in m.settings}
     assert {(score.method, score.setting) for score in scores} == expected
@@ -128,6 +129,7 @@ def test_reduced_flows_come_closer_with_each_order() -> None:
     assert errors[2] < errors[1] / 50
 
 
+@pytest.mark.slow(minutes=0.4)
 def test_the_period_solve_is_that_of_harmonic_balance(cycle_scores: list[Score]) -> None:
     """A road without an integrator, to the digits that both claim."""
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
@@ -165,6 +167,7 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
     assert tight.scipy_over_heyoka is None
 
 
+@pytest.mark.slow
 def test_the_command_writes_figure_and_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "transient", "--json", "--out", str(tmp_path)]) == 0
     result = json.loads(capsys.readouterr().out)

@@ -100,6 +100,7 @@ def unit_rows(like: Jet) -> list[list[Jet]]:
 CASES = (("2e-2", "0", 2, 24), ("1e-9", "0", 2, 24), ("1e-9", "0", 2, 6), ("1e-9", "1e-3", 1, 24))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_orbits_and_their_derivatives_lie_inside(case) -> None:
     attack(curve_flow, *case)
@@ -167,6 +168,7 @@ def test_many_curves_side_by_side_agree_with_one() -> None:
 
 
 # ----------------------------------------------------------------------------------------------------------- the cycles
+@pytest.mark.slow
 def test_an_interval_of_speeds() -> None:
     proof = proved()
     assert proof.proved, proof.statement
@@ -177,6 +179,7 @@ def test_an_interval_of_speeds() -> None:
     assert numbers["gamma_bar_0"].uncertainty < Fraction("2.8e-3")
 
 
+@pytest.mark.slow(minutes=0.4)
 @pytest.mark.parametrize(
     "s",
     [
@@ -217,6 +220,7 @@ def arc_of(radius: str, over: int, share: str = "1e-3", off: int = 0) -> arcs.Ar
     return arcs.krawczyk_test(constants, curve_flow.Curve(g, v, omega, deviation), half, over)
 
 
+@pytest.mark.slow
 def test_over_a_tiny_interval_it_agrees_with_the_first_order_road() -> None:
     with working_precision(64):
         short = arc_of("1e-6", arcs.OMEGA)
@@ -232,6 +236,7 @@ def test_over_a_tiny_interval_it_agrees_with_the_first_order_road() -> None:
         assert short.flight.divergence.range().overlaps(flight.divergence)
 
 
+@pytest.mark.slow
 def test_a_box_beside_the_family_is_not_proved() -> None:
     with working_precision(64):
         beside = arc_of("1e-6", arcs.OMEGA, off=3)
@@ -278,6 +283,7 @@ def test_a_saddle_is_not_stable() -> None:
         assert bool(arc.stable()) is stable
 
 
+@pytest.mark.slow
 def test_too_wide_an_interval_is_not_proved() -> None:
     failed = prove_interval(PRINTED, OMEGA, "0.6", GUESS)
     assert failed.status in (Status.NOT_FOLLOWED, Status.NOT_INCLUDED)

@@ -109,6 +109,7 @@ def test_proved_ends_are_the_true_ones(cells) -> None:
     assert [OUTCOMES[k] for k in proved[-2:]] == ["lies flat", "inverted spinning"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("index", "end"), [(0, "limit cycle"), (-1, "undecided")])
 def test_boxes_are_followed_to_the_cells_and_no_further(index, end) -> None:
     one = Strip(np.array([0.0, 3.1]), np.array([-9.0]), np.array([0.0]), np.array([index]), ("limit cycle",))

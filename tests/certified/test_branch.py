@@ -175,6 +175,7 @@ def numbers(cycle: Any) -> tuple[Measured, Measured, Measured]:
     return cycle.gamma_bar_0, cycle.v_0, cycle.omega
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_a_piece_begins_at_the_hopf_point_and_holds_known_cycles() -> None:
     found = piece()
@@ -194,6 +195,7 @@ def test_a_piece_begins_at_the_hopf_point_and_holds_known_cycles() -> None:
     assert not on_curve(found, *numbers(known("0.0028")))  # beyond its end
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_the_hopf_end_agrees_with_the_closed_forms() -> None:
     """The slopes at a = 0 from the flight over the curve, and those of the normal form (Theorem 3).
@@ -228,6 +230,7 @@ def test_the_hopf_end_agrees_with_the_closed_forms() -> None:
         assert found.trace().at(-1).overlaps(arb(1) - found.flight.divergence.range().exp())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_a_subcritical_disk_has_no_such_piece() -> None:
     assert first(SUBCRITICAL) is Status.RISING
@@ -243,6 +246,7 @@ def test_a_changed_sign_in_the_field_is_not_proved(monkeypatch) -> None:
     assert isinstance(prove_piece(PRINTED, Fraction(0), HIGH, guess, scaled=True), Status)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_neighbours_are_one_curve_and_a_shifted_box_is_not() -> None:
     a, b = piece(), second()
@@ -287,6 +291,7 @@ def test_what_is_rounded_is_rounded_to_the_safe_side() -> None:
     assert proof.unique_within()[2] == min(rooms)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_a_gap_between_pieces_leaves_nothing_proved() -> None:
     late = replace(second(), low=second().low + Fraction(1, 1000))

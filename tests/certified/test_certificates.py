@@ -300,6 +300,7 @@ def rejected(name: str, act: Callable[[Any], None]) -> str:
     return line
 
 
+@pytest.mark.slow
 def test_a_tenth_of_the_tampered_certificates_is_rejected() -> None:
     changes = list(mutations())
     assert len(changes) >= 200

@@ -93,6 +93,7 @@ def test_heteroclinic_about_a_given_speed(capsys) -> None:
     assert result["statement"].startswith("nothing is proved")
 
 
+@pytest.mark.slow
 def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
     """The proof itself is tested elsewhere; what is not proved of the cycles is told beside what is of Omega_h."""
     asked = []

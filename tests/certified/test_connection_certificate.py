@@ -80,6 +80,7 @@ def test_passages_obey_the_checkers_bounds() -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_flight_arrives_where_it_should() -> None:
     """Against the Runge-Kutta method, whose interpolation errs by 2e-6; derivatives by differences, to 4e-3 of them."""
     entry = by_hand()

@@ -65,6 +65,7 @@ def _arrival(omega: float, slow: float, fast: float) -> tuple[float, np.ndarray]
     return time + (-s - z[1]) / rates[1], z + rates * (-s - z[1]) / rates[1]
 
 
+@pytest.mark.slow
 def test_a_flight_arrives_where_it_should() -> None:
     """Against the Runge-Kutta method: interpolation over a step errs by STEP^2 z'' / 2, z'' < 66 s < 14, so 2e-6."""
     omega, slow = OMEGA_H + Fraction(1, 250), Fraction(1, 100)
@@ -152,6 +153,7 @@ _SPOILED: dict[str, Callable[[Landing], Landing]] = {
 }
 
 
+@pytest.mark.slow
 def test_no_spoiled_constant_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Doubled, or with its sign turned. A few of the flights are enough: what is not proved of these is not of all."""
     with working_precision(64):

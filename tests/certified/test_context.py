@@ -76,6 +76,7 @@ def first_lyapunov_coefficient() -> Measured:
         return measured(hopf_balls(ball_constants(PRINTED))["first_lyapunov_coefficient"])
 
 
+@pytest.mark.slow
 def test_a_thread_that_cuts_series_short_falsifies_no_proof() -> None:
     """The coefficient that it cuts off would read as an exact zero, and l_1 come out at -0.0127 for -0.0088."""
     proved, refused = 0, 0

@@ -46,6 +46,7 @@ def box(relative: str) -> tuple[list, list]:
 
 
 # ------------------------------------------------------------------------------------------------------- what is proved
+@pytest.mark.slow
 def test_the_reference_values_lie_in_the_proved_intervals() -> None:
     proof = proved()
     assert proof.proved, proof.statement
@@ -127,6 +128,7 @@ def test_a_half_flight_off_the_cycle_against_the_ordinary_road(taylor) -> None:
         assert abs(float(mine) - other) < 1e-12
 
 
+@pytest.mark.slow
 def test_the_turn_moves_as_its_derivative_says() -> None:
     with working_precision(80):
         step = ball("1e-6")
@@ -150,6 +152,7 @@ def test_the_turn_moves_as_its_derivative_says() -> None:
 
 
 # ---------------------------------------------------------------------------------------------- what must not be proved
+@pytest.mark.slow
 def test_a_box_beside_the_cycle_is_not_included() -> None:
     with working_precision(64):
         middle, radii = box("1e-9")
@@ -257,6 +260,7 @@ def test_refused_input() -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------- the command
+@pytest.mark.slow
 def test_command(capsys) -> None:
     arguments = ["certify", "orbit", "--omega", str(float(OMEGA)), "--digits", "6"]
     assert main([*arguments, "--guess", *GUESS, "--json"]) == 0

@@ -49,6 +49,7 @@ def subcritical_fold(taylor) -> LibrationFold:
 
 
 # ------------------------------------------------------------------------------------------------------- what is proved
+@pytest.mark.slow
 def test_a_largest_speed_is_proved(taylor) -> None:
     """v is given to 16 digits: the box is wider than what they leave open."""
     proof = prove_fold(LibrationFoldProof, SUBCRITICAL, SUBCRITICAL_FOLD, digits=12)

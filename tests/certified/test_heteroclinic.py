@@ -38,6 +38,7 @@ def proof() -> ProvedConnection:
     return prove_connection(PRINTED, TRUTH["printed"].value, DIGITS)
 
 
+@pytest.mark.slow
 def test_the_proof_holds_the_ordinary_roads_value(proof: ProvedConnection) -> None:
     assert proof.proved
     assert proof.unique
@@ -113,6 +114,7 @@ def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     assert not certified._arrives_slowly(near, z)
 
 
+@pytest.mark.slow
 def test_arrivals_move_with_the_speed_as_enclosed() -> None:
     """The ends of I, followed by themselves: they arrive in p(I), and their difference is P G times I's length."""
     middle, half, bits = round(TRUTH["printed"].value, 8), Fraction(4, 10**7), 80
@@ -155,6 +157,7 @@ def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, proof: ProvedCo
     assert not found.proved
 
 
+@pytest.mark.slow
 def test_a_speed_without_a_connection_is_said_to_be_none() -> None:
     for omega in ("29.9", "30.2"):
         found = prove_connection(PRINTED, Fraction(omega), 4)
@@ -169,6 +172,7 @@ def test_too_few_bits_end_without_a_proof(monkeypatch) -> None:
     assert found.status is not Status.PROVED
 
 
+@pytest.mark.slow
 def test_perturbed_equations_are_not_proved_about_the_true_speed(monkeypatch) -> None:
     """The field of a disk whose friction is a millionth stronger, at the saddles and on the flight."""
     changed = PRINTED.changed(mu=PRINTED.mu * (1 + Fraction(1, 10**6)))
@@ -176,6 +180,7 @@ def test_perturbed_equations_are_not_proved_about_the_true_speed(monkeypatch) ->
     assert not prove_connection(changed, TRUTH["printed"].value, DIGITS).proved
 
 
+@pytest.mark.slow
 def test_other_equations_at_the_saddles_than_on_the_flight_are_not_proved(monkeypatch) -> None:
     """The local manifolds of a system whose v' is a thousandth larger: their defects know nothing, the sides do."""
     from tippedisk_verify.certified import local_manifolds

@@ -85,6 +85,7 @@ def some_point(rng: random.Random) -> tuple[Any, ...]:
     return tuple(rng.choice((-1, 1, rng.uniform(-1, 1))) for _ in CYCLE)
 
 
+@pytest.mark.slow(minutes=0.4)
 def test_the_lanes_hold_exact_half_maps() -> None:
     boxes = random_boxes(1, 3)
     attacked(boxes.fly(), boxes, range(3), 1, 2)

@@ -75,6 +75,7 @@ def complaint(block: SlidingBlock) -> str | None:
     return None if list(block.changes) == [1, 1, 1, 0] and list(block.signs) == [1] * 4 else "reversals are wrong"
 
 
+@pytest.mark.slow
 def test_orbits_through_a_reversal_are_held() -> None:
     block = followed()
     assert complaint(block) is None

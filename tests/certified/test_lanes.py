@@ -20,6 +20,7 @@ from tippedisk_verify.model.parameters import PRINTED, Constants
 ORDER = 20
 
 
+@pytest.mark.slow(minutes=0.4)
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_ten_thousand_boxes(attack) -> None:
     ATTACKS[attack](lanes, 10_000)

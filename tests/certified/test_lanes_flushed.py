@@ -65,6 +65,7 @@ def test_the_mode_is_what_is_said(flushed) -> None:
     assert (small + 0.0).view(np.uint64).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attack", [name for name in ATTACKS if name != "sines_are_sharp"])
 def test_no_attack_breaks_the_balls(flushed, attack) -> None:
     ATTACKS[attack](flushed, 3000)

@@ -35,6 +35,7 @@ def _random_z(rng: random.Random) -> list[Fraction]:
     return [Fraction(rng.randint(-999, 999), 1000) * extent for extent in EXTENTS]
 
 
+@pytest.mark.slow
 def test_the_inequalities_hold(passage: Passage) -> None:
     assert [name for name, slack in passage.slacks() if not positive(slack)] == []
 

@@ -47,6 +47,7 @@ def test_a_turn_off_the_cycle_against_the_ordinary_road(taylor) -> None:
         assert float(mine.mid()) == pytest.approx(float(theirs), rel=1e-10, abs=1e-11)  # a thousand times rounding
 
 
+@pytest.mark.slow
 def test_the_image_of_a_box_holds_those_of_its_corners() -> None:
     step = arb(1) / 2**40
     with working_precision(100):

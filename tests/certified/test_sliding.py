@@ -356,6 +356,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
     assert not any(part.is_finite() for part in path.box)
 
 
+@pytest.mark.slow
 def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
     middle = [ball(reference(f"printed/linear/limit-cycle/crit-0.5/{n}").measured().value) for n in NUMBERS[1:3]]
     own = [ball(reference(f"{PLACE}/{name}").measured().value) for name in NUMBERS[1:3]]
@@ -385,6 +386,7 @@ def held(place: str, digits: int) -> None:
         assert number.uncertainty < max(1, abs(number.value)) / Fraction(10) ** digits, name
 
 
+@pytest.mark.slow
 def test_a_reference_cycle_lies_in_the_proved_intervals() -> None:
     held(PLACE, 16)
 
@@ -422,6 +424,7 @@ def test_a_rotating_cycle_against_the_ordinary_road(taylor) -> None:
         assert abs(number.value - other.value) <= number.uncertainty + other.uncertainty, name
 
 
+@pytest.mark.slow
 def test_the_statement_and_the_command(capsys) -> None:
     words = ["certify", "orbit", "--friction", "smooth", "--omega", f"{float(OMEGA)}", "--guess", *GUESS, "--json"]
     assert main([*words, "--digits", "6"]) == 0
@@ -443,6 +446,7 @@ def connection() -> ProvedConnection:
     return prove_connection(SMOOTH, TRUTH.value, 8)
 
 
+@pytest.mark.slow
 def test_the_proved_interval_holds_omega_h(connection: ProvedConnection) -> None:
     assert connection.proved
     assert connection.unique
@@ -463,6 +467,7 @@ def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(c
     assert replace(connection, parameters=PRINTED).limit_cycle is not None
 
 
+@pytest.mark.slow
 def test_no_omega_h_beside_it() -> None:
     for near in ("30.0848425", "30.0488682607"):  # 3e-8 rad/s away; the linear law's
         beside = prove_connection(SMOOTH, near, 8)

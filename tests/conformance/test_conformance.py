@@ -500,6 +500,7 @@ def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Sto
     assert [cause for _, cause in diagnosis.causes] == [f"crossing_time: the answers are rounded to {places} decimals"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "entry",
     ["both/rhs/00", "both/equilibrium/inverted", "linear/hopf/", "linear/trajectory/d1/beta@", "smooth/limit-cycle/"],
@@ -560,6 +561,7 @@ def test_answers_are_split_where_they_leave_the_truth() -> None:
     assert split_where_wrong("30.88", "30.8865") == ("30.88", "")
 
 
+@pytest.mark.slow
 def test_the_documented_example_runs(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "grading.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.S)

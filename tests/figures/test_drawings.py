@@ -71,6 +71,7 @@ def test_the_same_picture_gives_the_same_file() -> None:
         assert files[0] == files[1], kind
 
 
+@pytest.mark.slow
 def test_axes_carry_units(taylor) -> None:
     """Every axis that shows numbers of the model names a unit in brackets."""
     audit = Audit(PRINTED, taylor)

@@ -59,6 +59,7 @@ def test_mpmath_odefun_agrees_to_35_digits(taylor: Taylor) -> None:
             assert abs(fraction(mine) - fraction(other)) < Fraction(1, 10**35)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(parameters=physical_parameters(), omega=decimals("5", "60"), start=states)
 def test_error_estimates_hold_for_any_disk(parameters, omega, start) -> None:
@@ -114,6 +115,7 @@ def test_baselines_agree_with_each_other(method: str, friction) -> None:
     assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
 
 
+@pytest.mark.slow
 def test_derivatives_agree_between_engines_and_with_differences(taylor: Taylor) -> None:
     request = Request(PRINTED, "30.4", STARTS[1], 2, variations=ALL_VARIATIONS)
     mine = taylor(request).derivatives

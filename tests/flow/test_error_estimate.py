@@ -50,6 +50,7 @@ def next_to(side: int, friction: str) -> Iterator[Request]:
         yield Request(PRINTED.with_friction(friction), "30.4", start, duration, shifted=number % 4 < 2, domain="none")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 @pytest.mark.parametrize("side", [1, -1], ids=["inverted", "noninverted"])
 def test_starts_next_to_an_equilibrium(taylor, friction, side) -> None:
@@ -73,6 +74,7 @@ def test_a_run_that_settles(taylor) -> None:
     assert not held(taylor, Request(disk, "293.6", start, "0.387824", events=_PASSING))
 
 
+@pytest.mark.slow
 def test_derivatives_of_many_runs(taylor) -> None:
     """What nine eighths of the distance to a wider run did not always hold."""
     random = Random(3)

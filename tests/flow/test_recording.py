@@ -119,6 +119,7 @@ def test_dense_output_takes_times_of_any_kind(taylor) -> None:
         dense([float("nan")])
 
 
+@pytest.mark.slow
 def test_a_budget_of_steps_ends_a_careful_run_too(taylor, monkeypatch) -> None:
     from tippedisk_verify.flow import switching
 

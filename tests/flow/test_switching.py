@@ -25,6 +25,7 @@ def smooth(omega, start, duration, **needs) -> Request:
     return Request(PRINTED.with_friction("smooth"), omega, start, duration, **needs)
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 @pytest.mark.parametrize("omega", ["29.9", "30.4", "31.4"])
 @pytest.mark.parametrize("start", STARTS)
@@ -55,6 +56,7 @@ def test_convergence_order_is_that_of_the_linear_law() -> None:
     assert slopes[1] > 0.8
 
 
+@pytest.mark.slow
 def test_derivatives_cross_the_switches(taylor) -> None:
     """The saltation matrix is the identity: the variational equations, carried on unchanged, give the differences."""
     precision, step = bits(200), Fraction(1, 10**15)
@@ -203,6 +205,7 @@ def test_small_states_have_small_errors_and_true_estimates(taylor) -> None:
         assert held(mine.samples, truth.samples, mine.error.samples)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(start=states, omega=decimals("25", "35"))
 def test_against_113_bits_from_random_starts(start, omega) -> None:

@@ -37,6 +37,7 @@ def test_the_factored_form_is_small() -> None:
     assert engine.builds[0].u_variables <= 45
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variations", "friction"),
     [

@@ -76,6 +76,7 @@ def _requests(count: int) -> list[Request]:
     return found
 
 
+@pytest.mark.slow
 def test_one_engine_in_eight_threads() -> None:
     """A thousand requests each, of seven kinds of integrators."""
     requests, shared = _requests(1000), Taylor()

@@ -34,6 +34,7 @@ decimal_texts = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=10_000)
 @given(text=decimal_texts, count=st.integers(24, 700))
 def test_decimals_and_heyoka_reals_go_both_ways_exactly(text: str, count: int) -> None:

@@ -42,6 +42,7 @@ def curve(found: Atlas, kind: str) -> Curve:
     return only
 
 
+@pytest.mark.slow
 def test_what_is_stable_where(by_inertia: Atlas) -> None:
     (bautin,) = by_inertia.points
     r, e, _, B = (getattr(PRINTED, name) for name in ("r", "e", "A", "B"))
@@ -86,6 +87,7 @@ def test_points_are_evenly_spread(by_inertia: Atlas) -> None:
         assert steps.max() < 1.25 * steps.min()
 
 
+@pytest.mark.slow
 def test_folds_end_where_the_saddle_value_vanishes(by_eccentricity: Atlas) -> None:
     (neutral,) = by_eccentricity.points
     assert neutral.kind == "neutral-saddle"
@@ -152,6 +154,7 @@ def test_bad_input_is_one_line(arguments: list[str], said: str, capsys) -> None:
     assert said in captured.err
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
     ends = ["--range", "0.2315e-3", "0.2325e-3"]
     assert main(["atlas", *ends, "--points", "5", "--jobs", "1", "--json", "--out", str(tmp_path)]) == 0
@@ -166,6 +169,7 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, capsys) -> None:
     assert len(rows) == 16
 
 
+@pytest.mark.slow
 def test_a_plane_of_two_parameters() -> None:
     """Both curves by their definitions: the closed form, and the eigenvalues at the speed that collocation finds."""
     first = Plane(PRINTED, "A", Fraction("0.228e-3"), Fraction("0.258e-3"))

@@ -18,6 +18,7 @@ from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.periodic import limit_cycle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "parameters",
     [PRINTED, *(pytest.param(other, marks=pytest.mark.slow) for other in SETS if other is not PRINTED)],

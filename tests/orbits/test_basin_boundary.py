@@ -87,6 +87,7 @@ def test_nothing_is_undecided_away_from_the_boundary(taylor, omega, count) -> No
             assert (OUTCOMES[outcome] == "lies flat") == (margin < 0)
 
 
+@pytest.mark.slow
 def test_below_the_fold_everything_lies_flat(taylor) -> None:
     """Panel a of the paper: no unstable rotating cycle is left to hold anything up."""
     with pytest.raises(tv.InputError, match="fold near"):

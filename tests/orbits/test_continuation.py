@@ -29,6 +29,7 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
             assert abs(after - (before + (end - before) / 100)) < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 def test_tangent_prediction_meets_independent_cycles(taylor) -> None:
     speeds = [30.7, 30.5, 30.3, 30.15, 30.07]

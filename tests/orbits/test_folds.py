@@ -64,6 +64,7 @@ def check_two_roads(taylor: Any, reach: str, pairs: int, digits: int, shown: int
     assert abs(fold.gamma_bar_0.value / gamma_bar_0 - 1) < Fraction(1, 10 ** (shown - 6))  # the derivative's zero
 
 
+@pytest.mark.slow
 def test_the_fold_is_the_spectral_branchs_extremum(taylor) -> None:
     check_two_roads(taylor, "1e-6", 3, 20, 17)  # points at up to 3e-3 from the fold: (3e-3 / 1.4)**6 = 1e-16 of 0.07
 
@@ -73,6 +74,7 @@ def test_the_fold_is_the_spectral_branchs_extremum_to_thirty_digits(taylor) -> N
     check_two_roads(taylor, "2e-4", 8, 40, 32)
 
 
+@pytest.mark.slow(minutes=0.3)
 @pytest.mark.parametrize("disk", [*steep_disks(40)][:5], ids=lambda disk: disk.name)
 def test_folds_hold_their_thirty_digits_and_collocation_agrees(disk, taylor) -> None:
     (fold,) = libration_folds(disk, taylor)
@@ -110,6 +112,7 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     assert [cycle.stable for cycle in cycles_at_speed(known, halfway)] == [True, False]
 
 
+@pytest.mark.slow
 def test_next_to_omega_h_and_below_the_fold_it_is_said_which(taylor) -> None:
     """The overview stays as far from Omega_h as doubles need, and a speed next to both ends is told the right one."""
     cycles = list(family(POSITIVE_SADDLE_VALUE, taylor))
@@ -118,6 +121,7 @@ def test_next_to_omega_h_and_below_the_fold_it_is_said_which(taylor) -> None:
         cycle_at(POSITIVE_SADDLE_VALUE, "25.7076", taylor)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("below", ["1e-11", "1e-16"])
 def test_next_to_the_bautin_point_folds_follow_the_closed_form(below, taylor) -> None:
     """There doubles see their rounding only."""
@@ -130,12 +134,14 @@ def test_next_to_the_bautin_point_folds_follow_the_closed_form(below, taylor) ->
     assert len(list(family(disk, taylor))) >= 41
 
 
+@pytest.mark.slow
 def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
     """With little friction there are others close by: one of them among the nodes made one fold into five."""
     first, second = libration_folds(PRINTED.changed(mu="0.015"), taylor)
     assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 
+@pytest.mark.slow
 def test_the_smooth_law_folds_too(taylor) -> None:
     """Near the Bautin point cycles are small and the laws' differ little: the folds' speeds above Omega_crit too."""
     near = PRINTED.changed(A="0.232e-3")
@@ -228,6 +234,7 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
         list(family(focus, taylor, omegas=["28"]))
 
 
+@pytest.mark.slow
 def test_command(folding, capsys) -> None:
     assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
     (fold,) = json.loads(capsys.readouterr().out)["folds"]

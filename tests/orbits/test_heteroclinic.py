@@ -22,6 +22,7 @@ from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
 from tippedisk_verify.theory.equilibria import equilibrium
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 @pytest.mark.parametrize("parameters", [*SETS, pytest.param(ROUNDED, marks=pytest.mark.slow)], ids=lambda p: p.name)
 def test_fewer_digits_hold_more(taylor, parameters) -> None:
@@ -60,6 +61,7 @@ def test_two_roads_agree_to_40_digits(taylor, parameters) -> None:
     assert abs(manifolds.value / cycles.value - 1) < Fraction(1, 10**40)
 
 
+@pytest.mark.slow
 def test_masses_and_friction_scale_out(taylor) -> None:
     here = heteroclinic(CALIBRATED, taylor, digits=15).omega_h
     heavy = CALIBRATED.changed(m=CALIBRATED.m * 7, A=CALIBRATED.A * 7, B=CALIBRATED.B * 7)
@@ -82,6 +84,7 @@ def check_slope(taylor, name: str) -> None:
     assert abs(slope.value - difference) <= slope.uncertainty + abs(difference) / 10**13
 
 
+@pytest.mark.slow
 def test_slope_of_epsilon(taylor) -> None:
     check_slope(taylor, "epsilon")
 

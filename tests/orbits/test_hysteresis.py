@@ -30,6 +30,7 @@ def extrapolated(values: Sequence[mpmath.mpf]) -> mpmath.mpf:
     return row[0]
 
 
+@pytest.mark.slow
 def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> None:
     """Folds of cycles for A below A_B by 1e-7 kg m^2 and three smaller distances; Omega_crit does not depend on A."""
     (point,) = bautin_points(PRINTED, "A", 20)

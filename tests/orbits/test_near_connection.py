@@ -41,6 +41,7 @@ def check_closed(taylor, parameters, distance: str) -> None:
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + moved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", ["1e-3", pytest.param("1e-10", marks=pytest.mark.slow)])
 def test_cycles_close(taylor, distance) -> None:
     check_closed(taylor, PRINTED, distance)
@@ -99,6 +100,7 @@ def test_passages_take_all_the_growth(taylor) -> None:
     assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 def test_far_from_omega_h_it_is_the_ordinary_cycle(taylor) -> None:
     for distance in ("0.7", "0.05"):

@@ -42,6 +42,7 @@ CASES = [(PRINTED, "1e-6"), (PRINTED, "0.5"), (PRINTED, "0.8"), (SETS[1], "0.5")
 REST = [(p, d) for p in SETS for d in ("1e-6", "0.05", "0.5", "0.8") if (p, d) not in CASES]
 
 
+@pytest.mark.slow(minutes=0.3)
 @pytest.mark.honest
 @pytest.mark.parametrize(
     ("parameters", "distance"), [*CASES, *(pytest.param(*case, marks=pytest.mark.slow) for case in REST)]
@@ -57,6 +58,7 @@ def test_double_against_50_digits(taylor, parameters, distance) -> None:
     assert sharp.stable is True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", ["1e-6", "0.05", "0.5", "0.8"])
 @pytest.mark.parametrize(
     "parameters", [PRINTED, *(pytest.param(p, marks=pytest.mark.slow) for p in SETS[1:])], ids=lambda p: p.name
@@ -82,6 +84,7 @@ def test_a_double_is_as_good_as_its_inputs(taylor, parameters, distance) -> None
         assert error <= Fraction("2e-14") + 4 * total / 2**53, key
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 def test_a_cycle_that_attracts_weakly_is_honest(taylor) -> None:
     """1 - P' is 9e-5 here: rounding of the map leaves the wider run as far off as the double happens to be."""
@@ -102,6 +105,7 @@ def test_a_cycle_that_attracts_weakly_is_honest(taylor) -> None:
     assert cycle.period.uncertainty < Fraction(1, 10**13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "parameters", [PRINTED, pytest.param(CALIBRATED, marks=pytest.mark.slow)], ids=lambda p: p.name
 )
@@ -122,6 +126,7 @@ def test_50_digit_values_stand_at_70_digits(taylor) -> None:
         assert getattr(coarse, name).holds(getattr(fine, name).value), name
 
 
+@pytest.mark.slow
 def test_the_orbit_closes_at_higher_precision(taylor) -> None:
     speed = below(PRINTED, "0.7")
     cycle = limit_cycle(PRINTED, speed, taylor, digits=30)
@@ -266,6 +271,7 @@ def check_start(parameters, distance: str, gamma: Fraction, v: Fraction) -> None
     assert abs(shot.state[1] / size[1] - 1) < loss
 
 
+@pytest.mark.slow
 def test_sensitivities_against_neighbouring_cycles(taylor) -> None:
     speed, step = below(PRINTED, "0.5"), Fraction(1, 10**12)
     here = limit_cycle(PRINTED, speed, taylor, digits=40)
@@ -284,6 +290,7 @@ def test_subcritical_cycles_are_unstable(taylor, inertia) -> None:
     assert cycle.multiplier_slow.value > 1
 
 
+@pytest.mark.slow
 def test_command(capsys) -> None:
     assert main(["orbit", "--below-crit", "1e-6", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)

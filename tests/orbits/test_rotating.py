@@ -55,6 +55,7 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     assert shot.stable is stable
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 @pytest.mark.parametrize(
     ("omega", "stable", "digits"),
@@ -80,6 +81,7 @@ def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> N
         assert agree(getattr(shot, name), getattr(other, name), 30), name
 
 
+@pytest.mark.slow
 def test_the_fold_by_two_roads(taylor) -> None:
     shot, other = rotation_fold(PRINTED, taylor), spectral_fold(PRINTED, digits=16)
     for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
@@ -162,6 +164,7 @@ def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None
     )
 
 
+@pytest.mark.slow
 def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
     """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on the other side."""
     growth = float(
@@ -201,6 +204,7 @@ def test_cycles_close_to_omega_h_hold_those_of_more_digits(taylor, friction, zer
             assert number.contains(getattr(sharp, name)), name
 
 
+@pytest.mark.slow
 def test_the_branch_goes_through_the_fold(taylor) -> None:
     cycles = list(rotating_branch(PRINTED, taylor))
     stable = [cycle.stable for cycle in cycles]
@@ -243,6 +247,7 @@ def test_other_disks(taylor) -> None:
         assert agree(fold.omega, other.omega, 11)
 
 
+@pytest.mark.slow
 def test_the_command(capsys) -> None:
     assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)

@@ -55,6 +55,7 @@ def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     assert abs(2 * other.map.time - float(sharp.period)) < 1e-9
 
 
+@pytest.mark.slow
 def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
     """gamma_y vanishes on the critical eigenspace: the relative difference falls like the distance's power 2.5."""
     apart = []
@@ -79,6 +80,7 @@ def test_below_omega_h_it_says_so(taylor, friction) -> None:
         followed_cycle(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 def test_omega_h_of_the_smooth_law(taylor) -> None:
     few, more = (heteroclinic(CALIBRATED.with_friction("smooth"), taylor, digits=digits) for digits in (12, 30))
@@ -151,6 +153,7 @@ def test_known_starts_end_where_they_must() -> None:
     assert [OUTCOMES[k] for k in found] == ["inverted spinning", "lies flat", "lies flat"]
 
 
+@pytest.mark.slow(minutes=0.4)
 def test_commands(capsys, tmp_path: Path) -> None:
     assert main(["orbit", "--friction", "smooth", "--below-crit", "0.5", "--digits", "20", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["stable"] is True

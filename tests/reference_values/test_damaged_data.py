@@ -96,6 +96,7 @@ def _silent(folder: Path, draws: int) -> dict[str, int]:
     return ends
 
 
+@pytest.mark.slow
 def test_five_hundred_flipped_bits_change_nothing_silently(folder: Path) -> None:
     ends = _silent(folder, 500)
     assert ends["silently changed"] == 0
@@ -158,6 +159,7 @@ def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
     _one_line(refused.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["csv", "json"])
 def test_a_turned_bit_in_a_question_is_told(form: str, tmp_path: Path) -> None:
     """Answers stay those of their questions, or something is said: an id may have become another one that there is."""

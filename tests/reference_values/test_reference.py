@@ -49,6 +49,7 @@ def store() -> Store:
 
 
 # ------------------------------------------------------------------------------------------ what is there
+@pytest.mark.slow
 def test_the_files_are_those_of_the_manifest_and_of_the_form_of_the_schema() -> None:
     report = check(data_folder(), sample=0)
     assert report.faults == ()
@@ -121,6 +122,7 @@ def test_omega_crit_is_its_formula(store: Store) -> None:
             assert store[f"{name}/linear/hopf/point/omega_crit"].measured().holds(value)
 
 
+@pytest.mark.slow
 def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: Store) -> None:
     """Two independent statements of each entry: the second truth, and the slopes in its inputs."""
     shifts: dict[tuple[str, str], dict[str, Fraction]] = {}
@@ -170,6 +172,7 @@ def _disagreements(entry: StoredEntry, name: str) -> list[str]:
     return disagreements(values, answers)
 
 
+@pytest.mark.slow
 def test_rotating_cycles_and_folds_agree_with_another_integrator() -> None:
     cycles, folds = _entries_of("rotating-cycle"), _entries_of("rotation-fold", "printed/")
     assert (len(cycles), len(folds)) == (20, 2)
@@ -177,6 +180,7 @@ def test_rotating_cycles_and_folds_agree_with_another_integrator() -> None:
         assert _disagreements(entry, "scipy") == []
 
 
+@pytest.mark.slow
 def test_a_rotating_cycle_agrees_with_the_whole_period_from_another_section() -> None:
     (entry,) = _entries_of("rotating-cycle", "calibrated/smooth/", "/unstable-crit-0.5")
     assert _disagreements(entry, "bottom") == []
@@ -261,6 +265,7 @@ def _flipped(folder: Path, draw: random.Random) -> Iterator[Path]:
             path.write_bytes(content)
 
 
+@pytest.mark.slow
 def test_any_flipped_bit_is_reported(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     shutil.copytree(data_folder(), folder)
@@ -293,6 +298,7 @@ def test_a_manifest_that_points_elsewhere_reads_nothing(tmp_path: Path) -> None:
     assert "../secret is missing" in faults_in_files(folder)
 
 
+@pytest.mark.slow
 def test_numbers_that_differ_between_json_and_csv_are_reported(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     shutil.copytree(data_folder(), folder)
@@ -336,6 +342,7 @@ def _survives(tmp_path: Path, kills: int, seed: int) -> None:
     assert _bytes(broken) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
 def test_killed_runs_leave_no_broken_file_and_can_be_resumed(tmp_path: Path) -> None:
     _survives(tmp_path, 4, 11)
@@ -490,6 +497,7 @@ def test_ids_that_do_not_exist(id_: str) -> None:
         reference(id_)
 
 
+@pytest.mark.slow
 def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reference", "list", "printed/linear/hopf", "--json"]) == 0
     ids = json.loads(capsys.readouterr().out)["ids"]

@@ -64,6 +64,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_number_on_the_page_is_in_the_results(folder: Path) -> None:
     every_number_is_known(folder, 100)
 

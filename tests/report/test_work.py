@@ -58,6 +58,7 @@ def test_a_record_of_another_shape_is_computed_again(record, tmp_path: Path) -> 
     assert run(order, [task], cache, lambda tasks: nullcontext(None), quiet).kept == {task}
 
 
+@pytest.mark.slow
 def test_kept_and_computed_are_the_same_object(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "kept"))
     only = ["--only", "omega_crit,lambda_3,attraction,order_1_hopf"]

@@ -123,6 +123,7 @@ def run_margins(arithmetic: Arithmetic, *tests: str) -> tuple[int, dict[str, flo
     return done.returncode, found["least"], done.stdout
 
 
+@pytest.mark.slow
 def test_margins_are_seen() -> None:
     test = "tests/orbits/test_scenes.py::test_flat_times_hold"
     status, least, _ = run_margins(arithmetic_named("moved bits"), test)

@@ -62,6 +62,7 @@ def test_few_draws_hold(half: int) -> None:
     assert sum(draw.outcome == "holds" for draw in draws) > 82
 
 
+@pytest.mark.slow(minutes=0.3)
 @pytest.mark.parametrize("arithmetic", ARITHMETICS, ids=lambda one: one.name)
 def test_far_draws_hold_in(arithmetic: Arithmetic, tmp_path: Path) -> None:
     indices = far_draws(arithmetic) + ((*BRANCHES, *FINER) if arithmetic is DEFAULT else ())
@@ -146,6 +147,7 @@ def test_disks_of_every_kind_of_hopf_point_are_drawn() -> None:
         assert found["subcritical"] > 20
 
 
+@pytest.mark.slow
 def test_an_estimate_that_is_too_small_is_seen() -> None:
     """An engine that claims a hundredth of its half-widths, as an estimate that forgets something would."""
 
@@ -167,6 +169,7 @@ def test_an_estimate_that_is_too_small_is_seen() -> None:
 LONG = ("truncation between the nodes", "the distance", "the spread", "most of the spread", "the shift of the zero")
 
 
+@pytest.mark.slow(minutes=0.9)
 @pytest.mark.parametrize(
     "term",
     [pytest.param(term, marks=pytest.mark.slow if term.what in LONG else ()) for term in TERMS],

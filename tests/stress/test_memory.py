@@ -80,6 +80,7 @@ def _flight(engine: Taylor, precision: Precision, asked: str) -> Callable[[], ob
     return run
 
 
+@pytest.mark.slow
 def test_the_measure_sees_a_single_number() -> None:
     kept = []
     number = heyoka.real("0.3", 256)

@@ -18,6 +18,7 @@ from tippedisk_verify.stress.case import Case, Found, Outcome, digits_between, f
 _BRIEF = [case.name for case in CASES if case.quick and not case.name.startswith(("Omega", "epsilon 1e-3", "Hopf -"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _BRIEF)
 def test_case(name: str) -> None:
     outcome = outcome_of(name)
