@@ -500,7 +500,6 @@ def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Sto
     assert [cause for _, cause in diagnosis.causes] == [f"crossing_time: the answers are rounded to {places} decimals"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "entry",
     ["both/rhs/00", "both/equilibrium/inverted", "linear/hopf/", "linear/trajectory/d1/beta@", "smooth/limit-cycle/"],

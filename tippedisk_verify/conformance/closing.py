@@ -26,10 +26,11 @@ _FINE = 1e-3  # s, of a step of RK4: it leaves some 1e-9
 _COARSE = 4e-3  # where lanes are many, to find out which are worth more
 _MANY = 200
 _LEFT = 1e-8  # rad, rad/s; of a state that is brought back
-_LONGEST = 1.5  # periods, for half of one
+_LONGEST = 1.5  # right periods, for half of one
 _CLOSED = 0.05  # of what the right equations leave: what others may
 _PERIOD = 1e-4  # relative
 _TRIVIAL, _MOST = 1e-2, 2 * math.pi  # rad; less is the inverted equilibrium, not a cycle
+_FASTEST = 20.0  # rad/s; of v_0
 _NEAR = 1e-3  # relative: a period that is further off has another cause
 _SMALL = 2e-4  # rad, rad/s: less than wrong equations leave
 _QUARTERS = math.pi / 2
@@ -46,7 +47,9 @@ class _Answered:
         whole = [
             here
             for here in entries.values()
-            if set(_STATE) <= here.keys() and _MOST > abs(answers[here["gamma_bar_0"].id]) > _TRIVIAL
+            if set(_STATE) <= here.keys()
+            and _MOST > abs(answers[here["gamma_bar_0"].id]) > _TRIVIAL
+            and _FASTEST > -answers[here["v_0"].id] > 0
         ]
         self.first = whole[0]["v_0"] if whole else None
         self.omega = numpy.array([float(here["v_0"].inputs["Omega"]) for here in whole])
@@ -55,6 +58,7 @@ class _Answered:
         self.period = numpy.array(
             [float(answers[here["period"].id]) if "period" in here else math.nan for here in whole]
         )
+        self.longest = [_LONGEST * (here["period"].for_doubles if "period" in here else 10.0) for here in whole]
         self.wrong = numpy.array(
             [any(here[name].id in wrong for name in (*_STATE, "period") if name in here) for here in whole]
         )
@@ -64,7 +68,7 @@ class _Answered:
 
     def left(self, f: Field) -> tuple[Array, Array]:
         """What half a period leaves of each cycle, and the period."""
-        time, end = half_map(f, self.start, _FINE, _QUARTERS, _LONGEST * float(numpy.nanmax(self.period, initial=1.0)))
+        time, end = half_map(f, self.start, _FINE, _QUARTERS, max(self.longest))
         return numpy.stack([2 * _QUARTERS - end[1] - self.start[1], -end[2] - self.start[2]]), 2 * time
 
     def closed(self, f: Field, right: tuple[Array, Array]) -> bool:
@@ -102,11 +106,9 @@ def _numbers(here: _Answered, right: tuple[Array, Array], set_name: str, frictio
     lane = int(numpy.argmax(abs(right[0]).max(axis=0) * here.wrong))
     start, omega, error = here.start[:, lane], float(here.omega[lane]), right[0][:, lane]
 
-    longest = _LONGEST * (float(here.period[lane]) if here.period[lane] > 0 else 1.0)
-
     def residual(lanes: Lanes) -> Array:
         f, starts = lane_field(lanes, set_name, friction, omega, start)
-        _, end = half_map(f, starts, _COARSE if len(lanes) > _MANY else _FINE, _QUARTERS, longest)
+        _, end = half_map(f, starts, _COARSE if len(lanes) > _MANY else _FINE, _QUARTERS, here.longest[lane])
         return numpy.stack([2 * _QUARTERS - end[1] - start[1], -end[2] - start[2]])[:, :-1]
 
     found: dict[tuple[bool, bool], list[str]] = {}
