@@ -105,7 +105,6 @@ def graders(tmp_path_factory: pytest.TempPathFactory) -> Graders:
     return Graders(tmp_path_factory.mktemp("blind"))
 
 
-@pytest.mark.slow
 def test_each_patch_fits() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES)
     assert [len(faults) for faults in FAULTS.values()] == [150] * len(NAMED)
