@@ -142,6 +142,7 @@ def test_the_period_solve_is_that_of_harmonic_balance(cycle_scores: list[Score])
     assert truth_of(PERIOD).uncertainty < 1e-50
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fixture", ["cycle_scores", pytest.param("all_cycle_scores", marks=pytest.mark.slow)])
 def test_every_solver_finds_the_period_to_its_tolerance(fixture: str, request: pytest.FixtureRequest) -> None:
     scores: list[Score] = request.getfixturevalue(fixture)

@@ -116,7 +116,7 @@ def test_two_faults_at_once_are_unexplained(c_client: Path, store: Store, tmp_pa
 
 @pytest.mark.parametrize(
     ("fault", "says"),
-    [(14, "m rho^2 cos^2 beta, has the extra factor r^2 rho^-2"), (15, "f_G has the extra factor r rho^-1"),
+    [(14, "in M: m r^2 for m rho^2"), (15, "in f_G: -m g r cos(beta) for -m g rho cos(beta)"),
      (16, "mu = 0.33 instead of 0.3")],
     ids=["r in M", "r in f_G", "friction by 1.1"],
 )  # fmt: skip

@@ -184,6 +184,7 @@ def check_disks(disks: Iterator[Parameters], taylor: Any, count: int) -> None:
     assert total["refused"] <= total["cycles"] / 20  # next to folds doubles cannot tell two cycles apart
 
 
+@pytest.mark.slow
 @pytest.mark.honest
 def test_some_disks(taylor) -> None:
     check_disks(steep_disks(3), taylor, 4)
