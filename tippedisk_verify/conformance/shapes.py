@@ -401,7 +401,8 @@ def _motion(
     samples = [grade for grade in usable if "@" in grade.id]
     if len(samples) < _FREE or max(grade.off for grade in usable) > _INTEGRATED or _smooth(samples, store):
         return None
-    text = "the integrator's errors: a loose tolerance, too long a step, or states rounded or interpolated on the way"
+    text = "the integrator's errors: a loose tolerance, too long a step, single precision, or states rounded or "
+    text += "interpolated on the way"
     return (("tolerance", text),), frozenset(wrong)
 
 
