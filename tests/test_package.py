@@ -42,7 +42,7 @@ ALLOWED = {
 
 @pytest.mark.parametrize("room", ALLOWED)
 def test_rooms_import_only_from_rooms_before_them(room: str) -> None:
-    for path in (ROOT / room).glob("*.py"):
+    for path in (ROOT / room).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = []
             if isinstance(node, ast.ImportFrom) and node.module:

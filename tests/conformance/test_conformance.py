@@ -19,11 +19,11 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.diagnosis.predictions import predicted
 from tippedisk_verify.conformance.grading import FAILS_BELOW, compare, digits_between, graded, levels_of
 from tippedisk_verify.conformance.pages import Report, html_page, split_where_wrong
-from tippedisk_verify.conformance.predictions import predicted
 from tippedisk_verify.conformance.sheet import (
     COLUMNS,
     Answers,

@@ -12,12 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from tests.conformance.scipy_program import motion
-from tippedisk_verify.conformance.closing import closing_of, unclosed
-from tippedisk_verify.conformance.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
+from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
+from tippedisk_verify.conformance.diagnosis.orbits import events_of
+from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.grading import Grade, graded
-from tippedisk_verify.conformance.integrators import fixed_steps, tolerances
-from tippedisk_verify.conformance.orbits import events_of
-from tippedisk_verify.conformance.scans import orbit_values
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 
@@ -130,7 +130,7 @@ def test_the_fast_multiplier_in_the_slow_ones_place_is_told(store: Store) -> Non
 
 
 def test_right_pieces_give_the_right_derivatives_and_multipliers(store: Store) -> None:
-    from tippedisk_verify.conformance.cycles import _numbers, _pieces
+    from tippedisk_verify.conformance.diagnosis.cycles import _numbers, _pieces
 
     for friction in ("linear", "smooth"):
         here = [store[f"printed/{friction}/limit-cycle/crit-0.5/dperiod_domega"]]

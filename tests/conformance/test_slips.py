@@ -7,9 +7,9 @@ from decimal import Decimal
 
 import pytest
 
+from tippedisk_verify.conformance.diagnosis.slips import Written, plain
+from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import digits_between, needed, scale_of
-from tippedisk_verify.conformance.slips import Written, plain
-from tippedisk_verify.conformance.written_theory import formulas_of
 from tippedisk_verify.reference_values.store import Quantity, stored
 
 KINDS = (

@@ -11,9 +11,9 @@ import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 
-from tippedisk_verify.conformance.alternatives import ALTERNATIVES
+from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES
+from tippedisk_verify.conformance.diagnosis.predictions import predicted
 from tippedisk_verify.conformance.grading import compare
-from tippedisk_verify.conformance.predictions import predicted
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["catches", "mistakes_json"]

@@ -10,7 +10,7 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.reference_values.draws import DRAWN_SET, parameters_of

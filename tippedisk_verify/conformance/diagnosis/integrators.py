@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.alternatives import Alternative
-from tippedisk_verify.conformance.flights import Array, Field, Step, field, flown, runge_kutta
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
+from tippedisk_verify.conformance.diagnosis.flights import Array, Field, Step, field, flown, runge_kutta
+from tippedisk_verify.conformance.diagnosis.predictions import Model
+from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.grading import Grade, as_decimal
-from tippedisk_verify.conformance.predictions import Model
-from tippedisk_verify.conformance.shapes import Found
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["METHODS", "fixed_steps", "integrator_of", "tolerances"]

@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from statistics import median
 
-from tippedisk_verify.conformance.factors import LONG
-from tippedisk_verify.conformance.formulas import candidates, conventions
+from tippedisk_verify.conformance.diagnosis.factors import LONG
+from tippedisk_verify.conformance.diagnosis.formulas import candidates, conventions
+from tippedisk_verify.conformance.diagnosis.places import place_shapes
+from tippedisk_verify.conformance.diagnosis.relations import INSTEAD, ordered, relations, stem
 from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
-from tippedisk_verify.conformance.places import place_shapes
-from tippedisk_verify.conformance.relations import INSTEAD, ordered, relations, stem
 from tippedisk_verify.conformance.sheet import questions
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -293,7 +293,7 @@ def _shapes(
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
     if "@" in here[0].name:
-        from tippedisk_verify.conformance.flights import rates_at
+        from tippedisk_verify.conformance.diagnosis.flights import rates_at
 
         yield from ((f"{INSTEAD}{name}", rates) for name, rates in rates_at(here, store).items())
     if right[worst]:

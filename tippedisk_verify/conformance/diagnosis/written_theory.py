@@ -8,8 +8,8 @@ from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.conformance.slips import Names, Written
-from tippedisk_verify.conformance.written import (
+from tippedisk_verify.conformance.diagnosis.slips import Names, Written
+from tippedisk_verify.conformance.diagnosis.written import (
     EQUILIBRIA,
     FACTORS,
     INPUT,

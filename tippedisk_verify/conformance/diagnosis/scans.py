@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.alternatives import Alternative
-from tippedisk_verify.conformance.factors import changed_term, moved, parameter, scaled, solved, term_names
-from tippedisk_verify.conformance.flights import Array, Field, field, flown
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
+from tippedisk_verify.conformance.diagnosis.factors import changed_term, moved, parameter, scaled, solved, term_names
+from tippedisk_verify.conformance.diagnosis.flights import Array, Field, field, flown
+from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.grading import Grade
-from tippedisk_verify.conformance.predictions import Model
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
-from tippedisk_verify.conformance.slips import Names, Written
+from tippedisk_verify.conformance.diagnosis.slips import Names, Written
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity

@@ -19,8 +19,8 @@ from decimal import Decimal
 from functools import lru_cache, partial
 from types import SimpleNamespace
 
-from tippedisk_verify.conformance.alternatives import CORRECT, Alternative
-from tippedisk_verify.conformance.predictions import Model, predicted
+from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative
+from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store

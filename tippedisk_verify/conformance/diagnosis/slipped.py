@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 
+from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
+from tippedisk_verify.conformance.diagnosis.slips import Slip, Written
+from tippedisk_verify.conformance.diagnosis.written import MEANINGS, Formula
+from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import needed, scale_of
-from tippedisk_verify.conformance.shapes import Found, borne_out
-from tippedisk_verify.conformance.slips import Slip, Written
-from tippedisk_verify.conformance.written import MEANINGS, Formula
-from tippedisk_verify.conformance.written_theory import formulas_of
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["slip_of"]

@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
 
-from tippedisk_verify.conformance.alternatives import CORRECT, Alternative
-from tippedisk_verify.conformance.factors import factor_said, monomial, named_values
-from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative
+from tippedisk_verify.conformance.diagnosis.factors import factor_said, monomial, named_values
+from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["place_shapes"]

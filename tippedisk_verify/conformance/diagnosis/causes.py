@@ -17,18 +17,18 @@ from decimal import Decimal
 from functools import cache, partial
 from typing import Any
 
-from tippedisk_verify.conformance.alternatives import ALTERNATIVES, CORRECT, Alternative
-from tippedisk_verify.conformance.closing import closing_of, unclosed
-from tippedisk_verify.conformance.cycles import cycle_slip_of
-from tippedisk_verify.conformance.factors import free_values, late_values, term_factors
+from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
+from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
+from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.factors import free_values, late_values, term_factors
+from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
+from tippedisk_verify.conformance.diagnosis.orbits import events_of
+from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
+from tippedisk_verify.conformance.diagnosis.scans import orbit_values
+from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
+from tippedisk_verify.conformance.diagnosis.slipped import slip_of
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
-from tippedisk_verify.conformance.integrators import integrator_of
-from tippedisk_verify.conformance.orbits import events_of
-from tippedisk_verify.conformance.predictions import Model, predicted
-from tippedisk_verify.conformance.scans import orbit_values
-from tippedisk_verify.conformance.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.sheet import placed
-from tippedisk_verify.conformance.slipped import slip_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Diagnosis", "diagnosed"]

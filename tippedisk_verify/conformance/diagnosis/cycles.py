@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.flights import Array
+from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.diagnosis.flights import Array
+from tippedisk_verify.conformance.diagnosis.predictions import Model
+from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
 from tippedisk_verify.conformance.grading import Grade, as_decimal
-from tippedisk_verify.conformance.predictions import Model
-from tippedisk_verify.conformance.shapes import Found, borne_out
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["cycle_slip_of"]

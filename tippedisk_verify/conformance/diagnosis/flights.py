@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Field", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]

@@ -13,10 +13,10 @@ from decimal import Decimal
 
 import numpy
 
-from tippedisk_verify.conformance.flights import Array, Field, field, half_map
+from tippedisk_verify.conformance.diagnosis.flights import Array, Field, field, half_map
+from tippedisk_verify.conformance.diagnosis.scans import Lanes, changed_field, changes, lane_field, narrowed, plain
+from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.grading import Grade, as_decimal
-from tippedisk_verify.conformance.scans import Lanes, changed_field, changes, lane_field, narrowed, plain
-from tippedisk_verify.conformance.shapes import Found
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["closing_of", "unclosed"]

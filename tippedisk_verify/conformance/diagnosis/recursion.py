@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.conformance.factors import model_values, monomial, said_factor
+from tippedisk_verify.conformance.diagnosis.factors import model_values, monomial, said_factor
 from tippedisk_verify.reference_values.store import Quantity
 from tippedisk_verify.theory.jets import coordinate_sine
 

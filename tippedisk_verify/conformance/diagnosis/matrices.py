@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
-from tippedisk_verify.conformance.alternatives import Alternative
-from tippedisk_verify.conformance.factors import factor_said, monomial, named_values
-from tippedisk_verify.conformance.predictions import Model
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
+from tippedisk_verify.conformance.diagnosis.factors import factor_said, monomial, named_values
+from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["matrices"]

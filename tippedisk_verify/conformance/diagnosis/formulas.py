@@ -14,11 +14,11 @@ from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.conformance.alternatives import Alternative
-from tippedisk_verify.conformance.factors import LONG, model_bases, model_values, said_factor
-from tippedisk_verify.conformance.matrices import matrices
-from tippedisk_verify.conformance.predictions import Model, eigenvalues
-from tippedisk_verify.conformance.recursion import series_changes
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
+from tippedisk_verify.conformance.diagnosis.factors import LONG, model_bases, model_values, said_factor
+from tippedisk_verify.conformance.diagnosis.matrices import matrices
+from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
+from tippedisk_verify.conformance.diagnosis.recursion import series_changes
 from tippedisk_verify.reference_values.store import Quantity
 from tippedisk_verify.theory import harmonic_balance
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived

@@ -1,0 +1,14 @@
+"""Why answers fail: the one mistake that predicts all of them, or nothing.
+
+`causes` decides what is tried, and in which order. A mistake is sought
+- in a catalogue (`alternatives`) by what each predicts (`predictions`),
+- in the answers themselves (`shapes`, by `relations` and `places`), and as one free number (`factors`),
+- in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), and any single
+  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`),
+- in orbits and cycles, which `flights` computes: `integrators`, `orbits` (events), `scans` (one number), `cycles`
+  and `closing` (what is made of the half map, and what closes it).
+"""
+
+from tippedisk_verify.conformance.diagnosis.causes import Diagnosis, diagnosed
+
+__all__ = ["Diagnosis", "diagnosed"]
