@@ -24,8 +24,10 @@ from tippedisk_verify.conformance.diagnosis.factors import free_values, late_val
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
+from tippedisk_verify.conformance.diagnosis.relations import stem
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
+from tippedisk_verify.conformance.diagnosis.sides import one_sided
 from tippedisk_verify.conformance.diagnosis.slipped import slip_of
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.sheet import placed
@@ -65,6 +67,7 @@ class Diagnosis:
     causes: Causes  #: (name, what to look for); several if they cannot be told apart; () if none is known
     tried: frozenset[str]  #: the failed ones that the cause was tried on, and predicts
     no_numbers: frozenset[str]  #: the failed ones that are no finite number, which no mistake predicts
+    where: str = ""  #: if no cause is known: a condition that the wrong answers satisfy and the right ones do not
 
     def says(self) -> str:
         both = len(self.frictions) > 1 or self.frictions == ("both",)
@@ -76,7 +79,8 @@ class Diagnosis:
         if self.no_numbers == self.failed:
             return where
         if not self.causes:
-            return f"{where}; unexplained: none of the known mistakes alone gives these answers"
+            text = f"{where}; unexplained: none of the known mistakes alone gives these answers"
+            return text + f"; they are wrong where {self.where}, and only there" * bool(self.where)
         causes = " or ".join(cause for _, cause in self.causes)
         return f"{where}; likely cause: {causes} (predicts all {len(self.tried)} of them that it was tried on)"
 
@@ -89,6 +93,7 @@ class Diagnosis:
             "no_numbers": len(self.no_numbers),
             "status": "explained" if self.causes else "no-numbers" if self.no_numbers == self.failed else "unexplained",
             "causes": [{"name": name, "cause": cause} for name, cause in self.causes],
+            "where": self.where,
             "tried_on": len(self.tried),
         }
 
@@ -132,6 +137,7 @@ def _add(diagnoses: list[Diagnosis], new: Diagnosis) -> None:
                 common,
                 old.tried | new.tried,
                 old.no_numbers | new.no_numbers,
+                old.where if old.where == new.where else "",
             )
             return
     diagnoses.append(new)
@@ -148,7 +154,11 @@ def _first_failure(
     failed = frozenset(grade.id for grade in here if grade.failed)
     wrong = {grade.id for grade in usable if grade.failed}
     causes, tried = _causes(usable, wrong, group, store, level, advance) if wrong else ((), frozenset[str]())
-    return Diagnosis(level, (set_name,), (friction,), failed, causes, tried, failed - wrong)
+    asked = [store[grade.id] for grade in usable]
+    failing = {stem(quantity) for quantity in asked if quantity.id in wrong}
+    where = [] if causes else one_sided([quantity for quantity in asked if stem(quantity) in failing], wrong)
+    place = " and ".join(condition for condition, _ in where)
+    return Diagnosis(level, (set_name,), (friction,), failed, causes, tried, failed - wrong, place)
 
 
 def _causes(

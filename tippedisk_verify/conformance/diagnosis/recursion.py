@@ -49,7 +49,7 @@ _TERMS = (
     "2 (A - Bbar) Omega v cos beta sin gamma cos gamma in h", "m rho^2 v^2 sin beta cos beta in h",
     "m e rho Omega^2 sin beta cos^3 beta sin gamma in h",
     "m e rho (3 sin^2 beta - 2) Omega v cos beta cos gamma in h", "A cos^2 gamma in M", "Bbar sin^2 gamma in M",
-    "m rho^2 cos^2 beta in M", "M", "h", "friction's mu m g rho^2 sin^2 beta",
+    "m rho^2 cos^2 beta in M", "M dh/dt", "h", "friction's mu m g rho^2 sin^2 beta",
     "the derivative by gamma, Omega cos beta dh/dgamma,",
     "the sum of h_i dh_j/dbeta",
 )  # fmt: skip
@@ -76,7 +76,7 @@ def _field(p: SimpleNamespace, place: tuple[float, float, float], change: _Chang
     return {
         "free": term("h", free) + term("f_G", rho * cb * (-p.m * p.g)),
         "linear": term("h", linear), "square": term("h", term(h_3, rho * rho * sb * cb * p.m)),
-        "mass": term("M", mass), "drag": term(_TERMS[11], rho * rho * sb * sb * (p.mu * p.m * p.g)),
+        "mass": term("M dh/dt", mass), "drag": term(_TERMS[11], rho * rho * sb * sb * (p.mu * p.m * p.g)),
         "rolling": sb * cg * (p.e * omega) / rho, "drift": cb * omega, "bases": bases,
     }  # fmt: skip
 

@@ -38,6 +38,9 @@ _DIVERGENCE = "the integral of the divergence, both logarithms together"
 _ORDERS: dict[str, Callable[[complex], float]] = {
     "descending real parts": lambda x: -round(x.real, 7), "ascending real parts": lambda x: round(x.real, 7),
     "ascending moduli": lambda x: round(abs(x), 7), "descending moduli": lambda x: -round(abs(x), 7),
+    "descending imaginary parts": lambda x: -round(x.imag, 7), "ascending imaginary parts": lambda x: round(x.imag, 7),
+    "ascending moduli of the imaginary parts": lambda x: round(abs(x.imag), 7),
+    "descending moduli of the imaginary parts": lambda x: -round(abs(x.imag), 7),
 }  # fmt: skip
 
 
@@ -77,6 +80,10 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         yield f"those to every second crossing, the {word} ones alone", at(partial(_one_way, store, sign))
     for one, two, text in _PAIRS:
         yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
+    if here[0].name == "flat_time":
+        sampled = (placed(q.name)[1].get("t", "0") for q in store.matching(kind + "/"))
+        last = max(map(float, sampled))
+        yield f"{last:g} s, the last time that is asked of any orbit,", {q.id: last for q in here}
     before = at(numbered("#", -1))
     yield (
         "counted from the previous crossing, an interval,",
@@ -126,6 +133,10 @@ def _combinations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str,
             {id_: math.hypot(x, parts[1].get(id_, 0.0)) for id_, x in parts[0].items()},
         )
         yield "the angle of the eigenvalue", {id_: math.atan2(parts[1].get(id_, 0.0), x) for id_, x in parts[0].items()}
+    if mine.endswith("_re") and here[0].kind == "equilibrium":
+        numbers = [of(f"lambda_{n}_re") for n in (1, 2, 3)]
+        sums = {id_: sum(parts[id_] for parts in numbers if id_ in parts) for id_ in numbers[0]}
+        yield "the sum of all eigenvalues, the trace of the matrix and its only diagonal entry,", sums
     if mine in _LOGARITHMS:
         slow, fast = map(of, _LOGARITHMS)
         for a, b in product(_SHARES, _SHARES):
@@ -171,10 +182,13 @@ def ordered(here: Sequence[Quantity], fits: Callable[[Quantity, float], bool]) -
             fits(re_, value.real) and fits(im, value.imag) for (re_, im), value in zip(names, values, strict=True)
         )
 
-    for (text, key), sign in product(_ORDERS.items(), (-1, 1)):
-        if all(fit(names, sorted(values, key=lambda x: (key(x), sign * x.imag))) for names, values in lists):
-            first = "positive" if sign < 0 else "negative"
-            return f"the right eigenvalues in another order: {text}, {first} imaginary part first"
+    for (text, key), sign, tie in product(_ORDERS.items(), (-1, 1), (-1, 1)):
+        if all(
+            fit(names, sorted(values, key=lambda x: (key(x), sign * x.imag, tie * x.real))) for names, values in lists
+        ):
+            first = f", {'positive' if sign < 0 else 'negative'} imaginary part first"
+            first = "" if text.endswith("ing imaginary parts") else first
+            return f"the right eigenvalues in another order: {text}{first}"
     if all(any(fit(names, other) for other in permutations(values)) for names, values in lists):
         return "the right eigenvalues, not sorted: the order differs from entry to entry"
     return None

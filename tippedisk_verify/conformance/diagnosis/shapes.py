@@ -15,10 +15,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from statistics import median
 
+from tippedisk_verify.conformance.diagnosis.differences import difference_of
 from tippedisk_verify.conformance.diagnosis.factors import LONG
 from tippedisk_verify.conformance.diagnosis.formulas import candidates, conventions
 from tippedisk_verify.conformance.diagnosis.places import place_shapes
 from tippedisk_verify.conformance.diagnosis.relations import INSTEAD, ordered, relations, stem
+from tippedisk_verify.conformance.diagnosis.sides import one_sided
 from tippedisk_verify.conformance.grading import Grade, as_decimal, digits_between, needed, scale_of
 from tippedisk_verify.conformance.sheet import questions
 from tippedisk_verify.reference_values.store import Quantity, Store
@@ -158,20 +160,29 @@ def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store, by_plac
             phrases.setdefault(text, []).append(name)
             tried |= {quantity.id for quantity in here if quantity.id in wrong}
             continue
-        for phrase, expected in itertools.chain(
-            _shapes(here, answers, wrong, store),
-            _conventions(here),
-            place_shapes(here, answers, wrong) if by_place else (),
-        ):
-            explained = _explained(expected, here, answers, wrong)
+        for where, some, phrase, expected in _placed(here, answers, wrong, store, by_place):
+            explained = _explained(expected, some, answers, wrong)
             if explained and (not phrase.startswith("~") or len(explained) >= _FREE):
-                phrases.setdefault(phrase.removeprefix("~"), []).append(name)
+                phrases.setdefault(f"{phrase.removeprefix('~')}{where and f' where {where}'}", []).append(name)
                 tried |= explained
                 break
         else:
             return None
     said = _named(phrases)
     return ((("shape", "; ".join(said)),), frozenset(tried)) if 0 < len(said) <= _MOST else None
+
+
+def _placed(
+    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store, by_place: bool
+) -> Iterator[tuple[str, list[Quantity], str, dict[str, float]]]:
+    """(Where, the questions there, what the answers are, these answers), everywhere first."""
+    for where, some in (("", list(here)), *one_sided(here, wrong)):
+        for shape in itertools.chain(
+            _shapes(some, answers, wrong, store),
+            _conventions(some),
+            place_shapes(some, answers, wrong) if by_place else (),
+        ):
+            yield where, some, *shape
 
 
 def formula_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
@@ -284,6 +295,9 @@ def _shapes(
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
     for number in _PRINTED.get(here[0].name, ()):
         yield f"{number}, as the paper prints it,", dict.fromkeys(right, number)
+    same = set(given.values())
+    if len(same) == 1 and len(set(right.values())) == len(right) > 1:
+        yield f"the same for all questions, {given[worst]:.8g},", given
     if here[0].name == "multiplier_slow":
         yield "1, the trivial multiplier of the whole monodromy matrix,", dict.fromkeys(right, 1.0)
     for text, function in _FUNCTIONS.items():
@@ -353,13 +367,17 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
     level = usable[0].level
     derivative = {name for name in failing if name.startswith("d") or name == "transversality"}
     several = len(derivative) > 1 and len(wrong) >= _FREE  # one alone may be a wrong formula's
+    if level == 1 and failing == derivative:
+        given = {grade.id: as_decimal(grade.answer) for grade in usable}
+        if (text := difference_of([store[id_] for id_ in sorted(wrong)], given, store)) is not None:
+            return (("differences", text),), frozenset(wrong)
     if failing == derivative and passing and several and min(digits) >= _LEAST_DIGITS:
         return (
             ("differences", "finite differences: only derivatives are off, by a few of their last digits"),
         ), frozenset(wrong)
     if failing == {"log_multiplier_fast"}:
-        given = {grade.id: float(as_decimal(grade.answer)) for grade in usable}
-        bad = [given[id_] for id_ in wrong]
+        logarithms = {grade.id: float(as_decimal(grade.answer)) for grade in usable}
+        bad = [logarithms[id_] for id_ in wrong]
         # An eigenvalue below 1e-16 of the largest is rounding in doubles, exp(-36.7), or what an integrator leaves.
         # The half map's is counted twice. Whatever its right value, rounding leaves about the same.
         right = [store[id_].for_doubles for id_ in wrong]

@@ -69,6 +69,26 @@ class Written:
                     continue
                 yield Slip(rank, place, code, says)
             yield from self._unbracketed(place, statement)
+            yield from self._exchanged(place, statement, bool(only))
+
+    def _exchanged(self, place: int, statement: ast.stmt, alone: bool) -> Iterator[Slip]:
+        """What two statements assign, exchanged: this one and one before it, or two in a loop."""
+        targets = [] if alone or not isinstance(statement, ast.Assign) else [_assigned(statement)]
+        for mine in targets:
+            for other in dict.fromkeys(
+                _assigned(one) for one in self.statements[:place] if isinstance(one, ast.Assign)
+            ):
+                if other != mine and re.fullmatch(r"\w+", other):
+                    code = compile(f"{ast.unparse(statement)}\n{mine}, {other} = {other}, {mine}", "formula", "exec")
+                    yield Slip(0, place, code, lambda text=f"{other} and {mine} are exchanged": text)  # type: ignore[misc]
+        body = statement.body if isinstance(statement, ast.For) else []
+        parts = [one for one in body if isinstance(one, ast.Assign | ast.AugAssign)]
+        for n, one in enumerate(parts):
+            for other_part in parts[:n]:
+                one.value, other_part.value = other_part.value, one.value
+                text = f"what {_assigned(other_part)} and {_assigned(one)} are is exchanged"
+                yield Slip(0, place, _compiled(statement), lambda text=text: text)  # type: ignore[misc]
+                one.value, other_part.value = other_part.value, one.value
 
     def _changes(self, statement: ast.stmt) -> Iterator[tuple[int, Callable[[], str]]]:
         """Change the statement in place, and back, one slip after the other."""
