@@ -72,7 +72,8 @@ def _fits(
         rank = len(words.split())
         words, mark = words.removeprefix("has the factor "), "~" if unknown else ""
         if not text:
-            yield rank, f"{mark}{words} times {_ITSELF}{f' to the power {power + 1}' if power else ''}", expected
+            times = f" times {_ITSELF}" + f" to the power {power + 1}" * (power != 0) if power != -1 else ""
+            yield rank, f"{mark}{words}{times}", expected
         elif text == "1":
             yield rank, f"{mark}{_ITSELF} plus {words}", expected
         elif not product and abs(constant + 1) < _PLAIN:

@@ -155,6 +155,7 @@ _AT_BALANCE = (
     ("Bbar * r * Omega**2 - m * g * (r + e)**2", "2 * Bbar * r * omega_crit * (Omega - omega_crit)"),
     ("C", "frequency * C", "Omega * C / frequency"), ("sqrt(C_squared)", "sqrt(C_squared) * Omega / frequency"),
     ("C_squared", "amplitude"), ("sqrt(C_squared)", "C_squared / 2"),
+    ("2 * pi / frequency", "2 * pi / (Omega * sqrt(e / (r + e)))", "2 * pi / Omega", "2 * pi / (Omega * sqrt(e / r))"),
     ("C", "C / 2", "2 * C"), ("r - 2 * e", "r + e", "r - e"), ("frequency", "Omega", "C", "delta"),
 )  # fmt: skip
 
