@@ -25,6 +25,7 @@ from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
 from tippedisk_verify.conformance.diagnosis.relations import stem
+from tippedisk_verify.conformance.diagnosis.scaled import factor_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.diagnosis.sides import one_sided
@@ -38,6 +39,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
 _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _MATRICES = 2
+_CLOSED = (3, 4)  # levels of closed forms, whose terms may have a factor that is solved for
 _CYCLES = (7, 9)
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
@@ -245,11 +247,20 @@ def _causes(
     if found is None and level == _MATRICES:  # what a parameter says more simply is tried by now
         found = formula_of(entries, answers, wrong)
     if found is None or all(_VAGUE.search(text) for _, text in found[0]):  # a slip says more
-        found = slips() or found
+        found = slips() or _either(factor_of(entries, answers, wrong) if level in _CLOSED else None, found)
     found = found or shape_of(usable, wrong, store, by_place=True)
     found = found or size_of(usable, wrong, store, outputs_only)
     # Near the connection doubles do not close cycles well enough to tell.
     return found or (unclosed(usable, wrong, store) if level == _CYCLES[0] else None) or ((), frozenset())
+
+
+def _either(
+    one: tuple[Causes, frozenset[str]] | None, other: tuple[Causes, frozenset[str]] | None
+) -> tuple[Causes, frozenset[str]] | None:
+    """What says no number of many digits, or both."""
+    if one is None or other is None or not all(_VAGUE.search(text) for _, text in one[0]):
+        return one or other
+    return one[0] + other[0], one[1] | other[1]
 
 
 def _distinct(models: Iterable[Alternative], entries: Sequence[Sequence[Quantity]]) -> Iterator[Alternative]:

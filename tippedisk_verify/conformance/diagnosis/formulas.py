@@ -1,8 +1,7 @@
-"""Levels 3, 4 and 8 with one thing changed in their formulas: conventions and factors.
+"""Levels 3 and 8 with one thing changed in their formulas: conventions, another speed, other coefficients.
 
 A candidate is a rank, a sentence and a function from the questions of one entry to its answers. Lower ranks say less
-and are named first. Factors are solved for: what a formula gives is affine in the factor of one of its terms, so that
-two evaluations tell the factor that the worst wrong answer wants.
+and are named first.
 """
 
 from __future__ import annotations
@@ -10,8 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
-from types import SimpleNamespace
+from functools import lru_cache
 from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
@@ -20,7 +18,6 @@ from tippedisk_verify.conformance.diagnosis.matrices import matrices
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
 from tippedisk_verify.conformance.diagnosis.recursion import series_changes
 from tippedisk_verify.reference_values.store import Quantity
-from tippedisk_verify.theory import harmonic_balance
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 from tippedisk_verify.theory.hopf import trilinear
 
@@ -38,7 +35,7 @@ _SIMPLE = {"": 1.0, "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "8": 8.0, "1/8"
 def candidates(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """What one change makes of the level's answers; ``entries`` are its questions."""
     by_kind = {
-        "hopf": _other_speeds, "equilibrium": matrices, "harmonic-balance": _balances, "slow-manifold": series_changes,
+        "hopf": _other_speeds, "equilibrium": matrices, "slow-manifold": series_changes,
         "heteroclinic": _spectra,
     }  # fmt: skip
     if (make := by_kind.get(entries[0][0].kind)) is not None:
@@ -199,78 +196,3 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
     if (parts(1.0, -1)[0] - wanted) * (parts(1000.0, -1)[0] - wanted) < 0:
         omega = float(brentq(lambda omega: parts(omega, -1)[0] - wanted, 1.0, 1000.0, xtol=1e-12))
         yield 2.0, f"the eigenvalues at another speed than Omega_h, {omega:.9g} rad/s", spectrum(omega, -1)
-
-
-# ------------------------------------------------------------------------------------------ level 4
-_BALANCE = (
-    "C^2", "chi", "the printed chi", "A (r - 2 e) in chi", "2 e of A (r - 2 e) in chi",
-    "Bbar (2 r^2 + e (r + e)) / (2 (r + e)) in chi", "2 r^2 in chi", "e (r + e) in chi",
-    "Bbar e^2 / (2 (r + e)) in chi", "Bbar r Omega^2 in C^2", "m g (r + e)^2 in C^2", "m g e (r + e) in C^2",
-    "e Omega^2 / (r + e) in omega^2", "delta", "e of r - e in delta",
-)  # fmt: skip
-
-
-def _law(p: SimpleNamespace, omega: float, form: str, changed: str, factor: float) -> tuple[float, float, float, float]:
-    """(numerator and denominator of C^2, e Omega^2 / (r + e), delta) with one term times a factor."""
-
-    def term(name: str, value: float) -> float:
-        return value * factor if name == changed else value
-
-    reach, consistent = p.r + p.e, form == "consistent"
-    bracket = term("2 r^2 in chi", 2 * p.r**2) + term("e (r + e) in chi", p.e * reach)
-    chi = term("A (r - 2 e) in chi", p.A * (p.r - term("2 e of A (r - 2 e) in chi", 2 * p.e)))
-    chi -= term("Bbar (2 r^2 + e (r + e)) / (2 (r + e)) in chi", p.Bbar * bracket / (2 * reach))
-    chi = term("the printed chi", chi)
-    if consistent:
-        chi += term("Bbar e^2 / (2 (r + e)) in chi", p.Bbar * p.e**2 / (2 * reach))
-    excess = term("Bbar r Omega^2 in C^2", p.Bbar * p.r * omega**2) - term("m g (r + e)^2 in C^2", p.m * p.g * reach**2)
-    below = term("chi", chi) * omega**2 + term("m g e (r + e) in C^2", p.m * p.g * p.e * reach)
-    stiffness = p.r - (0.0 if consistent else term("e of r - e in delta", p.e))
-    delta = term("delta", -stiffness * omega**2 / (8 * reach))
-    linear = term("e Omega^2 / (r + e) in omega^2", p.e / reach * omega**2)
-    return term("C^2", -4 * p.e / reach * excess), below, linear, delta
-
-
-def _balanced(p: SimpleNamespace, changed: str, factor: float, forms: set[str], here: Sequence[Quantity]) -> Numbers:
-    factor = factor if here[0].inputs["form"] in forms else 1.0
-    above, below, linear, delta = _law(p, float(here[0].inputs["Omega"]), here[0].inputs["form"], changed, factor)
-    square = above / below
-    if not (square >= 0 and linear + delta * square > 0):
-        return {}
-    frequency = math.sqrt(linear + delta * square)
-    return {"amplitude": math.sqrt(square), "frequency": frequency, "period": 2 * math.pi / frequency}
-
-
-def _balances(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
-    """One factor on a term of the one-harmonic law, from the wrong cycle farthest from the Hopf point."""
-    bad = [here for here in entries if any(quantity.id in wrong for quantity in here)]
-    forms = {here[0].inputs["form"] for here in bad}
-    here = max(bad, key=lambda here: -float(here[0].inputs["Omega"]))
-    p, omega, form = model_values(here[0].set), float(here[0].inputs["Omega"]), here[0].inputs["form"]
-    given = {quantity.name: answers[quantity.id] for quantity in here}
-    frequency = given.get("frequency") or (2 * math.pi / given["period"] if given.get("period") else None)
-    amplitude = given.get("amplitude")
-    for name in _BALANCE:
-        laws = [_law(p, omega, form, name, factor) for factor in (0.0, 1.0)]
-        above, below, linear, delta = laws[1]
-        square = amplitude**2 if amplitude is not None else None
-        if frequency is not None and square is None:
-            square = (frequency**2 - linear) / delta
-        if laws[0][:2] != laws[1][:2] and square is not None:
-            sides = [above - square * below for above, below, _, _ in laws]
-        elif laws[0][2:] != laws[1][2:] and frequency is not None:
-            sides = [linear + delta * above / below - frequency**2 for _, _, linear, delta in laws]
-        else:
-            continue
-        if sides[0] != sides[1]:
-            factor = sides[0] / (sides[0] - sides[1])
-            squared = name == "C^2" and factor > 0
-            rank, text = said_factor(math.sqrt(factor) if squared else factor, p)
-            if name == "the printed chi":
-                if rank < LONG:
-                    continue
-                right = harmonic_balance.chi(p, "printed")
-                text = f"is {factor * right:.6g} instead of {right:.6g}"
-            elif rank == LONG and name.endswith(" in chi"):
-                rank += 1.0  # any part of chi might have an unknown number: only the sum is known
-            yield rank, f"{'C' if squared else name} {text}", partial(_balanced, p, name, factor, forms)

@@ -15,7 +15,7 @@ from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import needed, scale_of
 from tippedisk_verify.reference_values.store import Quantity
 
-__all__ = ["slip_of"]
+__all__ = ["borne_out_by", "limits_of", "slip_of", "told_by"]
 
 _LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a slip
 #: Digits of all wrong answers together: of some ten thousand slips one in a hundred thousand levels fits by chance.
@@ -33,14 +33,11 @@ def slip_of(
     advance: Callable[[str, int], None],
 ) -> Found | None:
     """The simplest slips that explain all answers to these entries, those with wrong answers first; or None."""
-    told = [[quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS] for here in entries]
-    told = [here for here in told if here]
-    blamed = {quantity.id for here in told for quantity in here if quantity.id in wrong}
+    told, blamed = told_by(entries, wrong)
     bad = [quantity for here in told for quantity in here if quantity.id in blamed]
     if not bad:
         return None
-    told.sort(key=lambda here: blamed.isdisjoint(quantity.id for quantity in here))
-    limits = {quantity.id: _limits(answers[quantity.id], quantity) for here in told for quantity in here}
+    limits = limits_of(told, answers)
     friction = next((here[0].friction for here in told if here[0].friction != "both"), "both")
     fits: list[tuple[float, int, int, str]] = []  # digits, rank, statement, words
     given: set[str] = set()
@@ -51,13 +48,30 @@ def slip_of(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what a slip makes of a formula
             for slip, written in _drawn(formula, advance, bad[0].level):
-                expected = _expected(formula, partial(written.run, slip=slip), told, limits)
-                if (digits := _borne_out(expected, told, answers, given)) is not None:
-                    fits.append((digits, slip.rank, slip.place, _with_meanings(slip.says())))
+                run = partial(written.run, slip=slip)
+                if (digits := borne_out_by(formula, run, told, answers, limits, given)) is not None:
+                    text = _with_meanings(slip.says())
+                    if formula.alone:  # one number alone does not tell which of several slips gives it
+                        mine = next(quantity for quantity in bad if quantity.id in given)
+                        share = float(answers[mine.id]) / mine.for_doubles
+                        text = f"{mine.name} is {share:.9g} times what it should be, as by this slip: {text}"
+                    fits.append((digits, slip.rank, slip.place, text))
         if fits:
             break
     texts = _simplest(fits)
     return (tuple(("slip", text) for text in texts), frozenset(given)) if texts else None
+
+
+def told_by(entries: Sequence[Sequence[Quantity]], wrong: set[str]) -> tuple[list[list[Quantity]], set[str]]:
+    """The questions whose answers say something, entries with wrong ones first, and the wrong ones among them."""
+    told = [[quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS] for here in entries]
+    told = [here for here in told if here]
+    told.sort(key=lambda here: wrong.isdisjoint(quantity.id for quantity in here))
+    return told, {quantity.id for here in told for quantity in here if quantity.id in wrong}
+
+
+def limits_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decimal]) -> dict[str, tuple[float, float]]:
+    return {quantity.id: _limits(answers[quantity.id], quantity) for here in entries for quantity in here}
 
 
 def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
@@ -116,14 +130,16 @@ def _expected(
     return expected
 
 
-def _borne_out(
-    expected: Mapping[str, float],
+def borne_out_by(
+    formula: Formula,
+    run: Callable[..., dict[str, object]],
     entries: Sequence[Sequence[Quantity]],
     answers: Mapping[str, Decimal],
+    limits: Mapping[str, tuple[float, float]],
     blamed: set[str],
 ) -> float | None:
     """The least digits of the wrong answers, if every answer is as expected, and they by too many for a chance."""
-    found = []
+    expected, found = _expected(formula, run, entries, limits), []
     if not blamed <= expected.keys():
         return None
     for quantity in (quantity for here in entries for quantity in here if quantity.id in expected):

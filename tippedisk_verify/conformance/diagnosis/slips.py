@@ -71,6 +71,21 @@ class Written:
             yield from self._unbracketed(place, statement)
             yield from self._exchanged(place, statement, bool(only))
 
+    def scaled(self, factor: str = "free") -> Iterator[Slip]:
+        """Each term, and each whole right-hand side, times a name or an expression: always in the same order."""
+        times = ast.parse(factor, mode="eval").body
+        for place, statement in enumerate(self.statements):
+            for node, (parent, field, index), _, target in _walked(statement):
+                whole = isinstance(parent, ast.Assign | ast.AugAssign | ast.Return)
+                summed = isinstance(parent, ast.BinOp) and isinstance(parent.op, ast.Add | ast.Sub)
+                if isinstance(node, ast.List) or not (whole or summed) or ast.unparse(node) == "0":
+                    continue
+                text = plain(ast.unparse(node))
+                text = target if isinstance(parent, ast.Assign | ast.Return) else f"{text} in {target}"
+                _put(parent, field, index, ast.fix_missing_locations(ast.BinOp(times, ast.Mult(), node)))
+                yield Slip(0, place, _compiled(statement), lambda text=text: text)  # type: ignore[misc]
+                _put(parent, field, index, node)
+
     def _exchanged(self, place: int, statement: ast.stmt, alone: bool) -> Iterator[Slip]:
         """What two statements assign, exchanged: this one and one before it, or two in a loop."""
         targets = [] if alone or not isinstance(statement, ast.Assign) else [_assigned(statement)]
@@ -166,6 +181,8 @@ class Written:
         if whole:
             if isinstance(node, ast.Name):
                 yield 0, ast.Constant(1), f"the factor {said} is missing"
+            if isinstance(parent, ast.AugAssign):
+                yield 0, ast.Constant(0), f"{said} is missing"
             yield 2, _call("abs", node), f"the absolute value of {said}"
             yield 2, _call("sqrt", node), f"the square root of {said}"
             yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), f"the square of {said}"

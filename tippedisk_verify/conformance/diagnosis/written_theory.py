@@ -152,6 +152,7 @@ amplitude = sqrt(C_squared)
 )
 _AT_BALANCE = (
     (*FACTORS, "r + 2 * e", "stiffness", "chi", "C", "omega_crit"), INPUT[0], ("chi", "1.31e-07"),
+    ("A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))", "1.31e-07"),
     ("Bbar * r * Omega**2 - m * g * (r + e)**2", "2 * Bbar * r * omega_crit * (Omega - omega_crit)"),
     ("C", "frequency * C", "Omega * C / frequency"), ("sqrt(C_squared)", "sqrt(C_squared) * Omega / frequency"),
     ("C_squared", "amplitude"), ("sqrt(C_squared)", "C_squared / 2"),

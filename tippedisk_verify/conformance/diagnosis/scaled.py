@@ -1,0 +1,87 @@
+"""Which term of the formulas of levels 3 and 4 has an extra factor, solved for from one wrong answer."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+
+from tippedisk_verify.conformance.diagnosis.factors import model_values, said_factor
+from tippedisk_verify.conformance.diagnosis.shapes import Found
+from tippedisk_verify.conformance.diagnosis.slipped import borne_out_by, limits_of, told_by
+from tippedisk_verify.conformance.diagnosis.slips import Names, Slip, Written
+from tippedisk_verify.conformance.diagnosis.written import Formula
+from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
+from tippedisk_verify.reference_values.store import Quantity
+
+__all__ = ["factor_of"]
+
+_LOST = 1e-10  # relative: an answer that a factor of two moves by less tells none
+_ITERATIONS = 12
+_SOLVED = 1e-14
+_PLAIN = 1e-7  # how near to 0 or 1 a factor is meant to be that
+_SPARE = 2  # wrong answers that bear out a number that was read off another one
+
+
+def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
+    """The terms whose extra factor explains all answers to these entries, the plainest; or None."""
+    told, blamed = told_by(entries, wrong)
+    if len(blamed) <= _SPARE:
+        return None
+    limits, fits = limits_of(told, answers), []
+    first = next(quantity for quantity in told[0] if quantity.id in blamed)
+    values = model_values(first.set)
+    for formula in formulas_of(first.kind, first.friction):
+        if formula.alone:
+            continue
+        written = Written(formula.source, formula.groups)
+        for n, slip in enumerate(written.scaled()):
+            factor = _wanted(formula, written, slip, told[0], blamed, answers)
+            if factor is None or abs(factor - 1) < _PLAIN:
+                continue
+            factor = 0.0 if abs(factor) < _PLAIN else factor
+            rank, said = said_factor(factor, values)
+            changed = next(itertools.islice(written.scaled(repr(factor)), n, None))
+            if borne_out_by(formula, partial(written.run, slip=changed), told, answers, limits, blamed) is not None:
+                fits.append((rank, f"{slip.says()} {said}"))
+    best = min((rank for rank, _ in fits), default=0.0)
+    causes = tuple(dict.fromkeys(("factor", text) for rank, text in fits if rank == best))
+    return (causes, frozenset(blamed)) if causes else None
+
+
+def _wanted(
+    formula: Formula,
+    written: Written,
+    slip: Slip,
+    here: Sequence[Quantity],
+    blamed: set[str],
+    answers: Mapping[str, Decimal],
+) -> float | None:
+    """The factor with which the first wrong answer of an entry that depends on it is as given."""
+
+    def values(factor: float) -> dict[str, float]:
+        def run(names: Mapping[str, object]) -> Names:
+            return written.run({**names, "free": factor}, slip)
+
+        return next(formula.answers(run, here))
+
+    for quantity in here:
+        if quantity.id not in blamed:
+            continue
+        answer = float(answers[quantity.id])
+        try:
+            ends = [(c, values(c)[quantity.name] - answer) for c in (1.0, 2.0)]
+            if abs(ends[1][1] - ends[0][1]) <= _LOST * abs(float(quantity)):
+                continue
+            for _ in range(_ITERATIONS):
+                (a, at_a), (b, at_b) = ends[-2:]
+                if abs(at_b) <= _SOLVED * abs(answer) or at_a == at_b:
+                    break
+                c = b - at_b * (b - a) / (at_b - at_a)
+                ends.append((c, values(c)[quantity.name] - answer))
+        except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError):
+            return None
+        return ends[-1][0] if math.isfinite(ends[-1][0]) else None
+    return None
