@@ -31,14 +31,15 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
     if len(blamed) <= _SPARE:
         return None
     limits, fits = limits_of(told, answers), []
-    first = next(quantity for quantity in told[0] if quantity.id in blamed)
+    first = max((quantity for here in told for quantity in here if quantity.id in blamed), key=partial(_off, answers))
+    worst = next(here for here in told if first in here)
     values = model_values(first.set)
     for formula in formulas_of(first.kind, first.friction):
         if formula.alone:
             continue
         written = Written(formula.source, formula.groups)
         for n, slip in enumerate(written.scaled()):
-            factor = _wanted(formula, written, slip, told[0], blamed, answers)
+            factor = _wanted(formula, written, slip, worst, blamed, answers)
             if factor is None or abs(factor - 1) < _PLAIN:
                 continue
             factor = 0.0 if abs(factor) < _PLAIN else factor
@@ -49,6 +50,11 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
     best = min((rank for rank, _ in fits), default=0.0)
     causes = tuple(dict.fromkeys(("factor", text) for rank, text in fits if rank == best))
     return (causes, frozenset(blamed)) if causes else None
+
+
+def _off(answers: Mapping[str, Decimal], quantity: Quantity) -> float:
+    """Relatively: where the factor shows best."""
+    return abs(float(answers[quantity.id]) / quantity.for_doubles - 1) if quantity.for_doubles else 0.0
 
 
 def _wanted(

@@ -83,8 +83,9 @@ class Written:
                 text = plain(ast.unparse(node))
                 text = target if isinstance(parent, ast.Assign | ast.Return) else f"{text} in {target}"
                 _put(parent, field, index, ast.fix_missing_locations(ast.BinOp(times, ast.Mult(), node)))
-                yield Slip(0, place, _compiled(statement), lambda text=text: text)  # type: ignore[misc]
+                code = _compiled(statement)
                 _put(parent, field, index, node)
+                yield Slip(0, place, code, lambda text=text: text)  # type: ignore[misc]
 
     def _exchanged(self, place: int, statement: ast.stmt, alone: bool) -> Iterator[Slip]:
         """What two statements assign, exchanged: this one and one before it, or two in a loop."""
