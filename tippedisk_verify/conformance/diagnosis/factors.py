@@ -271,7 +271,7 @@ def said_factor(factor: float, p: SimpleNamespace) -> tuple[float, str]:
     if found is None:
         return LONG, f"has the extra factor {factor:.8g}"
     text = f"has the extra factor {found}" + (", B in place of Bbar" if "B/Bbar" in found else "")
-    if "epsilon" in found and abs(float(f"{factor:.1g}") / factor - 1) < _CONSTANT:  # the number may be meant, and not the parameter
+    if "epsilon" in found and abs(float(f"{factor:.1g}") / factor - 1) < _CONSTANT:  # perhaps the number is meant
         text += f" or {factor:.1g}"
     return 1.0 + len(found.split()), text
 
