@@ -21,8 +21,8 @@ _EPS = 2.0**-52
 _STEPS = {f"{step:g}": step for step in _ROUND} | {f"2^-{n}": 2.0**-n for n in range(10, 46)}
 _STEPS |= {"the square root of eps": math.sqrt(_EPS), "the cube root of eps": _EPS ** (1 / 3)}
 _SHARES = {
-    1.0: "in which rounding shows", 2.0: "divided by half of that: they are twice too large",
-    0.5: "divided by twice that: they are half as large as they should be",
+    1.0: "", 2.0: ", divided by half of that: they are twice too large",
+    0.5: ", divided by twice that: they are half as large as they should be",
 }  # fmt: skip
 _LEAST, _MOST = 32, 1e11  # multiples: smaller ones tell less of a step, larger ones are lost in the quotient's rounding
 _WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
@@ -47,5 +47,5 @@ def difference_of(here: Sequence[Quantity], answers: Mapping[str, Decimal], stor
         share = median(float(answers[quantity.id]) / quantity.for_doubles for quantity in here if quantity.for_doubles)
         for factor, words in _SHARES.items():
             if abs(share / factor - 1) < _ALIKE:
-                return f"finite differences over {text} (a forward step, or twice a central one), {words}"
+                return f"finite differences over {text} (a forward step, or twice a central one){words}"
     return None
