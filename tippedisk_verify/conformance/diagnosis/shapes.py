@@ -295,6 +295,8 @@ def _shapes(
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
     for number in _PRINTED.get(here[0].name, ()):
         yield f"{number}, as the paper prints it,", dict.fromkeys(right, number)
+    if here[0].name == "dv_rate_dbeta":
+        yield "1, which is d beta'/dv, the transposed entry of the Jacobian,", dict.fromkeys(right, 1.0)
     same = set(given.values())
     if len(same) == 1 and len(set(right.values())) == len(right) > 1:
         yield f"the same for all questions, {given[worst]:.8g},", given
