@@ -27,7 +27,9 @@ def distance(left, right) -> Fraction:
 
 @pytest.mark.honest
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-@pytest.mark.parametrize("omega", SPEEDS)
+@pytest.mark.parametrize(
+    "omega", [SPEEDS[0], *(pytest.param(omega, marks=pytest.mark.slow) for omega in SPEEDS[1:-1]), SPEEDS[-1]]
+)
 @pytest.mark.parametrize("start", STARTS, ids=["x1", "x2"])
 def test_double_against_200_bits_and_scipy(taylor: Taylor, parameters, omega, start) -> None:
     """The figures that the suite claims: 10 s, or until the disk lies flat."""
