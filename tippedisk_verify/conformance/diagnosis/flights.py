@@ -17,7 +17,7 @@ from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alterna
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Field", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
+__all__ = ["Field", "Orbits", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
 
 Array = numpy.ndarray[Any, Any]
 Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows
@@ -121,6 +121,51 @@ def states_at(here: Sequence[Quantity], times: Array, store: Store) -> Array:
                 starts[row, lane] = stored.for_doubles
     speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
     return flown(field(here[0].set, here[0].friction, speeds), starts, rest, _STEPS)
+
+
+class Orbits:
+    """Right orbits at all times: as far as they are stored, and half a second on."""
+
+    def __init__(self, here: Sequence[Quantity], store: Store) -> None:
+        self._first, starts, speeds = list[int](), list[list[float]](), list[float]()
+        for quantity in here:
+            self._first.append(len(starts))
+            entry, time = quantity.id.rsplit("/", 1)[0], 0.0
+            state = [float(quantity.inputs[name]) for name in _STATE]
+            while True:
+                starts.append(state)
+                speeds.append(float(quantity.inputs["Omega"]))
+                time += _BETWEEN
+                stored = [store.get(f"{entry}/{name}@{time:g}") for name in _STATE]
+                if any(value is None for value in stored):
+                    break
+                state = [value.for_doubles for value in stored if value is not None]
+        self._last = numpy.array([*self._first[1:], len(starts)]) - 1
+        f, y, self._h = (
+            field(here[0].set, here[0].friction, numpy.array(speeds)),
+            numpy.array(starts).T,
+            _BETWEEN / _STEPS,
+        )
+        states = [y]
+        for _ in range(_STEPS):
+            states.append(RK4(f, states[-1], self._h))
+        self._states, self._rates = numpy.stack(states), numpy.stack([f(y) for y in states])
+
+    def at(self, orbit: Array, times: Array) -> Array:
+        """States, with beta, gamma and v as rows, by Hermite's cubics; NaN beyond."""
+        lane = numpy.minimum(numpy.array(self._first)[orbit] + (times // _BETWEEN).astype(int), self._last[orbit])
+        rest = (times - _BETWEEN * (lane - numpy.array(self._first)[orbit])) / self._h
+        known = (times >= 0) & (rest <= _STEPS)
+        step = numpy.where(known, numpy.minimum(rest, _STEPS - 1), 0).astype(int)
+        x = numpy.where(known, rest - step, math.nan)
+        (y, z), (f, g) = (
+            (numpy.moveaxis(table[step, :, lane], -1, 0), numpy.moveaxis(table[step + 1, :, lane], -1, 0))
+            for table in (self._states, self._rates)
+        )
+        rise = z - y - self._h * f
+        bend = self._h * (g - f) - 2 * rise
+        moved: Array = y + x * (self._h * f + x * (rise - bend * (1 - x)))
+        return moved
 
 
 def rates_at(sample: Sequence[Quantity], store: Store) -> dict[str, dict[str, float]]:
