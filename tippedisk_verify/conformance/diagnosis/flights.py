@@ -35,8 +35,12 @@ def field(
     omega: Any,
     parameters: Mapping[str, Any] | None = None,
     factors: Mapping[str, Any] | None = None,
+    drifts: Mapping[str, Callable[[Array], Array]] | None = None,
 ) -> Field:
-    """The equations with other parameters, and with factors on their terms; each value may be an array of lanes."""
+    """The equations with other parameters, and with factors on their terms; each value may be an array of lanes.
+
+    With ``drifts``, factors of speed and parameters by the time, states have the time as a fourth row.
+    """
     right = Model(Alternative("", ""), set_name, friction)
     p = vars(right.p) | dict(parameters or {})
     if "B" in (parameters or {}) or {"m", "e"} & (parameters or {}).keys():
@@ -48,7 +52,13 @@ def field(
         parts = spelled(spelling, numpy, values, omega, y, right.friction)
         return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"]])
 
-    return rates
+    def drifting(y: Array) -> Array:
+        now = {name: factor(y[3]) for name, factor in (drifts or {}).items()}
+        here = SimpleNamespace(**p | {name: x * p[name] for name, x in now.items() if name != "Omega"})
+        parts = spelled(spelling, numpy, here, omega * now.get("Omega", 1.0), y[:3], right.friction)
+        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"], numpy.ones_like(y[3])])
+
+    return drifting if drifts else rates
 
 
 def runge_kutta(table: tuple[tuple[float, ...], ...]) -> Step:

@@ -60,9 +60,16 @@ class Model:
         frozen = self.alternative.spelling.smoothed == "frozen"
         side = math.copysign(1.0, self.parts(math, omega, start)["gamma_y"]) if frozen else None
 
+        name, factor = self.alternative.drift or ("", None)
+
         def function(t: float, y: Any) -> list[float]:
             beta, gamma, v = y.tolist()
-            parts = self.parts(math, omega, (beta, gamma, v), side)
+            p, speed = self.p, omega
+            if factor is not None and name == "Omega":
+                speed *= factor(t)
+            elif factor is not None:
+                p = SimpleNamespace(**vars(p) | {name: factor(t) * getattr(p, name)})
+            parts = spelled(self.alternative.spelling, math, p, speed, (beta, gamma, v), self.friction, side)
             return [v, parts["gamma_rate"], parts["v_rate"]]
 
         return function
