@@ -249,11 +249,9 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
             numbers[f"{name}@{time:g}"] = float(value)
     kept = [(t, y) for t, y in zip(solution.t_events[0], solution.y_events[0], strict=True) if t > _START]
     for n, (time, state) in enumerate(kept, start=1):
-        numbers |= {
-            f"crossing_time#{n}": float(time),
-            f"crossing_gamma#{n}": float(state[1]),
-            f"crossing_v#{n}": float(state[2]),
-        }
+        numbers[f"crossing_time#{n}"] = float(time)
+        if model.alternative.drift is None:  # which the location of crossings may leave out
+            numbers |= {f"crossing_gamma#{n}": float(state[1]), f"crossing_v#{n}": float(state[2])}
     if len(solution.t_events[1]):
         numbers["flat_time"] = float(solution.t_events[1][0])
     return numbers
