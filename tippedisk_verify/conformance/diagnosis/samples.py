@@ -36,6 +36,7 @@ _TIMES = 5  # that a distance is narrowed
 _PARTS = 8
 _TINY = 1e-6  # s, for derivatives
 _CURVED = 1e-3  # s, for second differences
+_ROUGHLY = 0.1  # of a grid's distance: how far times may be off its points before it is refined
 _ALIKE = 1e-7  # s, of times
 
 
@@ -161,7 +162,7 @@ def _laws(times: Array, by: Array) -> list[tuple[str, Array]]:
     inverse = _inverses(times)
     cycles = taken * inverse[:, None]
     off = abs(cycles - numpy.round(cycles)).max(axis=1)
-    for u in inverse[numpy.argsort(off, kind="stable")[:_BEST]]:
+    for u in numpy.sort(inverse[[n for n in _minima(off) if off[n] < _ROUGHLY]]):
         n = numpy.round(taken * u)
         h = plain(float((n * taken).sum() / (n * n).sum()))
         place = times / h
