@@ -163,11 +163,12 @@ class Orbits:
 
     def at(self, orbit: Array, times: Array) -> Array:
         """States, with beta, gamma and v as rows, by Hermite's cubics; NaN beyond."""
-        lane = numpy.minimum(numpy.array(self._first)[orbit] + (times // _BETWEEN).astype(int), self._last[orbit])
-        rest = (times - _BETWEEN * (lane - numpy.array(self._first)[orbit])) / self._h
-        known = (times >= 0) & (rest <= _STEPS)
-        step = numpy.where(known, numpy.minimum(rest, _STEPS - 1), 0).astype(int)
-        x = numpy.where(known, rest - step, math.nan)
+        first, last = numpy.array(self._first)[orbit], self._last[orbit]
+        times = numpy.clip(numpy.nan_to_num(times, nan=-1.0), -1.0, _BETWEEN * (last - first + 2))
+        lane = numpy.clip(first + (times // _BETWEEN).astype(int), first, last)
+        rest = (times - _BETWEEN * (lane - first)) / self._h
+        step = numpy.clip(rest, 0, _STEPS - 1).astype(int)
+        x = numpy.where((rest >= 0) & (rest <= _STEPS), rest - step, math.nan)
         (y, z), (f, g) = (
             (numpy.moveaxis(table[step, :, lane], -1, 0), numpy.moveaxis(table[step + 1, :, lane], -1, 0))
             for table in (self._states, self._rates)

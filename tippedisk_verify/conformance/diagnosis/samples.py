@@ -37,6 +37,7 @@ _PARTS = 8
 _TINY = 1e-6  # s, for derivatives
 _CURVED = 1e-3  # s, for second differences
 _ROUGHLY = 0.1  # of a grid's distance: how far times may be off its points before it is refined
+_NEARLY = 1e-6  # s, of a grid's points
 _ALIKE = 1e-7  # s, of times
 
 
@@ -156,20 +157,26 @@ def _laws(times: Array, by: Array) -> list[tuple[str, Array]]:
         found.append((f"samples are taken at {factor:.9g} times the time asked for", times * factor))
     slope, first = numpy.polyfit(times, by, 1)
     slope, first = plain(1 + float(slope)), plain(float(first))
-    text = f"samples are taken at {slope:.9g} times the time asked for, and {first:.6g} s later"
-    found.append((text, times * slope + first))
+    text = f"samples are taken at {slope:.9g} times the time asked for, and {abs(first):.6g} s too "
+    found.append((text + ("late" if first > 0 else "early"), times * slope + first))
     taken = times + by
     inverse = _inverses(times)
     cycles = taken * inverse[:, None]
     off = abs(cycles - numpy.round(cycles)).max(axis=1)
     for u in numpy.sort(inverse[[n for n in _minima(off) if off[n] < _ROUGHLY]]):
         n = numpy.round(taken * u)
-        h = plain(float((n * taken).sum() / (n * n).sum()))
+        h = _short(float((n * taken).sum() / (n * n).sum()), times)
         place = times / h
         for word, taking in (("nearest", numpy.round), ("last", _floor), ("next", _ceiling)):
             if (taking(place) == n).all():
                 found.append((f"samples are states at the {word} point of a grid of {h:.6g} s", h * n))
     return found
+
+
+def _short(h: float, times: Array) -> float:
+    """A grid's distance with few digits, if that moves no point."""
+    short = plain(h)
+    return short if abs(short / h - 1) * times.max() < _NEARLY else h
 
 
 def _floor(x: Array) -> Array:
@@ -212,7 +219,7 @@ def _straight(samples: _Samples, answers: Mapping[str, Decimal], wrong: set[str]
         for _ in range(_TIMES):
             near = 1 / (1 / h + width * numpy.linspace(-1, 1, 2 * _PARTS + 1))
             h, width = min(near, key=lambda h: _left(samples, _on_grid(samples, h))), width / _PARTS
-        if _explain(samples, _on_grid(samples, h := plain(float(h))), answers, wrong):
+        if _explain(samples, _on_grid(samples, h := _short(float(h), times)), answers, wrong):
             return f"samples are interpolated linearly between points {h:.6g} s apart"
     before, after = _brackets(samples, numpy.sqrt(2 * numpy.maximum(half, 0.0)))
     if not _explain(samples, _on_line(samples, before, after), answers, wrong) or not _lasting(samples, half):
@@ -259,5 +266,5 @@ def _brackets(samples: _Samples, first: Array) -> tuple[Array, Array]:
         matrix = numpy.einsum("isn,jsn->nij", slopes, slopes)
         matrix += 1e-9 * (numpy.trace(matrix, axis1=1, axis2=2) + 1e-300)[:, None, None] * numpy.eye(2)
         wanted = numpy.einsum("isn,sn->ni", slopes, numpy.nan_to_num(samples.given - here))
-        ends = numpy.maximum(ends + numpy.linalg.solve(matrix, wanted[:, :, None])[:, :, 0].T, 0.0)
+        ends = numpy.clip(ends + numpy.linalg.solve(matrix, wanted[:, :, None])[:, :, 0].T, 0.0, _WIDEST)
     return ends[0], ends[1]
