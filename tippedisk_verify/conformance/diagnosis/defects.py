@@ -1,7 +1,7 @@
 """Whether some equations of motion give the answered orbits, or none do.
 
 The right equations, started in each answered state, miss the next one by a defect. Equations that are a little wrong
-leave the same defect wherever an orbit passes the same state. An integrator that chooses its steps, and rounding, do not.
+leave the same defect wherever an orbit passes the same state; an integrator that chooses its steps does not.
 """
 
 from __future__ import annotations
