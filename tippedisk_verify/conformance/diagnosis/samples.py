@@ -118,8 +118,10 @@ def _other_times(samples: _Samples, answers: Mapping[str, Decimal], wrong: set[s
     shift = _polished(samples, shifts[together.argmin(axis=1)][which], which)
     if _explain(samples, samples.orbits.at(samples.orbit, samples.times + shift), answers, wrong):
         by = numpy.array([shift[which == n][0] for n in range(len(times))])
-        for text, taken in _laws(times, by):
-            if _explain(samples, samples.orbits.at(samples.orbit, taken[which]), answers, wrong):
+        count = len(times) - samples.ended
+        for text, taken in _laws(times[:count], by[:count]) if count >= _LEAST else ():
+            instants = numpy.append(taken, times[count:])[which]
+            if _explain(samples, samples.orbits.at(samples.orbit, instants), answers, wrong):
                 return text
         return f"samples are states of other times than asked, on all orbits {by.min():.3g} s to {by.max():.3g} s later"
     shift = _polished(samples, shifts[squares.argmin(axis=1)], numpy.arange(len(shift)))
