@@ -15,6 +15,7 @@ from tests.conformance.scipy_program import motion
 from tippedisk_verify.conformance.diagnosis.causes import _fit
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.defects import defects
 from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
@@ -166,6 +167,30 @@ def test_a_speed_that_drifts_is_solved_for(power: int, told: bool, store: Store)
     ]
     fits = [one.cause for one in numbers if _fit(one, entries, answers, wrong, store, 6) is not None]
     assert fits == (["Omega falls along orbits, by 0.002 of its first value a second"] if told else [])
+
+
+@pytest.mark.parametrize(("damping", "tolerance"), [(0.01, 1e-10), (0.0, 1e-4)])
+def test_small_changes_of_the_equations_leave_other_defects_than_steps(
+    damping: float, tolerance: float, store: Store
+) -> None:
+    times, here, answers = np.arange(0.5, 10.1, 0.5), list[Quantity](), dict[str, Decimal]()
+    for orbit in ("b1", "b2", "d1", "d2", "f1"):
+        asked = [[store[f"printed/linear/trajectory/{orbit}/{name}@{t:g}"] for t in times] for name in STATE]
+        rates = _rates(asked[0][0])
+        run = solve_ivp(
+            lambda t, y, rates=rates: rates(t, y) - [0.0, 0.0, damping * y[2]], (0, 10), _start(asked[0][0]), "RK45",
+            t_eval=times, rtol=tolerance, atol=tolerance,
+        )  # fmt: skip
+        here += [quantity for row in asked for quantity in row]
+        answers |= {
+            q.id: Decimal(float(x)) for row, y in zip(asked, run.y, strict=True) for q, x in zip(row, y, strict=True)
+        }
+    found = defects(here, answers)
+    assert found is not None
+    largest, left = found
+    # Derivatives have three digits; steps are accepted or rejected without regard to the place.
+    assert largest < 0.02
+    assert left < 0.03 if damping else left > 0.5
 
 
 def test_another_value_in_the_orbits_equations_is_found_however_far(store: Store) -> None:
