@@ -22,6 +22,7 @@ _SMALL = 1e-5  # of a changed term: defects are proportional to it
 _STEPS = 100  # of 5 ms, as friction decays at some 130 1/s, for derivatives of three digits
 _FINE = 500
 _RULES = 135  # changed terms
+_LARGE = 1.0  # rad, rad/s; such defects are not proportional to what makes them
 _PLENTY = 2  # times as many defects must be known
 _ELSEWHERE = 1e-2  # of the first defects: where all the others are smaller, starts are wrong
 
@@ -56,10 +57,11 @@ def defects(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tuple[f
     speeds = numpy.array([float(whole[place]["beta"].inputs["Omega"]) for place in pairs])
     right = field(here[0].set, here[0].friction, speeds)
     missed = numpy.array([given[place] for place in pairs]).T - flown(right, starts, between, _FINE)
-    largest = float(abs(missed).max())
-    if not math.isfinite(largest) or numpy.linalg.norm(missed[:, ~first]) < _ELSEWHERE * numpy.linalg.norm(
-        missed[:, first]
-    ):
+    largest = float(numpy.nan_to_num(abs(missed), nan=math.inf).max())
+    if largest > _LARGE:
+        return None
+    begin, later = (float(numpy.linalg.norm(missed[:, part])) for part in (first, ~first))
+    if later < _ELSEWHERE * begin:
         return None
 
     def changed(y: Array) -> Array:

@@ -23,6 +23,7 @@ __all__ = ["samples_of"]
 
 _STATE = ("beta", "gamma", "v")
 _LEAST = 2  # orbits, and times
+_HUGE = 1e3  # rad, rad/s; no right state is that far off
 _FARTHEST = 0.25  # s, of a shift
 _SHIFTS = 1001
 _PASSES = 20  # of the Gauss-Newton method
@@ -64,7 +65,7 @@ def samples_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
         return None
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     samples = _samples([store[id_] for id_ in answers if "@" in id_], answers, wrong, store)
-    if samples is None:
+    if samples is None or not abs(samples.errors).max() < _HUGE:
         return None
     text = _other_times(samples, answers, wrong) or _straight(samples, answers, wrong)
     return ((("samples", text),), frozenset(id_ for id_ in wrong if "@" in id_)) if text else None

@@ -409,7 +409,9 @@ def _motion(
 
     given = {grade.id: as_decimal(grade.answer) for grade in samples}
     largest, left = defects([store[grade.id] for grade in samples], given) or (math.inf, math.nan)
-    ruled, unruled = left < _RULED, left > _UNRULED and largest < _DEFECT
+    by_name = [[id_ in wrong for id_ in given if f"/{name}@" in id_] for name in ("beta", "gamma", "v")]
+    everywhere = all(2 * sum(bad) > len(bad) for bad in by_name)  # not one orbit, and not one way of saying it
+    ruled, unruled = left < _RULED, left > _UNRULED and largest < _DEFECT and everywhere
     if ruled or not (unruled or max(grade.off for grade in usable) <= _INTEGRATED):
         return None
     text = "the integrator's errors: a loose tolerance, too long a step, single precision, or states rounded or "
