@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint, solve_ivp
 
 from tests.conformance.scipy_program import motion
+from tippedisk_verify.conformance.diagnosis.causes import _fit
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.defects import defects
 from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
+from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers
@@ -79,6 +82,115 @@ def test_tolerances_are_told_by_the_errors_that_they_make(store: Store) -> None:
     here = [quantity for three in samples for quantity in three]
     said = "a loose tolerance, SciPy's RK23 at rtol = 0.0001, atol = 1e-06"
     assert tolerances(here, _answers(samples, runs)) == said
+
+
+def test_a_tolerance_of_odeint_is_told_though_its_first_step_depends_on_its_output(store: Store) -> None:
+    samples, times = _samples(store), np.arange(0, 0.501, 4e-3)
+    runs = [odeint(_rates(three[0]), _start(three[0]), times, rtol=1e-4, atol=1e-6, tfirst=True) for three in samples]
+    here = [quantity for three in samples for quantity in three]
+    said = "a loose tolerance, SciPy's LSODA (odeint or solve_ivp) at rtol = 0.0001, atol = 1e-06"
+    assert tolerances(here, _answers(samples, [run[-1] for run in runs])) == said
+
+
+TIMES = np.arange(0.5, 4.1, 0.5)
+
+
+def _flights(store: Store, rates: Callable[[Quantity], Callable[[float, Any], Any]] = _rates) -> dict[str, Any]:
+    """Dense orbits by entry."""
+    asked = [store[f"printed/linear/trajectory/{orbit}/beta@0.5"] for orbit in ORBITS]
+    return {
+        quantity.id.rsplit("/", 1)[0]: solve_ivp(
+            rates(quantity), (0, 4.1), _start(quantity), "DOP853", rtol=1e-12, atol=1e-12, dense_output=True
+        ).sol
+        for quantity in asked
+    }
+
+
+def _sampled(flights: dict[str, Any], state: Callable[[Any, float], Any]) -> dict[str, float]:
+    return {
+        f"{entry}/{name}@{t:g}": float(x)
+        for entry, flight in flights.items()
+        for t in TIMES
+        for name, x in zip(STATE, state(flight, t), strict=True)
+    }
+
+
+def _line(flight: Any, t: float, ends: tuple[float, float]) -> Any:
+    return flight(ends[0]) + (t - ends[0]) / (ends[1] - ends[0]) * (flight(ends[1]) - flight(ends[0]))
+
+
+def _on_lines(flight: Any, t: float) -> Any:
+    n = math.floor(t / 0.03 + 1e-9)
+    return _line(flight, t, (n * 0.03, (n + 1) * 0.03))
+
+
+def _between_steps(flight: Any, t: float) -> Any:
+    n = np.searchsorted(flight.ts, t)
+    return _line(flight, t, (flight.ts[n - 1], flight.ts[n]))
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [
+        (lambda flight, t: flight(t + 0.01), "samples are taken 0.01 s too late"),
+        (lambda flight, t: flight(1.001 * t), "samples are taken at 1.001 times the time asked for"),
+        (lambda flight, t: flight(0.03 * (t // 0.03)), "samples are states at the last point of a grid of 0.03 s"),
+        (_on_lines, "samples are interpolated linearly between points 0.03 s apart"),
+        (_between_steps, "samples are interpolated linearly between the integrator's own steps, or points of an odd "),
+        (lambda flight, t: _on_lines(flight, t) * [1.0, 1.0, 1.0001], None),
+        (lambda flight, t: (flight(t - 0.015) + flight(t + 0.015)) / 2, None),  # a mean, not points
+    ],
+)
+def test_the_instants_of_samples_are_told(state: Callable[[Any, float], Any], said: str | None, store: Store) -> None:
+    found = samples_of(*_grades(store, _sampled(_flights(store), state)), store)
+    assert (found is None) == (said is None)
+    if found is not None and said is not None:
+        assert found[0][0][1].startswith(said)
+
+
+@pytest.mark.parametrize(("power", "told"), [(1, True), (2, False)])
+def test_a_speed_that_drifts_is_solved_for(power: int, told: bool, store: Store) -> None:
+    def rates(quantity: Quantity) -> Callable[[float, Any], Any]:
+        def function(t: float, y: Any) -> Any:
+            speed = float(quantity.inputs["Omega"]) * (1 - 2e-3 * t**power)
+            gamma_rate, v_rate, _ = motion(math, P, speed, False, [float(x) for x in y])
+            return np.array([y[2], gamma_rate, v_rate])
+
+        return function
+
+    given = _sampled(_flights(store, rates), lambda flight, t: flight(t))
+    answers = {id_: Decimal(x) for id_, x in given.items()}
+    grades, wrong = _grades(store, given)
+    numbers, _ = orbit_values(grades, wrong, answers, store)
+    entries = [
+        [store[id_] for id_ in given if id_.startswith(entry)] for entry in {id_.rsplit("/", 1)[0] for id_ in given}
+    ]
+    fits = [one.cause for one in numbers if _fit(one, entries, answers, wrong, store, 6) is not None]
+    assert fits == (["Omega falls along orbits, by 0.002 of its first value a second"] if told else [])
+
+
+@pytest.mark.parametrize(("damping", "tolerance"), [(0.01, 1e-10), (0.0, 1e-4)])
+def test_small_changes_of_the_equations_leave_other_defects_than_steps(
+    damping: float, tolerance: float, store: Store
+) -> None:
+    times, here, answers = np.arange(0.5, 10.1, 0.5), list[Quantity](), dict[str, Decimal]()
+    for orbit in ("b1", "b2", "d1", "d2", "f1"):
+        asked = [[store[f"printed/linear/trajectory/{orbit}/{name}@{t:g}"] for t in times] for name in STATE]
+        rates = _rates(asked[0][0])
+        run = solve_ivp(
+            lambda t, y, rates=rates: rates(t, y) - [0.0, 0.0, damping * y[2]], (0, 10), _start(asked[0][0]), "RK45",
+            t_eval=times, rtol=tolerance, atol=tolerance,
+        )  # fmt: skip
+        here += [quantity for row in asked for quantity in row]
+        answers |= {
+            q.id: Decimal(float(x)) for row, y in zip(asked, run.y, strict=True) for q, x in zip(row, y, strict=True)
+        }
+    found = defects(here, answers)
+    assert found is not None
+    largest, left = found
+    # Derivatives have three digits; steps are accepted or rejected without regard to the place.
+    assert largest < 0.02
+    assert left < 0.03 if damping else left > 0.5
 
 
 def test_another_value_in_the_orbits_equations_is_found_however_far(store: Store) -> None:

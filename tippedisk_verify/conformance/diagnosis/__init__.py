@@ -5,8 +5,8 @@
 - in the answers themselves (`shapes`, by `relations` and `places`), and as one free number (`factors`),
 - in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), and any single
   slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`),
-- in orbits and cycles, which `flights` computes: `integrators`, `orbits` (events), `scans` (one number), `cycles`
-  and `closing` (what is made of the half map, and what closes it).
+- in orbits and cycles, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown
+  ones), `orbits` (events), `scans` (one number), `cycles` and `closing` (what is made of the half map, and closes it).
 """
 
 from tippedisk_verify.conformance.diagnosis.causes import Diagnosis, diagnosed

@@ -150,7 +150,7 @@ class Alternative:
     output: Callable[[str, float], float] | None = None  #: (quantity, right value) -> the answer given
     pi: float = math.pi  #: of sections and equilibria
     friction: str | None = None  #: the law of the orbit
-    late: float = 0.0  #: s, by which samples are taken too late
+    drift: tuple[str, Callable[[float], float]] | None = None  #: of an orbit: the speed or a parameter, its factor at t
     counterpart: dict[str, str] = field(default_factory=dict)  #: answers that belong to another set, law or form
 
     @property

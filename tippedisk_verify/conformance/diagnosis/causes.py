@@ -20,11 +20,12 @@ from typing import Any
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
-from tippedisk_verify.conformance.diagnosis.factors import free_values, late_values, term_factors
+from tippedisk_verify.conformance.diagnosis.factors import free_values, term_factors
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
 from tippedisk_verify.conformance.diagnosis.relations import stem
+from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scaled import factor_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
@@ -231,7 +232,7 @@ def _causes(
                 found = fitting(one for one in ALTERNATIVES if one.parameters)
         if found is None and level == _ORBITS:
             advance(f"level {level}: integrators", 1)
-            found = fitting(late_values(worst, answers, store)) or integrator_of(usable, wrong, store)
+            found = samples_of(usable, wrong, store) or integrator_of(usable, wrong, store)
             found = found or events_of(usable, wrong, store)
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.

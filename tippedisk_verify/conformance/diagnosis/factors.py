@@ -26,7 +26,7 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
-    *("LONG", "changed_term", "factor_said", "free_values", "late_values", "model_bases", "model_values", "monomial"),
+    *("LONG", "changed_term", "factor_said", "free_values", "model_bases", "model_values", "monomial"),
     *("moved", "named_product", "named_values", "parameter", "said_factor", "scaled", "term_factors", "term_names"),
 ]
 
@@ -64,7 +64,6 @@ _CONSTANT = 1e-6  # relative: the spread of what is left; the terms keep nine di
 _SMALL = ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, "1/4"))
 _LEAST_STATES = 12  # for at most nine unknowns
 _ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
-_LATE = 0.05  # s
 _HALVES = (1, -1, 2, -2, 0.5, -0.5)
 LONG = 9.0  # the rank of a factor that is nothing but a number
 _GRID = sorted(
@@ -304,29 +303,6 @@ def solved(
 ) -> Iterator[float]:
     """The numbers within ``grid`` with which an alternative gives the answer to ``worst``."""
     return _roots(partial(_error, make, worst, float(answers[worst.id]), store), grid)
-
-
-def late_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -> Iterator[Alternative]:
-    """The time by which an orbit's samples are late, if ``worst`` is one."""
-    answer = float(answers[worst.id])
-    rate = _rate(worst, store) if "@" in worst.name else 0.0
-    late = (answer - float(worst)) / rate if rate else math.inf
-    if abs(late) < _LATE:
-        near = [share * late for share in (0.6, 1.0, 1.6)]
-        yield from map(_late, solved(_late, worst, answers, store, near))
-
-
-def _rate(sample: Quantity, store: Store) -> float:
-    """d/dt of one part of a state on its way."""
-    model, time = Model(Alternative("", ""), sample.set, sample.friction), sample.name.split("@")[1]
-    state = [float(store[f"{sample.id.rsplit('/', 1)[0]}/{name}@{time}"]) for name in ("beta", "gamma", "v")]
-    parts = model.parts(math, float(sample.inputs["Omega"]), state)
-    return float({"beta": state[2], "gamma": parts["gamma_rate"], "v": parts["v_rate"]}[sample.name.split("@")[0]])
-
-
-def _late(late: float) -> Alternative:
-    text = f"samples are taken {abs(late):.6g} s too {'late' if late > 0 else 'early'}"
-    return Alternative("late-value", text, late=late)
 
 
 def _error(make: Callable[[float], Alternative], quantity: Quantity, answer: float, store: Store, c: float) -> float:

@@ -17,7 +17,7 @@ from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alterna
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Field", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
+__all__ = ["Field", "Orbits", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
 
 Array = numpy.ndarray[Any, Any]
 Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows
@@ -35,8 +35,12 @@ def field(
     omega: Any,
     parameters: Mapping[str, Any] | None = None,
     factors: Mapping[str, Any] | None = None,
+    drifts: Mapping[str, Callable[[Array], Array]] | None = None,
 ) -> Field:
-    """The equations with other parameters, and with factors on their terms; each value may be an array of lanes."""
+    """The equations with other parameters, and with factors on their terms; each value may be an array of lanes.
+
+    With ``drifts``, factors of speed and parameters by the time, states have the time as a fourth row.
+    """
     right = Model(Alternative("", ""), set_name, friction)
     p = vars(right.p) | dict(parameters or {})
     if "B" in (parameters or {}) or {"m", "e"} & (parameters or {}).keys():
@@ -48,7 +52,13 @@ def field(
         parts = spelled(spelling, numpy, values, omega, y, right.friction)
         return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"]])
 
-    return rates
+    def drifting(y: Array) -> Array:
+        now = {name: factor(y[3]) for name, factor in (drifts or {}).items()}
+        here = SimpleNamespace(**p | {name: x * p[name] for name, x in now.items() if name != "Omega"})
+        parts = spelled(spelling, numpy, here, omega * now.get("Omega", 1.0), y[:3], right.friction)
+        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"], numpy.ones_like(y[3])])
+
+    return drifting if drifts else rates
 
 
 def runge_kutta(table: tuple[tuple[float, ...], ...]) -> Step:
@@ -121,6 +131,52 @@ def states_at(here: Sequence[Quantity], times: Array, store: Store) -> Array:
                 starts[row, lane] = stored.for_doubles
     speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
     return flown(field(here[0].set, here[0].friction, speeds), starts, rest, _STEPS)
+
+
+class Orbits:
+    """Right orbits at all times: as far as they are stored, and half a second on."""
+
+    def __init__(self, here: Sequence[Quantity], store: Store) -> None:
+        self._first, starts, speeds = list[int](), list[list[float]](), list[float]()
+        for quantity in here:
+            self._first.append(len(starts))
+            entry, time = quantity.id.rsplit("/", 1)[0], 0.0
+            state = [float(quantity.inputs[name]) for name in _STATE]
+            while True:
+                starts.append(state)
+                speeds.append(float(quantity.inputs["Omega"]))
+                time += _BETWEEN
+                stored = [store.get(f"{entry}/{name}@{time:g}") for name in _STATE]
+                if any(value is None for value in stored):
+                    break
+                state = [value.for_doubles for value in stored if value is not None]
+        self._last = numpy.array([*self._first[1:], len(starts)]) - 1
+        f, y, self._h = (
+            field(here[0].set, here[0].friction, numpy.array(speeds)),
+            numpy.array(starts).T,
+            _BETWEEN / _STEPS,
+        )
+        states = [y]
+        for _ in range(_STEPS):
+            states.append(RK4(f, states[-1], self._h))
+        self._states, self._rates = numpy.stack(states), numpy.stack([f(y) for y in states])
+
+    def at(self, orbit: Array, times: Array) -> Array:
+        """States, with beta, gamma and v as rows, by Hermite's cubics; NaN beyond."""
+        first, last = numpy.array(self._first)[orbit], self._last[orbit]
+        times = numpy.clip(numpy.nan_to_num(times, nan=-1.0), -1.0, _BETWEEN * (last - first + 2))
+        lane = numpy.clip(first + (times // _BETWEEN).astype(int), first, last)
+        rest = (times - _BETWEEN * (lane - first)) / self._h
+        step = numpy.clip(rest, 0, _STEPS - 1).astype(int)
+        x = numpy.where((rest >= 0) & (rest <= _STEPS), rest - step, math.nan)
+        (y, z), (f, g) = (
+            (numpy.moveaxis(table[step, :, lane], -1, 0), numpy.moveaxis(table[step + 1, :, lane], -1, 0))
+            for table in (self._states, self._rates)
+        )
+        rise = z - y - self._h * f
+        bend = self._h * (g - f) - 2 * rise
+        moved: Array = y + x * (self._h * f + x * (rise - bend * (1 - x)))
+        return moved
 
 
 def rates_at(sample: Sequence[Quantity], store: Store) -> dict[str, dict[str, float]]:

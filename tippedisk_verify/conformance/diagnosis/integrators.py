@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
+from statistics import median
 from typing import Any
 
 import numpy
@@ -29,13 +32,18 @@ _MOST = 10_000  # steps of a flight
 _FEW = 500  # steps where a step is dear, or of high order
 _WORTH = 5.0  # times: errors that are so much smaller than the answers' need no shorter step
 _SLOW = 1.2  # the reciprocal of the least order that is believed
+_NEAR = 10.0  # times; errors at another absolute tolerance than the relative one are no further off
+_UNLIKE = 0.4  # of the orbits
+_SAME = 1e-3  # of the errors: what rounding leaves of them where the tolerances are the same
+_WASTED = 1e-4  # a relative tolerance of that share of the errors is too small to make them
 _LOST = 1.0  # rad, rad/s; a method that is further off is unstable
 _LEAST = 2  # orbits
 _LONGEST = 0.05  # s, of a step
 _EXACT = 2.5e-4  # s, of a step of RK4 that leaves some 1e-10
 _DURATION = 10.0  # s, that a solver is told
-_ADAPTIVE = ("RK45", "RK23", "LSODA", "BDF", "Radau", "DOP853")
-_RELATIVE = (1e-3, *(10.0**-k for k in range(2, 11) if k != 3))
+_ENDS = (8.0, 10.5, 11.0, 12.0, 15.0, 20.0)  # s, that it may be told as well
+_OUTPUTS = (0.01, 0.0, 0.1, 0.05, 0.02, 5e-3, 2e-3, 1e-3, 5e-4, 1e-4)  # s, to the first output; 0: the sample
+_RELATIVE = (1e-3, *(10.0**-k for k in range(2, 11) if k != 3), 1.49012e-8)  # and odeint's own
 _NEWTON = 4  # iterations of an implicit step: with a difference quotient, of nearly second order
 _TINY = 1e-7
 _COUNTS = (10, 20, 25, 40, 50, 80, 100, 125, 200, 250, 400, 500, 800, 1000, 1250, 2000, 2500, 5000, 10_000)
@@ -192,41 +200,105 @@ def _firsts(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> tuple[A
     return starts, speeds, errors, first
 
 
+@dataclass(frozen=True)
+class _Solver:
+    """One of SciPy's, and the runs that it may have been used in: first steps and last ones depend on them."""
+
+    name: str
+    #: (rates, start, time of the sample, relative and absolute tolerance, run) -> state there
+    state: Callable[[Any, Array, float, float, float, float], Array]
+    runs: tuple[float, ...]  #: s: to the end of the run, or to its first output; 0 stands for the sample asked for
+
+
+def _classes(name: str) -> Callable[[Any, Array, float, float, float, float], Array]:
+    """A class behind `solve_ivp`; ``run`` is the end that it is told."""
+
+    def state(rates: Any, start: Array, time: float, relative: float, absolute: float, run: float) -> Array:
+        from scipy import integrate
+
+        solver = getattr(integrate, name)(rates, 0.0, start, run or time, rtol=relative, atol=absolute)
+        while solver.status == "running" and solver.t < time:
+            solver.step()
+        return numpy.asarray(solver.dense_output()(time)) if solver.status != "failed" else start * math.nan
+
+    return state
+
+
+def _odeint(rates: Any, start: Array, time: float, relative: float, absolute: float, run: float) -> Array:
+    """LSODA, whose first step depends on the first output time ``run``."""
+    from scipy.integrate import odeint
+
+    times = [0.0, run, time] if 0 < run < time else [0.0, time]
+    return numpy.asarray(odeint(rates, start, times, rtol=relative, atol=absolute, tfirst=True)[-1])
+
+
+def _ode(name: str, **options: Any) -> Callable[[Any, Array, float, float, float, float], Array]:
+    """An integrator of SciPy's class `ode`, which is asked for a state each ``run``."""
+
+    def state(rates: Any, start: Array, time: float, relative: float, absolute: float, run: float) -> Array:
+        from scipy.integrate import ode
+
+        solver = ode(rates).set_integrator(name, rtol=relative, atol=absolute, nsteps=_FEW, **options)
+        solver.set_initial_value(start, 0.0)
+        count = round(time / run) if run else 1
+        for n in range(1, count + 1):
+            solver.integrate(time * n / count)
+        return numpy.asarray(solver.y) if solver.successful() else start * math.nan
+
+    return state
+
+
+_SOLVERS = (
+    _Solver("LSODA (odeint or solve_ivp)", _odeint, _OUTPUTS),
+    *(_Solver(name, _classes(name), (_DURATION, 0.0)) for name in ("RK45", "RK23")),
+    _Solver("LSODA (odeint or solve_ivp)", _classes("LSODA"), (_DURATION, 0.0, *_ENDS)),
+    *(_Solver(name, _classes(name), (_DURATION, 0.0)) for name in ("BDF", "Radau", "DOP853")),
+    *(_Solver(f"ode({name!r})", _ode(name), (0.0, 0.1, 0.05, 0.02, 0.01)) for name in ("dopri5", "dop853")),
+    *(_Solver(f"ode('vode', {kind})", _ode("vode", method=kind), _OUTPUTS[:5]) for kind in ("adams", "bdf")),
+)
+
+
 def tolerances(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str | None:
     """The method of SciPy and the tolerances that give the errors of the first samples of all orbits, if some do."""
-    from scipy import integrate
-
     starts, speeds, errors, time = _firsts(here, answers)
     if len(speeds) < _LEAST:
         return None
     sizes = numpy.linalg.norm(errors, axis=0)
     order = numpy.argsort(sizes)[::-1]
     exact = flown(field(here[0].set, here[0].friction, speeds), starts, time, round(time / _EXACT))
+    model = Model(Alternative("", ""), here[0].set, here[0].friction)
 
-    def fits(method: str, relative: float, absolute: float) -> float:
-        """How far from the errors: at most 1 if they are alike on all orbits."""
-        worst = 0.0
+    def left(solver: _Solver, lane: int, relative: float, absolute: float, run: float) -> tuple[float, float]:
+        """How far from one orbit's errors, relatively, and how many times as large or as small as they are."""
+        rates = model.rates(speeds[lane], starts[:, lane].tolist())
+        made = solver.state(rates, starts[:, lane], time, relative, absolute, run) - exact[:, lane]
+        size, mine = (
+            max(float(x), _TINY**2) for x in (sizes[lane], numpy.nan_to_num(numpy.linalg.norm(made), nan=1e9))
+        )
+        return float(numpy.linalg.norm(made - errors[:, lane])) / size, max(mine / size, size / mine)
+
+    def fits(solver: _Solver, *tolerances: float) -> float:
+        """How far from the errors of half of the orbits, if they are alike on most: rounding may turn a step down."""
+        lefts: list[float] = []
         for lane in order:
-            rates = Model(Alternative("", ""), here[0].set, here[0].friction).rates(
-                speeds[lane], starts[:, lane].tolist()
-            )
-            solver = getattr(integrate, method)(rates, 0.0, starts[:, lane], _DURATION, rtol=relative, atol=absolute)
-            while solver.status == "running" and solver.t < time:
-                solver.step()
-            if solver.status == "failed":
+            off, times = left(solver, lane, *tolerances)
+            lefts.append(off)
+            unlike = sum(not off <= _ALIKE for off in lefts)
+            if times > _NEAR or unlike > _UNLIKE * len(order) or unlike == len(lefts) == _LEAST:
                 return math.inf
-            made = solver.dense_output()(time) - exact[:, lane]
-            left = float(numpy.linalg.norm(made - errors[:, lane]) / max(sizes[lane], _TINY**2))
-            if left > _ALIKE:
-                ratio = max(numpy.linalg.norm(made), _TINY**2) / max(sizes[lane], _TINY**2)
-                return float(max(ratio, 1 / ratio, 2.0))
-            worst = max(worst, left / _ALIKE)
-        return worst
+        return median(lefts)
 
-    for method, relative in itertools.product(_ADAPTIVE, _RELATIVE):
-        near = fits(method, relative, relative)
-        absolutes = (1e-6, *(relative * 10.0**k for k in (-1, -2, -3, -4, 1, 2)), 1e-8, 1e-9, 1e-10, 1e-12)
-        for absolute in (relative, *(absolutes if near < 10 * _WORTH else ())):
-            if (near if absolute == relative else fits(method, relative, absolute)) <= 1:
-                return f"a loose tolerance, SciPy's {method} at rtol = {relative:g}, atol = {absolute:g}"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of solvers that give up
+        hopeful = [relative for relative in _RELATIVE if relative > _WASTED * sizes.max()]
+        for solver, relative in itertools.product(_SOLVERS, hopeful):
+            if left(solver, order[0], relative, relative, solver.runs[0])[1] > _NEAR:
+                continue
+            others = (relative, 1e-6, *(relative * 10.0**k for k in (-1, -2, -3, -4, 1, 2)), 1e-8, 1e-9, 1e-10, 1e-12)
+            absolutes = dict.fromkeys(float(f"{absolute:.6g}") for absolute in others)
+            tried = itertools.product(absolutes, solver.runs)
+            best, absolute = min((fits(solver, relative, absolute, run), absolute) for absolute, run in tried)
+            if best < _ALIKE:
+                about = "about " * (best > _SAME)
+                return f"a loose tolerance, SciPy's {solver.name} at rtol = {relative:g}, {about}atol = {absolute:g}"
     return None

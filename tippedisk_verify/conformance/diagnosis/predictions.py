@@ -18,9 +18,7 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["Model", "eigenvalues", "predicted"]
 
-_NONE = Alternative("", "")
 _STATE = ("beta", "gamma", "v")
-_SHORT = 5e-4  # s, a step; friction decays at some 200 1/s
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 _TOLERANCE = 1e-12
 _DURATION = 10.0
@@ -62,9 +60,16 @@ class Model:
         frozen = self.alternative.spelling.smoothed == "frozen"
         side = math.copysign(1.0, self.parts(math, omega, start)["gamma_y"]) if frozen else None
 
+        name, factor = self.alternative.drift or ("", None)
+
         def function(t: float, y: Any) -> list[float]:
             beta, gamma, v = y.tolist()
-            parts = self.parts(math, omega, (beta, gamma, v), side)
+            p, speed = self.p, omega
+            if factor is not None and name == "Omega":
+                speed *= factor(t)
+            elif factor is not None:
+                p = SimpleNamespace(**vars(p) | {name: factor(t) * getattr(p, name)})
+            parts = spelled(self.alternative.spelling, math, p, speed, (beta, gamma, v), self.friction, side)
             return [v, parts["gamma_rate"], parts["v_rate"]]
 
         return function
@@ -107,8 +112,6 @@ def predicted(
         return _counterparts(alternative, quantities, store, truth)
     if alternative.output is not None:
         return {q.id: alternative.output(placed(q.name)[0], truth[q.id]) for q in quantities}
-    if alternative.late:
-        return _late(alternative, quantities, store)
     compute = _BY_KIND.get(first.kind)
     if compute is None and first.kind not in ("limit-cycle", "near-heteroclinic"):
         return {}
@@ -136,29 +139,6 @@ def _counterparts(
         if other is not None:
             counterparts[quantity.id] = other.for_doubles
     return counterparts
-
-
-def _late(alternative: Alternative, quantities: Sequence[Quantity], store: Store) -> dict[str, float]:
-    """The right orbit's samples a little later; crossings are right."""
-    import numpy
-
-    first = quantities[0]
-    model = Model(_NONE, first.set, first.friction)
-    given = model.inputs(first)
-    rates = model.rates(given["Omega"], [given[name] for name in _STATE])
-    count = math.ceil(abs(alternative.late) / _SHORT)
-    step = alternative.late / count
-    found: dict[str, float] = {}
-    for time in dict.fromkeys(q.name.split("@")[1] for q in quantities if "@" in q.name):
-        ids = [f"{first.id.rsplit('/', 1)[0]}/{name}@{time}" for name in _STATE]
-        y = numpy.array([float(store[id_]) for id_ in ids])
-        for _ in range(count):
-            k_1 = numpy.array(rates(0.0, y))
-            k_2 = numpy.array(rates(0.0, y + step / 2 * k_1))
-            k_3 = numpy.array(rates(0.0, y + step / 2 * k_2))
-            y = y + step / 6 * (k_1 + 2 * k_2 + 2 * k_3 + numpy.array(rates(0.0, y + step * k_3)))
-        found |= dict(zip(ids, y.tolist(), strict=True))
-    return {q.id: found.get(q.id, q.for_doubles) for q in quantities}
 
 
 # ------------------------------------------------------------------------------------------ by kind
@@ -269,11 +249,9 @@ def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float
             numbers[f"{name}@{time:g}"] = float(value)
     kept = [(t, y) for t, y in zip(solution.t_events[0], solution.y_events[0], strict=True) if t > _START]
     for n, (time, state) in enumerate(kept, start=1):
-        numbers |= {
-            f"crossing_time#{n}": float(time),
-            f"crossing_gamma#{n}": float(state[1]),
-            f"crossing_v#{n}": float(state[2]),
-        }
+        numbers[f"crossing_time#{n}"] = float(time)
+        if model.alternative.drift is None:  # which the location of crossings may leave out
+            numbers |= {f"crossing_gamma#{n}": float(state[1]), f"crossing_v#{n}": float(state[2])}
     if len(solution.t_events[1]):
         numbers["flat_time"] = float(solution.t_events[1][0])
     return numbers

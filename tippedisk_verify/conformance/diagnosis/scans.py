@@ -33,6 +33,8 @@ _FACTORS = sorted(
     {sign * 10 ** (k / 2) for k in range(-4, 5) for sign in (-1, 1)}
     | {0.0, 0.2, 0.5, 0.7, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.5, 2.0, 5.0}
 )
+_RATES = sorted({sign * 10 ** (k / 2) for k in range(-12, 1) for sign in (-1, 1)} | {0.0})  # 1/s
+_DRIFTING = ("Omega", "mu", "epsilon", "g")
 _SHIFTS = sorted({sign * 10 ** (k / 2) for k in range(-8, 2) for sign in (-1, 1)} | {0.0})
 _STEP = 2e-3  # s; friction decays at some 130 1/s, and what RK4 leaves is taken off
 _ORBITS = 4  # whose first wrong samples a number has to give
@@ -52,14 +54,14 @@ _FITS = 0.02  # of an error: what a change that explains it may leave, all its p
 class Change:
     """One number that may be another: which, and the mistaken model that has a value of it."""
 
-    kind: str  #: parameter, term, speed or start
+    kind: str  #: parameter, term, speed, start, drift or decay
     name: str
     make: Callable[[float], Alternative]
     grid: Sequence[float]
 
 
 def changes(set_name: str, starts: bool) -> list[Change]:
-    """Of parameters, the speed and each term; of the start of an orbit as well."""
+    """Of parameters, the speed and each term; of the start of an orbit as well, and what changes on the way."""
     values = vars(Model(Alternative("", ""), set_name, "linear").p)
     found = [
         Change("parameter", name, partial(parameter, name, values[name]), [c * values[name] for c in _FACTORS])
@@ -69,7 +71,19 @@ def changes(set_name: str, starts: bool) -> list[Change]:
     if starts:
         found.append(Change("start-scale", "v", partial(scaled, "v"), _FACTORS))
         found += [Change("start", name, partial(moved, name, 1), _SHIFTS) for name in _STATE]
+        found += [Change("drift", name, partial(_drift, name), _RATES) for name in _DRIFTING]
+        found += [Change("decay", name, partial(_decay, name), _RATES) for name in _DRIFTING]
     return found + [Change("term", name, partial(changed_term, name, set_name), _FACTORS) for name in term_names()]
+
+
+def _drift(name: str, rate: float) -> Alternative:
+    cause = f"{name} {'grows' if rate > 0 else 'falls'} along orbits, by {abs(rate):.6g} of its first value a second"
+    return Alternative(f"{name}-drift", cause, drift=(name, lambda t: 1 + rate * t))
+
+
+def _decay(name: str, rate: float) -> Alternative:
+    cause = f"{name} {'grows' if rate > 0 else 'decays'} along orbits, by {abs(rate):.6g} of its value a second"
+    return Alternative(f"{name}-decay", cause, drift=(name, lambda t: math.exp(rate * t)))
 
 
 Lanes = Sequence[tuple[Change, float]]
@@ -80,6 +94,8 @@ def lane_field(lanes: Lanes, set_name: str, friction: str, omega: float, start: 
     count = len(lanes) + 1
     parameters: dict[str, Array] = {}
     factors: dict[str, Array] = {}
+    drifts: dict[str, Array] = {}
+    decays: dict[str, Array] = {}
     values = vars(Model(Alternative("", ""), set_name, friction).p)
     speeds, starts = numpy.full(count, omega), numpy.repeat(numpy.array(start)[:, None], count, axis=1)
     for lane, (change, value) in enumerate(lanes):
@@ -87,13 +103,22 @@ def lane_field(lanes: Lanes, set_name: str, friction: str, omega: float, start: 
             parameters.setdefault(change.name, numpy.full(count, values[change.name]))[lane] = value
         elif change.kind == "term":
             factors.setdefault(change.name, numpy.ones(count))[lane] = value
+        elif change.kind in ("drift", "decay"):
+            (drifts if change.kind == "drift" else decays).setdefault(change.name, numpy.zeros(count))[lane] = value
         elif change.kind == "speed":
             speeds[lane] *= value
         elif change.kind == "start-scale":
             starts[_STATE.index(change.name), lane] *= value
         else:
             starts[_STATE.index(change.name), lane] += value
-    return field(set_name, friction, speeds, parameters, factors), starts
+    none = numpy.zeros(count)
+    changing = {name: partial(_factor, drifts.get(name, none), decays.get(name, none)) for name in {**drifts, **decays}}
+    starts = numpy.vstack([starts, none]) if changing else starts
+    return field(set_name, friction, speeds, parameters, factors, changing), starts
+
+
+def _factor(drift: Array, decay: Array, t: Array) -> Array:
+    return numpy.asarray((1 + drift * t) * numpy.exp(decay * t))
 
 
 def changed_field(change: Change, value: float, set_name: str, friction: str, speeds: Array) -> Field:
