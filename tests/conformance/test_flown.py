@@ -130,12 +130,12 @@ def test_the_fast_multiplier_in_the_slow_ones_place_is_told(store: Store) -> Non
 
 
 def test_right_pieces_give_the_right_derivatives_and_multipliers(store: Store) -> None:
-    from tippedisk_verify.conformance.diagnosis.cycles import _numbers, _pieces
+    from tippedisk_verify.conformance.diagnosis.cycles import _pieces, numbers_of
 
     for friction in ("linear", "smooth"):
         here = [store[f"printed/{friction}/limit-cycle/crit-0.5/dperiod_domega"]]
         for entry, pieces in _pieces(here, store)[""].items():
-            for name, value in _numbers(pieces).items():
+            for name, value in numbers_of(pieces).items():
                 # The equations are integrated to 1e-11; their growth along half a cycle is some hundred.
                 assert value == pytest.approx(store[f"{entry}/{name}"].for_doubles, rel=1e-8)
 

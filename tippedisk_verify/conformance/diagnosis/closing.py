@@ -16,6 +16,7 @@ import numpy
 from tippedisk_verify.conformance.diagnosis.flights import Array, Field, field, half_map
 from tippedisk_verify.conformance.diagnosis.scans import Lanes, changed_field, changes, lane_field, narrowed, plain
 from tippedisk_verify.conformance.diagnosis.shapes import Found
+from tippedisk_verify.conformance.diagnosis.speeds import other_speeds
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -52,6 +53,7 @@ class _Answered:
             and _FASTEST > -answers[here["v_0"].id] > 0
         ]
         self.first = whole[0]["v_0"] if whole else None
+        self.entries = [here["v_0"].id.rsplit("/", 1)[0] for here in whole]
         self.omega = numpy.array([float(here["v_0"].inputs["Omega"]) for here in whole])
         gamma, v = (numpy.array([float(answers[here[name].id]) for here in whole]) for name in _STATE)
         self.start = numpy.stack([numpy.full(len(whole), _QUARTERS), _QUARTERS + gamma, v])
@@ -98,6 +100,8 @@ def closing_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     for text, speeds in _speeds(here.omega).items():
         if here.closed(field(set_name, friction, speeds), right):
             return ((("closing", f"{text} for the cycles"),), here.tried)
+    if (elsewhere := other_speeds(usable, wrong, store)) is not None:
+        return (("closing", elsewhere),), frozenset(wrong)
     texts = _numbers(here, right, set_name, friction)
     return (tuple(("closing", text) for text in texts), here.tried) if texts else None
 
