@@ -17,6 +17,8 @@ from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
 from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
+from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, closed_cycles, newton_step, returns
+from tippedisk_verify.conformance.diagnosis.speeds import answered_by, other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
@@ -151,3 +153,52 @@ def test_a_state_a_little_off_is_said_not_to_be_closed(store: Store) -> None:
     found = unclosed(*_grades(store, given), store)
     assert found is not None
     assert "not closed" in found[0][0][1]
+
+
+def _right(store: Store, entry: str, shift: float = 0.0) -> HalfOrbits:
+    """The half orbit of a stored cycle, with its speed moved."""
+    stored_ones = [store[f"{entry}/{name}"] for name in ("period", "gamma_bar_0", "v_0")]
+    period, gamma, v = (np.array([one.for_doubles]) for one in stored_ones)
+    omega = np.array([float(stored_ones[0].inputs["Omega"]) + shift])
+    return closed_cycles("printed", "linear", period / 2, gamma, v, omega)
+
+
+def _answered(store: Store, runs: dict[str, HalfOrbits]) -> dict[str, float]:
+    return {f"{entry}/{name}": x for entry, run in runs.items() for name, x in answered_by(run)[0].items()}
+
+
+def test_half_orbits_of_stored_cycles_have_the_stored_values(store: Store) -> None:
+    entry = "printed/linear/limit-cycle/crit-0.5"
+    for id_, value in _answered(store, {entry: _right(store, entry)}).items():
+        assert value == pytest.approx(store[id_].for_doubles, rel=1e-8)  # as above
+
+
+def test_another_origin_of_the_speeds_near_the_connection_is_told(store: Store) -> None:
+    near = "printed/linear/near-heteroclinic/het+1e-"
+    shift = 30.0495 - store["printed/linear/heteroclinic/point/omega_h"].for_doubles
+    given = _answered(store, {f"{near}{k}": _right(store, f"{near}{k}", shift) for k in (1, 2, 3)})
+    found = closing_of(*_grades(store, given), store)
+    assert found is not None
+    assert "at 30.0495 rad/s plus the distance from Omega_h" in found[0][0][1]
+    given[f"{near}3/multiplier_slow"] *= 1.01  # no cycle has this
+    assert other_speeds(*_grades(store, given), store) is None
+
+
+def test_cycles_of_a_newton_method_that_stops_are_told(store: Store) -> None:
+    entries = [f"printed/linear/limit-cycle/crit-0.{k}" for k in (3, 5)]
+    given, last = {}, {}
+    for entry in entries:
+        right = _right(store, entry)
+        run = returns("printed", "linear", right.gamma.round(2), right.v.round(2), right.omega, 2.0)
+        given |= _answered(store, {entry: run})
+        step = dict(zip(("gamma_bar_0", "v_0"), newton_step(run), strict=True))
+        last |= {f"{entry}/{name}": float(x[0]) for name, x in step.items()}
+    found = stopped_of(*_grades(store, given), store)
+    assert found is not None
+    assert "it starts at the answered (gamma_bar_0, v_0)" in found[0][0][1]
+    given |= {id_: given[id_] + x for id_, x in last.items()}
+    found = stopped_of(*_grades(store, given), store)
+    assert found is not None
+    assert "a guess of 2 decimals" in found[0][0][1]
+    given[f"{entries[0]}/v_0"] += 1e-4  # no step of Newton's method
+    assert stopped_of(*_grades(store, given), store) is None

@@ -6,6 +6,7 @@ one of them on one cycle; the other, and all other cycles, have to bear it out.
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Mapping, Sequence
@@ -97,11 +98,18 @@ def closing_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     right = here.left(field(set_name, friction, here.omega))
     if not numpy.isfinite(right[0]).all() or abs(right[0][:, here.wrong]).max(axis=0).min() < _LEFT:
         return None
-    for text, speeds in _speeds(here.omega).items():
+    lane = int(numpy.argmax(abs(right[0]).max(axis=0) * here.wrong))
+    rounded = _speeds(here.omega)
+    start = numpy.repeat(here.start[:, lane : lane + 1], len(rounded), axis=1)
+    there = field(set_name, friction, numpy.array([speeds[lane] for speeds in rounded.values()]))
+    _, end = half_map(there, start, _FINE, _QUARTERS, here.longest[lane])
+    left = numpy.fmax(abs(2 * _QUARTERS - end[1] - start[1]), abs(end[2] + start[2]))
+    likely = left <= _CLOSED * abs(right[0][:, lane]).max()
+    for text, speeds in itertools.compress(rounded.items(), likely):
         if here.closed(field(set_name, friction, speeds), right):
             return ((("closing", f"{text} for the cycles"),), here.tried)
     if (elsewhere := other_speeds(usable, wrong, store)) is not None:
-        return (("closing", elsewhere),), frozenset(wrong)
+        return elsewhere
     texts = _numbers(here, right, set_name, friction)
     return (tuple(("closing", text) for text in texts), here.tried) if texts else None
 

@@ -17,7 +17,7 @@ from tippedisk_verify.conformance.diagnosis.flights import Array, field, half_ma
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Store
 
-__all__ = ["Family", "HalfOrbits", "Slip", "closed_cycles", "half_orbits", "newton_step", "returns"]
+__all__ = ["Family", "HalfOrbits", "Slip", "closed_cycles", "half_orbits", "newton_step", "returns", "solved_each"]
 
 _STEP = 1e-40  # imaginary
 _TOLERANCE = 1e-11
@@ -47,6 +47,8 @@ class HalfOrbits:
     change: Array
     divergence: Array  #: integral of dv'/dv, by slip
     deepest: Array  #: the largest pi/2 - beta
+    turning: Array  #: when that is, from 0 to half
+    shallower: Array  #: what gamma and v take off it, two rows
 
     def left(self) -> Array:
         """What the symmetry leaves of the section, of gamma and of v."""
@@ -99,13 +101,16 @@ def half_orbits(
     lanes, at = numpy.arange(count), numpy.argmin(run.y[:count], axis=1)
     turn = run.t[at]
     for _ in range(_PASSES):  # where v = 0
-        y = run.sol(turn)[: 3 * count].reshape(3, count, count)[:, lanes, lanes]
+        there = run.sol(turn)[: 13 * count].reshape(13, count, count)[:, lanes, lanes]
+        y = there[:3]
         turn = numpy.clip(turn - y[2] / (half * jacobian(y, model.friction)[0][2]), 0.0, 1.0)
     end = run.y[: 3 * count, -1].reshape(3, count)
     changes = run.y[3 * count :, -1].reshape(len(slips), 10, count)
     speed = jacobian(end, model.friction)[0]
     change = changes[:, :9].reshape(len(slips), 3, 3, count)
-    return HalfOrbits(half, gamma, v, omega, end, speed, change, changes[:, 9], _QUARTER - y[0])
+    return HalfOrbits(
+        half, gamma, v, omega, end, speed, change, changes[:, 9], _QUARTER - y[0], turn * half, there[3:5]
+    )
 
 
 def returns(set_name: str, friction: str, gamma: Array, v: Array, omega: Array, longest: float) -> HalfOrbits:
@@ -116,14 +121,21 @@ def returns(set_name: str, friction: str, gamma: Array, v: Array, omega: Array, 
     return half_orbits(set_name, friction, half + run.left()[0] / run.speed[0], gamma, v, omega)
 
 
+def solved_each(matrices: Array, right: Array) -> Array:
+    """The solution for each orbit, the last axis; NaN if one has none."""
+    try:
+        return numpy.linalg.solve(numpy.moveaxis(matrices, 2, 0), right.T[:, :, None])[:, :, 0].T
+    except numpy.linalg.LinAlgError:
+        return numpy.full_like(right, numpy.nan)
+
+
 def newton_step(run: HalfOrbits) -> tuple[Array, Array]:
     """What Newton's method on the half map, with its time of return, adds to gamma and v."""
-    change, count = run.change[0], len(run.omega)
+    change = run.change[0]
     by = change[:, :2] - numpy.einsum("in,jn->ijn", run.speed / run.speed[0], change[0, :2])
     matrix = numpy.eye(2)[:, :, None] + by[1:]
     left = run.left()[1:] - run.speed[1:] / run.speed[0] * run.left()[0]
-    step = numpy.linalg.solve(numpy.moveaxis(matrix, 2, 0), left.T[:, :, None])[:, :, 0].T
-    assert step.shape == (2, count)
+    step = solved_each(matrix, left)
     return step[0], step[1]
 
 
@@ -136,7 +148,7 @@ def closed_cycles(
         matrix = numpy.stack([run.speed, run.change[0, :, 2 if of_amplitude else 0], run.change[0, :, 1]], axis=1)
         matrix[1, 1] += 0.0 if of_amplitude else 1.0
         matrix[2, 2] += 1.0
-        step = numpy.linalg.solve(numpy.moveaxis(matrix, 2, 0), run.left().T[:, :, None])[:, :, 0].T
+        step = solved_each(matrix, run.left())
         if not abs(step).max() > _CLOSED:
             break
         half, v = half + step[0], v + step[2]
