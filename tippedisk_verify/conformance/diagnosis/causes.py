@@ -24,6 +24,7 @@ from tippedisk_verify.conformance.diagnosis.factors import free_values, late_val
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
+from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.diagnosis.slipped import slip_of
@@ -213,8 +214,8 @@ def _causes(
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
-            found = cycle_slip_of(usable, wrong, store) or stopped_of(usable, wrong, store)
-            found = found or closing_of(usable, wrong, store)
+            found = cycle_slip_of(usable, wrong, store) or quotients_of(usable, wrong, store)
+            found = found or stopped_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone

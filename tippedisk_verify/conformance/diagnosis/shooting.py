@@ -23,6 +23,8 @@ _STEP = 1e-40  # imaginary
 _TOLERANCE = 1e-11
 _QUARTER = math.pi / 2
 _FINE = 1e-3  # s, of a step of RK4: it leaves some 1e-9 of the time of return
+_ROUGH = 1e-7  # the tolerance of Newton's first steps
+_LAST = 1e-4  # s, rad, rad/s; of a step after which it is the one asked for
 _CLOSED = 1e-9  # s, rad, rad/s; of Newton's last step
 _PASSES = 8
 _LEAST = 6  # stored cycles between which others are guessed
@@ -57,7 +59,7 @@ class HalfOrbits:
 
 def half_orbits(
     set_name: str, friction: str, half: Array, gamma: Array, v: Array, omega: Array,
-    slips: Sequence[tuple[str, Slip | None]] = (("", None),),
+    slips: Sequence[tuple[str, Slip | None]] = (("", None),), tolerance: float = _TOLERANCE,
 ) -> HalfOrbits:  # fmt: skip
     """Half orbits of these lengths; slips are the variational equations' law ("" for the orbit's), and a change."""
     from scipy.integrate import solve_ivp
@@ -97,7 +99,7 @@ def half_orbits(
     begin[:, [3, 7]] = 1.0  # d(gamma, v) / d(gamma, v)
     with numpy.errstate(all="ignore"):
         run = solve_ivp(rates, (0.0, 1.0), numpy.concatenate([start.ravel(), begin.ravel()]), method="DOP853",
-                        rtol=_TOLERANCE, atol=_TOLERANCE, dense_output=True)  # fmt: skip
+                        rtol=tolerance, atol=tolerance, dense_output=True)  # fmt: skip
     lanes, at = numpy.arange(count), numpy.argmin(run.y[:count], axis=1)
     turn = run.t[at]
     for _ in range(_PASSES):  # where v = 0
@@ -140,17 +142,26 @@ def newton_step(run: HalfOrbits) -> tuple[Array, Array]:
 
 
 def closed_cycles(
-    set_name: str, friction: str, half: Array, gamma: Array, v: Array, omega: Array, of_amplitude: bool = False
+    set_name: str,
+    friction: str,
+    half: Array,
+    gamma: Array,
+    v: Array,
+    omega: Array,
+    of_amplitude: bool = False,
+    tolerance: float = _TOLERANCE,
 ) -> HalfOrbits:
     """The cycles near such half orbits, at these speeds or with these gamma: not closed where Newton finds none."""
+    rough = max(_ROUGH, tolerance)
     for _ in range(_PASSES):
-        run = half_orbits(set_name, friction, half, gamma, v, omega)
+        run = half_orbits(set_name, friction, half, gamma, v, omega, tolerance=rough)
         matrix = numpy.stack([run.speed, run.change[0, :, 2 if of_amplitude else 0], run.change[0, :, 1]], axis=1)
         matrix[1, 1] += 0.0 if of_amplitude else 1.0
         matrix[2, 2] += 1.0
         step = solved_each(matrix, run.left())
-        if not abs(step).max() > _CLOSED:
+        if rough == tolerance and not abs(step).max() > _CLOSED:
             break
+        rough = tolerance if abs(step).max() < _LAST else rough
         half, v = half + step[0], v + step[2]
         gamma, omega = (gamma, omega + step[1]) if of_amplitude else (gamma + step[1], omega)
     return run
