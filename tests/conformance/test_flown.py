@@ -16,6 +16,7 @@ from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
 from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
+from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, closed_cycles, newton_step, returns
 from tippedisk_verify.conformance.diagnosis.speeds import answered_by, other_speeds, stopped_of
@@ -202,3 +203,15 @@ def test_cycles_of_a_newton_method_that_stops_are_told(store: Store) -> None:
     assert "a guess of 2 decimals" in found[0][0][1]
     given[f"{entries[0]}/v_0"] += 1e-4  # no step of Newton's method
     assert stopped_of(*_grades(store, given), store) is None
+
+
+@pytest.mark.parametrize(("step", "told"), [(2e-3, True), (2.7e-3, False)])
+def test_differences_are_told_by_a_round_step(step: float, told: bool, store: Store) -> None:
+    given = {}
+    for entry in ("printed/linear/limit-cycle/crit-0.2", "printed/linear/limit-cycle/crit-0.5"):
+        here, there = (_answered(store, {entry: _right(store, entry, shift)}) for shift in (0.0, step))
+        names = {f"{entry}/d{name}_domega": f"{entry}/{name}" for name in ("period", "gamma_bar_0", "v_0")}
+        given |= here | {id_: (there[of] - here[of]) / step for id_, of in names.items()}
+    found = quotients_of(*_grades(store, given), store)
+    said = "dperiod_domega, dgamma_bar_0_domega, dv_0_domega: forward differences by Omega with a step of 2e-3 rad/s"
+    assert (found is not None and found[0] == (("differences", said),)) == told

@@ -12,21 +12,24 @@ from decimal import Decimal
 import numpy
 
 from tippedisk_verify.conformance.diagnosis.flights import Array
-from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
+from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.diagnosis.shooting import Family, closed_cycles
 from tippedisk_verify.conformance.diagnosis.speeds import answered_by
-from tippedisk_verify.conformance.grading import Grade, as_decimal
+from tippedisk_verify.conformance.grading import Grade, as_decimal, needed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["quotients_of"]
 
 _OF = {"dperiod_domega": "period", "dgamma_bar_0_domega": "gamma_bar_0", "dv_0_domega": "v_0"}
 _KINDS = {"forward": (0, 1), "backward": (-1, 0), "central": (-1, 1)}  # from where to where, in steps
-_FREE = 2  # wrong answers that must bear out a round step
+_FREE = 3  # wrong answers that must bear out a round step
 _SHORT = 1 / 6  # of the distance from where the family ends: seven nodes then leave some 1e-8 of the derivative
 _NODES = numpy.cos(numpy.pi * (numpy.arange(7) + 0.5) / 7)
+_LONG = 60.0  # times that; with a longer step a cycle ten times as far away would be wrong, too
 _CLOSED = 1e-8
 _TOLERANCE = 1e-10
+_NOISE = 1e-9  # s, rad, rad/s; what programs in doubles leave of the difference of two cycles
+_CLOSER = 0.1  # of the error: what may be left of it
 _LAST = 2e-3  # rad/s below Omega_crit; cycles beyond are not looked for
 _FIRST = 1e-8  # rad/s above Omega_h
 _ABSOLUTE = {f"{m}e-{k} rad/s": (m * 10.0**-k, 0) for k in range(1, 9) for m in (1, 2, 5)}
@@ -51,13 +54,13 @@ class _Entry:
         size, power = _STEPS[name]
         return size * self.omega**power
 
-    def places(self, kinds: Sequence[tuple[str, str]]) -> Iterator[float]:
-        """How far from here cycles have to be known for these quotients."""
+    def places(self, kinds: Sequence[tuple[str, str]], longest: float = math.inf) -> Iterator[float]:
+        """How far from here cycles have to be known for these quotients, of no longer steps than that."""
         if any(self.step(name) <= self.short for _, name in kinds):
             yield from (self.short * _NODES).tolist()
         for kind, name in kinds:
             step = self.step(name)
-            if step > self.short:
+            if self.short < step < longest:
                 yield from (
                     end * step for end in _KINDS[kind] if end and self.low + _FIRST < end * step < self.high - _LAST
                 )
@@ -66,9 +69,8 @@ class _Entry:
         begin, end = (part * self.step(name) for part in _KINDS[kind])
         if max(-begin, end) > self.short:
             what = _OF[derivative]
-            first, last = ({**self.right, **cycles.get(at, {})} if at else self.right for at in (begin, end))
-            known = all(not at or at in cycles for at in (begin, end))
-            return (last[what] - first[what]) / (end - begin) if known else math.nan
+            first, last = (cycles.get(at, {}).get(what, math.nan) if at else self.right[what] for at in (begin, end))
+            return (last - first) / (end - begin)
         nodes = numpy.array([cycles[at][derivative] for at in (self.short * _NODES).tolist() if at in cycles])
         if len(nodes) < len(_NODES):
             return math.nan
@@ -96,7 +98,7 @@ def quotients_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Foun
         off = {id_: grade.digits for id_, grade in bad.items() if id_.endswith(f"/{name}")}
         id_ = max(off, key=off.__getitem__)
         least[name] = next(entry for entry in entries if name in entry.here and entry.here[name].id == id_)
-    cycles = _cycles({entry: entry.places(_ALL) for entry in least.values()}, first, family)
+    cycles = _cycles({entry: entry.places(_ALL, _LONG * entry.short) for entry in least.values()}, first, family)
     likely = [
         kind for kind in _ALL if any(_fits(entry, kind, name, cycles, given, wrong) for name, entry in least.items())
     ]
@@ -128,7 +130,9 @@ def _fits(
     expected = entry.quotient(*kind, name, cycles[entry])
     if math.isnan(expected):
         return quantity.id not in wrong
-    return borne_out(given[quantity.id], expected, quantity, quantity.id in wrong) is not None
+    off, error = (abs(float(given[quantity.id]) - x) for x in (expected, quantity.for_doubles))
+    noise = max(10 ** -needed(quantity) * abs(expected), _NOISE / (entry.step(kind[1])))
+    return off < noise and (quantity.id not in wrong or off < _CLOSER * error)
 
 
 def _cycles(
