@@ -21,7 +21,7 @@ from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tole
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
-from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, closed_cycles, newton_step, returns
+from tippedisk_verify.conformance.diagnosis.shooting import Family, HalfOrbits, closed_cycles, newton_step, returns
 from tippedisk_verify.conformance.diagnosis.speeds import answered_by, other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers
@@ -160,11 +160,9 @@ def test_a_state_a_little_off_is_said_not_to_be_closed(store: Store) -> None:
 
 
 def _right(store: Store, entry: str, shift: float = 0.0) -> HalfOrbits:
-    """The half orbit of a stored cycle, with its speed moved."""
-    stored_ones = [store[f"{entry}/{name}"] for name in ("period", "gamma_bar_0", "v_0")]
-    period, gamma, v = (np.array([one.for_doubles]) for one in stored_ones)
-    omega = np.array([float(stored_ones[0].inputs["Omega"]) + shift])
-    return closed_cycles("printed", "linear", period / 2, gamma, v, omega)
+    """The half orbit of a stored cycle, or of one at another speed."""
+    omega = np.array([float(store[f"{entry}/period"].inputs["Omega"]) + shift])
+    return closed_cycles("printed", "linear", *Family("printed", "linear", store)(omega), omega)
 
 
 def _answered(store: Store, runs: dict[str, HalfOrbits]) -> dict[str, float]:
@@ -181,7 +179,7 @@ def test_another_origin_of_the_speeds_near_the_connection_is_told(store: Store) 
     near = "printed/linear/near-heteroclinic/het+1e-"
     shift = 30.0495 - store["printed/linear/heteroclinic/point/omega_h"].for_doubles
     given = _answered(store, {f"{near}{k}": _right(store, f"{near}{k}", shift) for k in (1, 2, 3)})
-    found = closing_of(*_grades(store, given), store)
+    found = other_speeds(*_grades(store, given), store)
     assert found is not None
     assert "at 30.0495 rad/s plus the distance from Omega_h" in found[0][0][1]
     given[f"{near}3/multiplier_slow"] *= 1.01  # no cycle has this

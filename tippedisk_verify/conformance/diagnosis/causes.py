@@ -29,7 +29,6 @@ from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
 from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
 from tippedisk_verify.conformance.diagnosis.slipped import slip_of
-from tippedisk_verify.conformance.diagnosis.speeds import stopped_of
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
@@ -216,8 +215,7 @@ def _causes(
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
             found = coarse_of(usable, wrong, store) or cycle_slip_of(usable, wrong, store)
-            found = found or quotients_of(usable, wrong, store)
-            found = found or stopped_of(usable, wrong, store) or closing_of(usable, wrong, store)
+            found = found or quotients_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone

@@ -17,7 +17,7 @@ import numpy
 from tippedisk_verify.conformance.diagnosis.flights import Array, Field, field, half_map
 from tippedisk_verify.conformance.diagnosis.scans import Lanes, changed_field, changes, lane_field, narrowed, plain
 from tippedisk_verify.conformance.diagnosis.shapes import Found
-from tippedisk_verify.conformance.diagnosis.speeds import other_speeds
+from tippedisk_verify.conformance.diagnosis.speeds import other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -97,7 +97,7 @@ def closing_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     set_name, friction = here.first.set, here.first.friction
     right = here.left(field(set_name, friction, here.omega))
     if not numpy.isfinite(right[0]).all() or abs(right[0][:, here.wrong]).max(axis=0).min() < _LEFT:
-        return None
+        return stopped_of(usable, wrong, store)
     lane = int(numpy.argmax(abs(right[0]).max(axis=0) * here.wrong))
     rounded = _speeds(here.omega)
     start = numpy.repeat(here.start[:, lane : lane + 1], len(rounded), axis=1)
@@ -108,8 +108,8 @@ def closing_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     for text, speeds in itertools.compress(rounded.items(), likely):
         if here.closed(field(set_name, friction, speeds), right):
             return ((("closing", f"{text} for the cycles"),), here.tried)
-    if (elsewhere := other_speeds(usable, wrong, store)) is not None:
-        return elsewhere
+    if (found := other_speeds(usable, wrong, store) or stopped_of(usable, wrong, store)) is not None:
+        return found
     texts = _numbers(here, right, set_name, friction)
     return (tuple(("closing", text) for text in texts), here.tried) if texts else None
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
+from functools import partial
 
 import numpy
 
-from tippedisk_verify.conformance.diagnosis.flights import field, flown
+from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
 from tippedisk_verify.conformance.diagnosis.shooting import half_orbits
 from tippedisk_verify.conformance.grading import Grade, as_decimal, needed
@@ -17,8 +18,7 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 __all__ = ["coarse_of"]
 
 _FREE = 3  # wrong answers that must bear out a round step
-_LINE = 5  # answers on a straight line, two of which tell it
-_ZERO = 1e-5  # s
+_LINE = 4  # answers on a straight line, one of which tells it
 _LEAST_DIGITS = 3.0  # that a question must need for this
 _STEPS = 600
 _LONGEST = 0.02  # s; of a step
@@ -28,19 +28,20 @@ _PARTS = (50, 64, 100, 128, 200, 250, 256, 300, 400, 500, 512, 600, 800, 1000, 1
 
 
 def coarse_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
-    """What explains one wrong quantity of cycles, all else being right."""
-    names = {store[id_].name for id_ in wrong}
-    if len(names) != 1:
-        return None
+    """What explains the wrong quantities of cycles, each by itself."""
     given = {grade.id: as_decimal(grade.answer) for grade in usable}
-    here = [store[grade.id] for grade in usable if store[grade.id].name in names]
-    if names != {"beta_max"}:
-        here = [quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS]
-    text = _at_steps(here, given, wrong, store) if names == {"beta_max"} else _law(here, given, store, wrong)
-    return ((("coarse", text),), frozenset(wrong & {quantity.id for quantity in here})) if text else None
+    said, tried = [], set()
+    for name in dict.fromkeys(store[grade.id].name for grade in usable if grade.id in wrong):
+        here = [store[grade.id] for grade in usable if store[grade.id].name == name]
+        text = (_at_steps if name == "beta_max" else partial(_law, name))(here, given, wrong, store)
+        if text is None:
+            return None
+        said.append(f"{name}: {text}")
+        tried |= {quantity.id for quantity in here if name == "beta_max" or needed(quantity) >= _LEAST_DIGITS}
+    return ((("coarse", "; ".join(said)),), frozenset(wrong & tried)) if wrong & tried else None
 
 
-def _fits(here: Sequence[Quantity], expected: Sequence[float], given: Mapping[str, Decimal], wrong: set[str]) -> bool:
+def _fits(here: Sequence[Quantity], expected: Array, given: Mapping[str, Decimal], wrong: set[str]) -> bool:
     return all(
         borne_out(given[quantity.id], float(x), quantity, quantity.id in wrong) is not None
         for quantity, x in zip(here, expected, strict=True)
@@ -77,7 +78,7 @@ def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set
             (later, "the first state after the turning point"),
         ):
             if _fits(here, deepest[n], given, wrong):
-                return f"beta_max: {which} at steps of {text}, not the one where v = 0"
+                return f"{which} at steps of {text}, not the one where v = 0"
     speed = field(first.set, first.friction, omega)
     turned = flown(speed, start, run.turning, _STEPS)
     apart = numpy.sqrt(2 * low[bad] / speed(turned)[2, bad])[numpy.argsort(omega[bad])]
@@ -85,41 +86,41 @@ def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set
     if not (apart < _LONGEST).all() or (turns != 0).sum() < 2 or apart.max() < _IRREGULAR * apart.min():
         return None
     return (
-        "beta_max: too small by what a state has that is up to "
+        "too small by what a state has that is up to "
         f"{1e3 * apart.max():.1g} ms from the turning point, now more and now less: taken at steps, not where v = 0"
     )
 
 
 # ------------------------------------------------------------------------------------------ next to Omega_h
-def _law(told: Sequence[Quantity], given: Mapping[str, Decimal], store: Store, wrong: set[str]) -> str | None:
-    """A straight line in the logarithm of the distance from Omega_h, of the answers or of their logarithms."""
-    if len(told) < _LINE or wrong.isdisjoint(quantity.id for quantity in told):
-        return None
-    first = told[0]
-    point = f"{first.set}/{first.friction}/heteroclinic/point"
-    if first.kind != "near-heteroclinic" or f"{point}/omega_h" not in store:
+def _law(
+    name: str, here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set[str], store: Store
+) -> str | None:
+    """A line in the logarithm of the distance from Omega_h with the slope that eigenvalues there give, or its power."""
+    told = [quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS]
+    point = f"{here[0].set}/{here[0].friction}/heteroclinic/point"
+    if here[0].kind != "near-heteroclinic" or f"{point}/omega_h" not in store or len(told) < _LINE:
         return None
     base = Decimal(store[f"{point}/omega_h"].values["decimals"][0])
-    x = numpy.array([math.log(Decimal(quantity.inputs["Omega"]) - base) for quantity in told])
+    away = numpy.array([float(Decimal(quantity.inputs["Omega"]) - base) for quantity in told])
     y = numpy.array([float(given[quantity.id]) for quantity in told])
-    up, down = (store[f"{point}/{name}"].for_doubles for name in ("lambda_u", "lambda_s"))
-    for text, slope in {"-2/lambda_u": -2 / up, "2/lambda_s": 2 / down, "-1/lambda_u": -1 / up}.items():
-        constant = y[0] - slope * x[0]
-        if _fits(told, slope * x + constant, given, wrong):
-            rest = f" + {constant:.6g}" if abs(constant) > _ZERO else ""
-            return f"{first.name}: {text} log(Omega - Omega_h){rest}, an asymptotic law, not the cycle's"
-    ends = [int(numpy.argmin(x)), int(numpy.argmax(x))]
-    for power in (False, True):
-        if power and not (y * y[0] > 0).all():
-            continue
-        z = numpy.log(abs(y)) if power else y
-        slope = float((z[ends[1]] - z[ends[0]]) / (x[ends[1]] - x[ends[0]]))
-        line = z[ends[0]] + slope * (x - x[ends[0]])
-        if _fits(told, numpy.sign(y[0]) * numpy.exp(line) if power else line, given, wrong):
-            what = (
-                f"a constant times (Omega - Omega_h)^{slope:.6g}"
-                if power
-                else f"{slope:.6g} log(Omega - Omega_h) + a constant"
-            )
-            return f"{first.name}: {what}, an asymptotic law, not the cycle's"
+    up, down, fast = (store[f"{point}/{name}"].for_doubles for name in ("lambda_u", "lambda_s", "lambda_ss"))
+    far = int(numpy.argmax(away))  # doubles leave most digits there
+    if name == "dperiod_domega":
+        fits = _fits(told, -2 / up / away, given, wrong)
+        return "-2 / (lambda_u (Omega - Omega_h)), an asymptotic law, not the cycle's" if fits else None
+    if name == "multiplier_slow" and (y > 0).all():
+        power = 2 * (-down / up - 1)
+        fits = _fits(told, y[far] * (away / away[far]) ** power, given, wrong)
+        text = "a constant times (Omega - Omega_h)^(-2 (lambda_s/lambda_u + 1)), an asymptotic law, not the cycle's"
+        return text if fits else None
+    slopes = {
+        "period": {"-2/lambda_u": -2 / up, "-1/lambda_u": -1 / up, "2/lambda_s": 2 / down},
+        "log_multiplier_slow": {"-2 (lambda_s/lambda_u + 1)": -2 * (down / up + 1)},
+        "log_multiplier_fast": {"-2 lambda_ss/lambda_u": -2 * fast / up},
+    }
+    for text, slope in slopes.get(name, {}).items():
+        for constant in (0.0, float(y[far] - slope * math.log(away[far]))):
+            if _fits(told, slope * numpy.log(away) + constant, given, wrong):
+                rest = f" {'-' if constant < 0 else '+'} {abs(constant):.6g}" if constant else ""
+                return f"{text} log(Omega - Omega_h){rest}, an asymptotic law, not the cycle's"
     return None
