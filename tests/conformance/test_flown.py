@@ -21,7 +21,7 @@ from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tole
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
-from tippedisk_verify.conformance.diagnosis.shooting import Family, HalfOrbits, closed_cycles, newton_step, returns
+from tippedisk_verify.conformance.diagnosis.shooting import Family, HalfOrbits, closed_cycles, half_orbits, newton_step
 from tippedisk_verify.conformance.diagnosis.speeds import answered_by, other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers
@@ -191,7 +191,10 @@ def test_cycles_of_a_newton_method_that_stops_are_told(store: Store) -> None:
     given, last = {}, {}
     for entry in entries:
         right = _right(store, entry)
-        run = returns("printed", "linear", right.gamma.round(2), right.v.round(2), right.omega, 2.0)
+        run = right
+        for _ in range(4):  # from the guess to the section
+            half = run.half + run.left()[0] / run.speed[0]
+            run = half_orbits("printed", "linear", half, right.gamma.round(2), right.v.round(2), right.omega)
         given |= _answered(store, {entry: run})
         step = dict(zip(("gamma_bar_0", "v_0"), newton_step(run), strict=True))
         last |= {f"{entry}/{name}": float(x[0]) for name, x in step.items()}

@@ -13,16 +13,15 @@ from decimal import Decimal
 import numpy
 
 from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.diagnosis.flights import Array, field, half_map
+from tippedisk_verify.conformance.diagnosis.flights import Array
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Store
 
-__all__ = ["Family", "HalfOrbits", "Slip", "closed_cycles", "half_orbits", "newton_step", "returns", "solved_each"]
+__all__ = ["Family", "HalfOrbits", "Slip", "closed_cycles", "half_orbits", "newton_step", "solved_each"]
 
 _STEP = 1e-40  # imaginary
 _TOLERANCE = 1e-11
 _QUARTER = math.pi / 2
-_FINE = 1e-3  # s, of a step of RK4: it leaves some 1e-9 of the time of return
 _ROUGH = 1e-7  # the tolerance of Newton's first steps
 _LAST = 1e-4  # s, rad, rad/s; of a step after which it is the one asked for
 _CLOSED = 1e-9  # s, rad, rad/s; of Newton's last step
@@ -113,14 +112,6 @@ def half_orbits(
     return HalfOrbits(
         half, gamma, v, omega, end, speed, change, changes[:, 9], _QUARTER - y[0], turn * half, there[3:5]
     )
-
-
-def returns(set_name: str, friction: str, gamma: Array, v: Array, omega: Array, longest: float) -> HalfOrbits:
-    """Half orbits that end where they return to beta = pi/2."""
-    start = numpy.stack([numpy.full(len(omega), _QUARTER), _QUARTER + gamma, v])
-    half, _ = half_map(field(set_name, friction, omega), start, _FINE, _QUARTER, longest)
-    run = half_orbits(set_name, friction, half, gamma, v, omega)
-    return half_orbits(set_name, friction, half + run.left()[0] / run.speed[0], gamma, v, omega)
 
 
 def solved_each(matrices: Array, right: Array) -> Array:

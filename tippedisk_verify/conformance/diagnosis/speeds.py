@@ -22,7 +22,7 @@ from tippedisk_verify.conformance.diagnosis.shooting import (
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["answered_by", "entries_of", "other_speeds", "stopped_of"]
+__all__ = ["answered_by", "other_speeds", "stopped_of"]
 
 _FREE = 3  # cycles that must bear out a speed that was read off one of them
 _NEAR = 0.05  # relative: how far v_0 and the period may be from those of the right cycle with the same gamma_bar_0
@@ -54,7 +54,7 @@ _PLACES = {
 Entries = Mapping[str, Mapping[str, Quantity]]  # by entry and quantity
 
 
-def entries_of(usable: Sequence[Grade], store: Store) -> dict[str, dict[str, Quantity]]:
+def _entries(usable: Sequence[Grade], store: Store) -> dict[str, dict[str, Quantity]]:
     found: dict[str, dict[str, Quantity]] = {}
     for grade in usable:
         found.setdefault(grade.id.rsplit("/", 1)[0], {})[store[grade.id].name] = store[grade.id]
@@ -75,7 +75,7 @@ def _wrong_entries(usable: Sequence[Grade], wrong: set[str], store: Store, names
     """The entries with wrong answers; none unless all have these quantities."""
     found = {
         entry: here
-        for entry, here in entries_of(usable, store).items()
+        for entry, here in _entries(usable, store).items()
         if not wrong.isdisjoint(quantity.id for quantity in here.values())
     }
     return found if all(set(names) <= here.keys() for here in found.values()) else {}
