@@ -10,16 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import odeint, solve_ivp
+from scipy.optimize import brentq
 
 from tests.conformance.scipy_program import motion
 from tippedisk_verify.conformance.diagnosis.causes import _fit
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
+from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
+from tippedisk_verify.conformance.diagnosis.connection import searches
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
 from tippedisk_verify.conformance.diagnosis.defects import defects
 from tippedisk_verify.conformance.diagnosis.integrators import fixed_steps, tolerances
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
+from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
+from tippedisk_verify.conformance.diagnosis.shooting import Family, HalfOrbits, closed_cycles, half_orbits, newton_step
+from tippedisk_verify.conformance.diagnosis.speeds import answered_by, other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
@@ -242,12 +248,12 @@ def test_the_fast_multiplier_in_the_slow_ones_place_is_told(store: Store) -> Non
 
 
 def test_right_pieces_give_the_right_derivatives_and_multipliers(store: Store) -> None:
-    from tippedisk_verify.conformance.diagnosis.cycles import _numbers, _pieces
+    from tippedisk_verify.conformance.diagnosis.cycles import _pieces, numbers_of
 
     for friction in ("linear", "smooth"):
         here = [store[f"printed/{friction}/limit-cycle/crit-0.5/dperiod_domega"]]
         for entry, pieces in _pieces(here, store)[""].items():
-            for name, value in _numbers(pieces).items():
+            for name, value in numbers_of(pieces).items():
                 # The equations are integrated to 1e-11; their growth along half a cycle is some hundred.
                 assert value == pytest.approx(store[f"{entry}/{name}"].for_doubles, rel=1e-8)
 
@@ -263,3 +269,134 @@ def test_a_state_a_little_off_is_said_not_to_be_closed(store: Store) -> None:
     found = unclosed(*_grades(store, given), store)
     assert found is not None
     assert "not closed" in found[0][0][1]
+
+
+def _right(store: Store, entry: str, shift: float = 0.0) -> HalfOrbits:
+    """The half orbit of a stored cycle, or of one at another speed."""
+    omega = np.array([float(store[f"{entry}/period"].inputs["Omega"]) + shift])
+    return closed_cycles("printed", "linear", *Family("printed", "linear", store)(omega), omega)
+
+
+def _answered(store: Store, runs: dict[str, HalfOrbits]) -> dict[str, float]:
+    return {f"{entry}/{name}": x for entry, run in runs.items() for name, x in answered_by(run)[0].items()}
+
+
+def test_half_orbits_of_stored_cycles_have_the_stored_values(store: Store) -> None:
+    entry = "printed/linear/limit-cycle/crit-0.5"
+    for id_, value in _answered(store, {entry: _right(store, entry)}).items():
+        assert value == pytest.approx(store[id_].for_doubles, rel=1e-8)  # as above
+
+
+def test_another_origin_of_the_speeds_near_the_connection_is_told(store: Store) -> None:
+    near = "printed/linear/near-heteroclinic/het+1e-"
+    shift = 30.0495 - store["printed/linear/heteroclinic/point/omega_h"].for_doubles
+    given = _answered(store, {f"{near}{k}": _right(store, f"{near}{k}", shift) for k in (1, 2, 3)})
+    found = other_speeds(*_grades(store, given), store)
+    assert found is not None
+    assert "at 30.0495 rad/s plus the distance from Omega_h" in found[0][0][1]
+    given[f"{near}3/multiplier_slow"] *= 1.01  # no cycle has this
+    assert other_speeds(*_grades(store, given), store) is None
+
+
+def test_cycles_of_a_newton_method_that_stops_are_told(store: Store) -> None:
+    entries = [f"printed/linear/limit-cycle/crit-0.{k}" for k in (3, 5)]
+    given, last = {}, {}
+    for entry in entries:
+        right = _right(store, entry)
+        run = right
+        for _ in range(4):  # from the guess to the section
+            half = run.half + run.left()[0] / run.speed[0]
+            run = half_orbits("printed", "linear", half, right.gamma.round(2), right.v.round(2), right.omega)
+        given |= _answered(store, {entry: run})
+        step = dict(zip(("gamma_bar_0", "v_0"), newton_step(run), strict=True))
+        last |= {f"{entry}/{name}": float(x[0]) for name, x in step.items()}
+    found = stopped_of(*_grades(store, given), store)
+    assert found is not None
+    assert "it starts at the answered (gamma_bar_0, v_0)" in found[0][0][1]
+    given |= {id_: given[id_] + x for id_, x in last.items()}
+    found = stopped_of(*_grades(store, given), store)
+    assert found is not None
+    assert "a guess of 2 decimals" in found[0][0][1]
+    given[f"{entries[0]}/v_0"] += 1e-4  # no step of Newton's method
+    assert stopped_of(*_grades(store, given), store) is None
+
+
+@pytest.mark.parametrize(("step", "told"), [(2e-3, True), (2.7e-3, False)])
+def test_differences_are_told_by_a_round_step(step: float, told: bool, store: Store) -> None:
+    given = {}
+    for entry in ("printed/linear/limit-cycle/crit-0.2", "printed/linear/limit-cycle/crit-0.5"):
+        here, there = (_answered(store, {entry: _right(store, entry, shift)}) for shift in (0.0, step))
+        names = {f"{entry}/d{name}_domega": f"{entry}/{name}" for name in ("period", "gamma_bar_0", "v_0")}
+        given |= here | {id_: (there[of] - here[of]) / step for id_, of in names.items()}
+    found = quotients_of(*_grades(store, given), store)
+    said = "dperiod_domega, dgamma_bar_0_domega, dv_0_domega: forward differences by Omega with a step of 2e-3 rad/s"
+    assert (found is not None and found[0] == (("differences", said),)) == told
+
+
+def test_a_search_for_the_connection_that_starts_too_far_away_is_told(store: Store) -> None:
+    def passes(omega: float) -> bool:
+        def rates(t: float, y: Any) -> Any:
+            gamma_rate, v_rate, _ = motion(math, P, omega, False, [float(x) for x in y])
+            return np.array([y[2], gamma_rate, v_rate])
+
+        # The eigenvector is (1, Omega/lambda, lambda), since beta' = v and gamma' = Omega (beta - pi/2).
+        rate = brentq(lambda x: float(rates(0, [math.pi / 2 + 1e-6, 1e-6 * omega / x - math.pi / 2, 1e-6 * x])[2])
+                      - 1e-6 * x * x, 4, 9)  # fmt: skip
+        far = np.array([1, omega / rate, rate])
+        start = np.array([math.pi / 2, -math.pi / 2, 0]) + 0.5 * far / np.linalg.norm(far)
+        ends = [lambda t, y: y[0] - math.pi / 2 + 0.05, lambda t, y: y[1] - 3 * math.pi / 2 - 0.1]
+        for end in ends:
+            end.terminal = True  # type: ignore[attr-defined]
+        run = solve_ivp(rates, (0, 9), start, "DOP853", events=ends, rtol=1e-10, atol=1e-10)
+        return len(run.t_events[1]) > 0
+
+    low, high = 30.04, 30.06
+    right = store["printed/linear/heteroclinic/point/omega_h"].for_doubles
+    for _ in range(18):  # to 1e-7
+        middle = (low + high) / 2
+        low, high = (middle, high) if passes(middle) else (low, middle)
+    said = "the search for Omega_h starts too far away: 0.5 from the saddle along the unstable eigenvector"
+    assert list(searches("printed", "linear", (low + high) / 2, right)) == [said]
+    assert list(searches("printed", "linear", low + 1e-4, right)) == []
+
+
+def test_the_end_of_an_interval_and_few_halvings_of_it_are_told() -> None:
+    (text,) = searches("printed", "linear", 30.2 + 3e-13, 30.0489)
+    assert text.startswith("omega_h is the round number 30.2")
+    (text,) = searches("printed", "linear", 29.8 + 0.6 * 427 / 2**10, 30.0489)  # of 29.8 to 30.4
+    assert text == "omega_h is a multiple of 0.1/2^9: a bisection that stops after few steps"
+
+
+@pytest.mark.parametrize("step", [5e-3, 4.3e-3])
+def test_the_largest_deflection_at_a_step_is_told(step: float, store: Store) -> None:
+    given = {}
+    for k in (1, 2, 3, 4, 5, 6):
+        period = store[f"printed/linear/limit-cycle/crit-0.{k}/period"]
+        gamma, v = (store[period.id.replace("period", name)].for_doubles for name in ("gamma_bar_0", "v_0"))
+        times = np.arange(0, period.for_doubles / 2, step)
+        run = solve_ivp(_rates(period), (0, times[-1]), [math.pi / 2, math.pi / 2 + gamma, v], "DOP853", t_eval=times,
+                        rtol=1e-11, atol=1e-11)  # fmt: skip
+        given[period.id.replace("period", "beta_max")] = math.pi / 2 - run.y[0].min()
+    found = coarse_of(*_grades(store, given), store)
+    said = {
+        5e-3: "beta_max: the largest of the states at steps of 5e-3 s, not the one where v = 0",
+        4.3e-3: "beta_max: too small by what a state has that is up to 2 ms from the turning point, now more and now "
+        "less: taken at steps, not where v = 0",
+    }
+    assert found is not None
+    assert found[0] == (("coarse", said[step]),)
+    for id_ in given:  # the same sign everywhere, but a smooth formula's error
+        given[id_] = store[id_].for_doubles * (1 - 1e-4 * store[id_].for_doubles)
+    assert coarse_of(*_grades(store, given), store) is None
+
+
+def test_an_asymptotic_law_next_to_the_connection_is_told(store: Store) -> None:
+    rate = store["printed/linear/heteroclinic/point/lambda_u"].for_doubles
+    ids = {k: f"printed/linear/near-heteroclinic/het+1e-{k}/period" for k in range(1, 7)}
+    fitted = store[ids[3]].for_doubles + 2 / rate * math.log(1e-3)
+    given = {id_: fitted + 2 / rate * k * math.log(10) for k, id_ in ids.items()}
+    found = coarse_of(*_grades(store, given), store)
+    assert found is not None
+    assert f"-2/lambda_u log(Omega - Omega_h) + {fitted:.6g}" in found[0][0][1]
+    given[ids[2]] += 5e-3  # no line has this
+    assert coarse_of(*_grades(store, given), store) is None

@@ -19,11 +19,13 @@ from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
+from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
 from tippedisk_verify.conformance.diagnosis.factors import free_values, term_factors
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
+from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.relations import stem
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scaled import factor_of
@@ -225,7 +227,8 @@ def _causes(
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
-            found = cycle_slip_of(usable, wrong, store) or closing_of(usable, wrong, store)
+            found = coarse_of(usable, wrong, store) or cycle_slip_of(usable, wrong, store)
+            found = found or quotients_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone

@@ -6,6 +6,7 @@ one of them on one cycle; the other, and all other cycles, have to bear it out.
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,7 @@ import numpy
 from tippedisk_verify.conformance.diagnosis.flights import Array, Field, field, half_map
 from tippedisk_verify.conformance.diagnosis.scans import Lanes, changed_field, changes, lane_field, narrowed, plain
 from tippedisk_verify.conformance.diagnosis.shapes import Found
+from tippedisk_verify.conformance.diagnosis.speeds import other_speeds, stopped_of
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -52,6 +54,7 @@ class _Answered:
             and _FASTEST > -answers[here["v_0"].id] > 0
         ]
         self.first = whole[0]["v_0"] if whole else None
+        self.entries = [here["v_0"].id.rsplit("/", 1)[0] for here in whole]
         self.omega = numpy.array([float(here["v_0"].inputs["Omega"]) for here in whole])
         gamma, v = (numpy.array([float(answers[here[name].id]) for here in whole]) for name in _STATE)
         self.start = numpy.stack([numpy.full(len(whole), _QUARTERS), _QUARTERS + gamma, v])
@@ -94,10 +97,19 @@ def closing_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     set_name, friction = here.first.set, here.first.friction
     right = here.left(field(set_name, friction, here.omega))
     if not numpy.isfinite(right[0]).all() or abs(right[0][:, here.wrong]).max(axis=0).min() < _LEFT:
-        return None
-    for text, speeds in _speeds(here.omega).items():
+        return stopped_of(usable, wrong, store)
+    lane = int(numpy.argmax(abs(right[0]).max(axis=0) * here.wrong))
+    rounded = _speeds(here.omega)
+    start = numpy.repeat(here.start[:, lane : lane + 1], len(rounded), axis=1)
+    there = field(set_name, friction, numpy.array([speeds[lane] for speeds in rounded.values()]))
+    _, end = half_map(there, start, _FINE, _QUARTERS, here.longest[lane])
+    left = numpy.fmax(abs(2 * _QUARTERS - end[1] - start[1]), abs(end[2] + start[2]))
+    likely = left <= _CLOSED * abs(right[0][:, lane]).max()
+    for text, speeds in itertools.compress(rounded.items(), likely):
         if here.closed(field(set_name, friction, speeds), right):
             return ((("closing", f"{text} for the cycles"),), here.tried)
+    if (found := other_speeds(usable, wrong, store) or stopped_of(usable, wrong, store)) is not None:
+        return found
     texts = _numbers(here, right, set_name, friction)
     return (tuple(("closing", text) for text in texts), here.tried) if texts else None
 

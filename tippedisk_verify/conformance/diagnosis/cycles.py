@@ -14,37 +14,48 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.diagnosis.flights import Array
-from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
+from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, Slip, half_orbits
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["cycle_slip_of"]
+__all__ = ["cycle_slip_of", "numbers_of", "pieces_of"]
 
-_STEP = 1e-40  # imaginary
-_TOLERANCE = 1e-11
 _TINY = 1e-9  # far below all slow multipliers that are asked for
 _STATE = ("period", "gamma_bar_0", "v_0")
 _DERIVATIVES = ("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
 _MULTIPLIERS = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
-_VARIANTS = {
-    "": "",
-    "linear": "the variational equations are those of the linear friction law",
-    "gamma source": "dgamma'/dOmega is missing in the variational equations by Omega",
-    "v source": "dv'/dOmega is missing in the variational equations by Omega",
-    "gamma source sign": "dgamma'/dOmega has the wrong sign in the variational equations by Omega",
-    "no source": "the explicit parts by Omega are missing in the variational equations",
-    "no gamma row": "dgamma'/dbeta is missing in the variational equations",
-    "gamma row sign": "dgamma'/dbeta has the wrong sign in the variational equations",
-    "no gamma column": "dv'/dgamma is missing in the variational equations",
-    "transposed": "the Jacobian of the variational equations is transposed",
+
+
+def _cut(row: int | slice, column: int, factor: float = 0.0) -> Slip:
+    def slip(rows: Array) -> None:
+        rows[row, column] *= factor
+
+    return slip
+
+
+def _transposed(rows: Array) -> None:
+    rows[:, :3] = numpy.swapaxes(rows[:, :3].copy(), 0, 1)
+
+
+#: (the law that they have, what is changed in d(beta', gamma', v') / d(beta, gamma, v, Omega)), by what is said
+_VARIANTS: dict[str, tuple[str, Slip | None]] = {
+    "": ("", None),
+    "the variational equations are those of the linear friction law": ("linear", None),
+    "dgamma'/dOmega is missing in the variational equations by Omega": ("", _cut(1, 3)),
+    "dv'/dOmega is missing in the variational equations by Omega": ("", _cut(2, 3)),
+    "dgamma'/dOmega has the wrong sign in the variational equations by Omega": ("", _cut(1, 3, -1.0)),
+    "the explicit parts by Omega are missing in the variational equations": ("", _cut(slice(1, 3), 3)),
+    "dgamma'/dbeta is missing in the variational equations": ("", _cut(1, 0)),
+    "dgamma'/dbeta has the wrong sign in the variational equations": ("", _cut(1, 0, -1.0)),
+    "dv'/dgamma is missing in the variational equations": ("", _cut(2, 1)),
+    "the Jacobian of the variational equations is transposed": ("", _transposed),
 }
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class Pieces:
     """Of one cycle: d(state at half the period) / d(gamma_bar_0, v_0, Omega), the rates there, and the divergence."""
 
     change: Array
@@ -52,70 +63,21 @@ class _Pieces:
     divergence: float
 
 
-def _pieces(here: Sequence[Quantity], store: Store) -> dict[str, dict[str, _Pieces]]:
+def _pieces(here: Sequence[Quantity], store: Store) -> dict[str, dict[str, Pieces]]:
     """By variant of the variational equations and by entry; ``here`` has one question of each entry."""
-    from scipy.integrate import solve_ivp
-
-    first, count = here[0], len(here)
-    model = Model(Alternative("", ""), first.set, first.friction)
+    first = here[0]
     entries = [quantity.id.rsplit("/", 1)[0] for quantity in here]
-    half, gamma, v = (numpy.array([store[f"{entry}/{name}"].for_doubles for entry in entries]) for name in _STATE)
-    half = half / 2
+    period, gamma, v = (numpy.array([store[f"{entry}/{name}"].for_doubles for entry in entries]) for name in _STATE)
     omega = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
-    start = numpy.stack([numpy.full(count, math.pi / 2), math.pi / 2 + gamma, v])
-    steps = 1j * _STEP * numpy.eye(4)
+    run = half_orbits(first.set, first.friction, period / 2, gamma, v, omega, list(_VARIANTS.values()))
+    return {text: dict(zip(entries, pieces_of(run, m), strict=True)) for m, text in enumerate(_VARIANTS)}
 
-    def jacobian(y: Array, law: str) -> tuple[Array, Array]:
-        """Rates, and their derivatives by the state and Omega, three rows."""
-        parts = spelled(CORRECT, numpy, model.p, omega, y, law)
-        moved = y[:, None, :] + steps[:3, :, None]
-        speeds = omega + steps[3][:, None]
-        side = numpy.where(parts["gamma_y"] >= 0, 1.0, -1.0)
-        found = spelled(CORRECT, numpy, model.p, speeds, moved, law, side)
-        rows = numpy.zeros((3, 4, count))
-        rows[0, 2] = 1.0
-        rows[1], rows[2] = found["gamma_rate"].imag / _STEP, found["v_rate"].imag / _STEP
-        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"]]), rows
 
-    def rates(t: float, flat: Array) -> Array:
-        y, changes = flat[: 3 * count].reshape(3, count), flat[3 * count :].reshape(len(_VARIANTS), 10, count)
-        speed, right = jacobian(y, model.friction)
-        found = []
-        for name, change in zip(_VARIANTS, changes, strict=True):
-            rows = jacobian(y, "linear")[1] if name == "linear" and model.friction == "smooth" else right.copy()
-            if name in ("gamma source", "no source"):
-                rows[1, 3] = 0.0
-            if name in ("v source", "no source"):
-                rows[2, 3] = 0.0
-            if name == "gamma source sign":
-                rows[1, 3] *= -1
-            if name in ("no gamma row", "gamma row sign"):
-                rows[1, 0] *= 0.0 if name == "no gamma row" else -1.0
-            if name == "no gamma column":
-                rows[2, 1] = 0.0
-            if name == "transposed":
-                rows[:, :3] = numpy.swapaxes(right[:, :3], 0, 1)
-            matrix = change[:9].reshape(3, 3, count)
-            moved = numpy.einsum("ijn,jkn->ikn", rows[:, :3], matrix)
-            moved[:, 2] += rows[:, 3]
-            found.append(numpy.concatenate([moved.reshape(9, count), rows[2, 2][None]]))
-        return numpy.concatenate([(speed * half).ravel(), (numpy.stack(found) * half).ravel()])
-
-    begin = numpy.zeros((len(_VARIANTS), 10, count))
-    begin[:, [3, 7]] = 1.0  # d(gamma, v) / d(gamma_bar_0, v_0)
-    with numpy.errstate(all="ignore"):
-        run = solve_ivp(rates, (0.0, 1.0), numpy.concatenate([start.ravel(), begin.ravel()]), method="DOP853",
-                        rtol=_TOLERANCE, atol=_TOLERANCE)  # fmt: skip
-    end = run.y[:, -1]
-    y, changes = end[: 3 * count].reshape(3, count), end[3 * count :].reshape(len(_VARIANTS), 10, count)
-    speed = jacobian(y, model.friction)[0]
-    return {
-        name: {
-            entry: _Pieces(changes[m, :9, n].reshape(3, 3), speed[:, n], float(changes[m, 9, n]))
-            for n, entry in enumerate(entries)
-        }
-        for m, name in enumerate(_VARIANTS)
-    }
+def pieces_of(run: HalfOrbits, variant: int = 0) -> list[Pieces]:
+    return [
+        Pieces(run.change[variant, :, :, n], run.speed[:, n], float(run.divergence[variant, n]))
+        for n in range(len(run.omega))
+    ]
 
 
 def _solved(matrix: Array, right: Array) -> Array:
@@ -170,9 +132,10 @@ _SIZES: dict[str, Callable[[Array], Any]] = {
 }  # fmt: skip
 
 
-def _numbers(
-    pieces: _Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = ""
+def numbers_of(
+    pieces: Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = ""
 ) -> dict[str, float]:
+    """The derivatives by Omega and the multipliers that follow from the half map's pieces, with a slip."""
     dt = -pieces.change[0] / pieces.speed[0]
     by = -(pieces.change + _CORRECTED[corrected](pieces.speed, dt))[1:]
     p, slope = by[:, :2], _SHIFTED[shifted](by[:, :2], by[:, 2])
@@ -191,22 +154,21 @@ def _numbers(
 Numbers = Mapping[str, Mapping[str, float]]  # by entry and quantity
 
 
-def _slips(pieces: Mapping[str, Mapping[str, _Pieces]]) -> Iterator[tuple[str, Numbers]]:
+def _slips(pieces: Mapping[str, Mapping[str, Pieces]]) -> Iterator[tuple[str, Numbers]]:
     """Each single slip, and what it makes of all entries."""
     right = pieces[""]
 
-    def all_of(parts: Mapping[str, _Pieces], **slip: str) -> dict[str, dict[str, float]]:
-        return {entry: _numbers(part, **slip) for entry, part in parts.items()}
+    def all_of(parts: Mapping[str, Pieces], **slip: str) -> dict[str, dict[str, float]]:
+        return {entry: numbers_of(part, **slip) for entry, part in parts.items()}
 
     def only(made: Numbers, names: Sequence[str]) -> Numbers:
         return {entry: {name: made[entry][name] for name in names} for entry in made}
 
-    for name, text in _VARIANTS.items():
-        if name:
-            made = all_of(pieces[name])
-            yield text, made
-            yield f"{text}, for the derivatives", only(made, _DERIVATIVES)
-            yield f"{text}, for the multipliers", only(made, _MULTIPLIERS)
+    for text in filter(None, _VARIANTS):
+        made = all_of(pieces[text])
+        yield text, made
+        yield f"{text}, for the derivatives", only(made, _DERIVATIVES)
+        yield f"{text}, for the multipliers", only(made, _MULTIPLIERS)
     for text in filter(None, _CORRECTED):
         made = all_of(right, corrected=text)
         yield text, made

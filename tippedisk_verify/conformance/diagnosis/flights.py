@@ -17,7 +17,9 @@ from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alterna
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Field", "Orbits", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"]
+__all__ = [
+    *("RK4", "Field", "Orbits", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"),
+]
 
 Array = numpy.ndarray[Any, Any]
 Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
+from tippedisk_verify.conformance.diagnosis.connection import searches
 from tippedisk_verify.conformance.diagnosis.factors import LONG, model_bases, model_values, said_factor
 from tippedisk_verify.conformance.diagnosis.matrices import matrices
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
@@ -183,11 +184,13 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
         return lambda _: {"omega_h": given if here["omega_h"].id in wrong else right, **found}
 
     if here["omega_h"].id in wrong:
+        for text in searches(first.set, first.friction, given, right):
+            yield 0.5, text, spectrum(given, -1)
         if abs(given / right - 1) < _CLOSE:
-            alone = wrong == {here["omega_h"].id}
-            off, where = f"alone is off, by {given - right:.2g} rad/s", "at the right speed" if alone else "right there"
-            text = f"{'omega_h' if alone else 'the search for Omega_h'} {off}: the eigenvalues are {where}"
-            yield 1.0, text, spectrum(right if alone else given, -1)
+            off = f"alone is off, by {given - right:.2g} rad/s: the eigenvalues are"
+            if wrong == {here["omega_h"].id}:
+                yield 1.0, f"omega_h {off} at the right speed", spectrum(right, -1)
+            yield 2.0, f"the search for Omega_h {off} right there", spectrum(given, -1)
         return
     for side, name in ((-1, "noninverted"), (1, "inverted")):
         for omega, text in ((_omega_crit(first.set), "Omega_crit"), (right, "Omega_h")):

@@ -1,0 +1,126 @@
+"""Numbers of cycles that are approximations: the largest deflection at a step, the asymptotic laws next to Omega_h."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from functools import partial
+
+import numpy
+
+from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
+from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
+from tippedisk_verify.conformance.diagnosis.shooting import half_orbits
+from tippedisk_verify.conformance.grading import Grade, as_decimal, needed
+from tippedisk_verify.reference_values.store import Quantity, Store
+
+__all__ = ["coarse_of"]
+
+_FREE = 3  # wrong answers that must bear out a round step
+_LINE = 4  # answers on a straight line, one of which tells it
+_LEAST_DIGITS = 3.0  # that a question must need for this
+_STEPS = 600
+_LONGEST = 0.02  # s; of a step
+_IRREGULAR = 3.0  # times: times to the turning point that differ as much, up and down, follow no formula
+_GRIDS = {f"{m}e-{k} s": m * 10.0**-k for k in (2, 3, 4) for m in (1, 2, 2.5, 4, 5)}
+_PARTS = (50, 64, 100, 128, 200, 250, 256, 300, 400, 500, 512, 600, 800, 1000, 1024, 2000, 2048)
+
+
+def coarse_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    """What explains the wrong quantities of cycles, each by itself."""
+    given = {grade.id: as_decimal(grade.answer) for grade in usable}
+    said, tried = [], set()
+    for name in dict.fromkeys(store[grade.id].name for grade in usable if grade.id in wrong):
+        here = [store[grade.id] for grade in usable if store[grade.id].name == name]
+        text = (_at_steps if name == "beta_max" else partial(_law, name))(here, given, wrong, store)
+        if text is None:
+            return None
+        said.append(f"{name}: {text}")
+        tried |= {quantity.id for quantity in here if name == "beta_max" or needed(quantity) >= _LEAST_DIGITS}
+    return ((("coarse", "; ".join(said)),), frozenset(wrong & tried)) if wrong & tried else None
+
+
+def _fits(here: Sequence[Quantity], expected: Array, given: Mapping[str, Decimal], wrong: set[str]) -> bool:
+    return all(
+        borne_out(given[quantity.id], float(x), quantity, quantity.id in wrong) is not None
+        for quantity, x in zip(here, expected, strict=True)
+    )
+
+
+# ------------------------------------------------------------------------------------------ beta_max
+def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set[str], store: Store) -> str | None:
+    """Deflections at times of a grid that begins at the section, or else of unknown steps."""
+    low = numpy.array([quantity.for_doubles - float(given[quantity.id]) for quantity in here])
+    bad = numpy.array([quantity.id in wrong for quantity in here])
+    if bad.sum() < _FREE or (low[bad] < 0).any():
+        return None
+    period, gamma, v = (
+        numpy.array([store[quantity.id.replace("beta_max", name)].for_doubles for quantity in here])
+        for name in ("period", "gamma_bar_0", "v_0")
+    )
+    first, omega = here[0], numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
+    run = half_orbits(first.set, first.friction, period / 2, gamma, v, omega)
+    start = numpy.stack([numpy.full(len(here), math.pi / 2), math.pi / 2 + gamma, v])
+    grids = {text: numpy.full(len(here), size) for text, size in _GRIDS.items()}
+    grids |= {f"period/{n}": period / n for parts in _PARTS for n in (parts, parts - 1)}
+    before = numpy.array([numpy.floor(run.turning / size) * size for size in grids.values()])
+    times = numpy.concatenate([before, before + numpy.array(list(grids.values()))])
+    count = len(times)
+    ends = flown(
+        field(first.set, first.friction, numpy.tile(omega, count)), numpy.tile(start, count), times.ravel(), _STEPS
+    )
+    sooner, later = (math.pi / 2 - ends[0]).reshape(2, len(grids), len(here))
+    for n, text in enumerate(grids):
+        for deepest, which in (
+            (numpy.maximum(sooner, later), "the largest of the states"),
+            (sooner, "the last state before the turning point"),
+            (later, "the first state after the turning point"),
+        ):
+            if _fits(here, deepest[n], given, wrong):
+                return f"{which} at steps of {text}, not the one where v = 0"
+    speed = field(first.set, first.friction, omega)
+    turned = flown(speed, start, run.turning, _STEPS)
+    apart = numpy.sqrt(2 * low[bad] / speed(turned)[2, bad])[numpy.argsort(omega[bad])]
+    turns = numpy.diff(numpy.sign(numpy.diff(apart)))
+    if not (apart < _LONGEST).all() or (turns != 0).sum() < 2 or apart.max() < _IRREGULAR * apart.min():
+        return None
+    return (
+        "too small by what a state has that is up to "
+        f"{1e3 * apart.max():.1g} ms from the turning point, now more and now less: taken at steps, not where v = 0"
+    )
+
+
+# ------------------------------------------------------------------------------------------ next to Omega_h
+def _law(
+    name: str, here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set[str], store: Store
+) -> str | None:
+    """A line in the logarithm of the distance from Omega_h with the slope that eigenvalues there give, or its power."""
+    told = [quantity for quantity in here if needed(quantity) >= _LEAST_DIGITS]
+    point = f"{here[0].set}/{here[0].friction}/heteroclinic/point"
+    if here[0].kind != "near-heteroclinic" or f"{point}/omega_h" not in store or len(told) < _LINE:
+        return None
+    base = Decimal(store[f"{point}/omega_h"].values["decimals"][0])
+    away = numpy.array([float(Decimal(quantity.inputs["Omega"]) - base) for quantity in told])
+    y = numpy.array([float(given[quantity.id]) for quantity in told])
+    up, down, fast = (store[f"{point}/{name}"].for_doubles for name in ("lambda_u", "lambda_s", "lambda_ss"))
+    far = int(numpy.argmax(away))  # doubles leave most digits there
+    if name == "dperiod_domega":
+        fits = _fits(told, -2 / up / away, given, wrong)
+        return "-2 / (lambda_u (Omega - Omega_h)), an asymptotic law, not the cycle's" if fits else None
+    if name == "multiplier_slow" and (y > 0).all():
+        power = 2 * (-down / up - 1)
+        fits = _fits(told, y[far] * (away / away[far]) ** power, given, wrong)
+        text = "a constant times (Omega - Omega_h)^(-2 (lambda_s/lambda_u + 1)), an asymptotic law, not the cycle's"
+        return text if fits else None
+    slopes = {
+        "period": {"-2/lambda_u": -2 / up, "-1/lambda_u": -1 / up, "2/lambda_s": 2 / down},
+        "log_multiplier_slow": {"-2 (lambda_s/lambda_u + 1)": -2 * (down / up + 1)},
+        "log_multiplier_fast": {"-2 lambda_ss/lambda_u": -2 * fast / up},
+    }
+    for text, slope in slopes.get(name, {}).items():
+        for constant in (0.0, float(y[far] - slope * math.log(away[far]))):
+            if _fits(told, slope * numpy.log(away) + constant, given, wrong):
+                rest = f" {'-' if constant < 0 else '+'} {abs(constant):.6g}" if constant else ""
+                return f"{text} log(Omega - Omega_h){rest}, an asymptotic law, not the cycle's"
+    return None
