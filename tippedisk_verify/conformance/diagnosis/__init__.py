@@ -2,11 +2,14 @@
 
 `causes` decides what is tried, and in which order. A mistake is sought
 - in a catalogue (`alternatives`) by what each predicts (`predictions`),
-- in the answers themselves (`shapes`, by `relations` and `places`), and as one free number (`factors`),
-- in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), and any single
-  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`),
-- in orbits and cycles, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown
-  ones), `orbits` (events), `scans` (one number), `cycles` and `closing` (what is made of the half map, and closes it).
+- in the answers themselves (`shapes`, by `relations`, `places`, `sides` and `differences`), and as one free number
+  (`factors`),
+- in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), any single
+  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`), and a factor (`scaled`),
+- in orbits, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown ones),
+  `orbits` (events), `scans` (one number),
+- in cycles, which `shooting` computes: `cycles` (what is made of the half map), `closing` and `speeds` (what closes
+  them), `quotients` (derivatives), `coarse` (approximations), and `connection` (the search for Omega_h).
 """
 
 from tippedisk_verify.conformance.diagnosis.causes import Diagnosis, diagnosed
