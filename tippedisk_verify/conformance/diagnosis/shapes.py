@@ -301,9 +301,6 @@ def _shapes(
         yield f"{number}, as the paper prints it,", dict.fromkeys(right, number)
     if here[0].name == "dv_rate_dbeta":
         yield "1, which is d beta'/dv, the transposed entry of the Jacobian,", dict.fromkeys(right, 1.0)
-    same = set(given.values())
-    if len(same) == 1 and len(set(right.values())) == len(right) > 1:
-        yield f"the same for all questions, {given[worst]:.8g},", given
     if here[0].name == "multiplier_slow":
         yield "1, the trivial multiplier of the whole monodromy matrix,", dict.fromkeys(right, 1.0)
     for text, function in _FUNCTIONS.items():
@@ -312,6 +309,10 @@ def _shapes(
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
+    same = set(given.values())
+    if len(same) == 1 and len(set(right.values())) == len(right) > 1:
+        known = (text for text, number in _OFFSETS.items() if abs(given[worst] - number) < 1e-12)
+        yield f"the same for all questions, {next(known, f'{given[worst]:.8g}')},", given
     if "@" in here[0].name:
         from tippedisk_verify.conformance.diagnosis.flights import rates_at
 
