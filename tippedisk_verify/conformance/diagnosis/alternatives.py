@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
@@ -187,6 +187,10 @@ def _single(value: Any) -> float:
     return float(struct.unpack("f", struct.pack("f", float(value)))[0])
 
 
+def _singly(names: Sequence[str], inputs: Inputs) -> Inputs:
+    return {name: _single(x) if name in names and isinstance(x, float) else x for name, x in inputs.items()}
+
+
 def _all_single(p: Parameters) -> dict[str, Any]:
     return {name: _single(getattr(p, name)) for name in SYMBOLS}
 
@@ -313,6 +317,13 @@ ALTERNATIVES: tuple[Alternative, ...] = (
     Alternative("beta-gamma-exchanged", "beta and gamma exchanged",
                 inputs=lambda inputs: {**inputs, **({"beta": inputs["gamma"], "gamma": inputs["beta"]}
                                                     if "beta" in inputs else {})}),
+    *(
+        Alternative(f"{label}-single", f"{text} rounded to single precision", inputs=partial(_singly, names))
+        for label, text, names in (
+            ("state", "the state", ("beta", "gamma", "v")),
+            ("given", "state and Omega", ("Omega", "beta", "gamma", "v")),
+        )
+    ),
     Alternative("inputs-single", "parameters and inputs rounded to single precision", parameters=_all_single,
                 inputs=lambda inputs: {name: _single(value) if isinstance(value, float) else value
                                        for name, value in inputs.items()}),

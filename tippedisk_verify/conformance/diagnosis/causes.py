@@ -42,6 +42,7 @@ __all__ = ["Diagnosis", "diagnosed"]
 _MOST_ENTRIES = {1: 40, 2: 16, 3: 1, 4: 8, 5: 10, 6: 3, 7: 3, 8: 2, 9: 6, 10: 3}  # looked at, of each sort
 _FORMULAS = (2, 3, 4, 5, 8)  # levels without orbits, but for Omega_h
 _MATRICES = 2
+_SERIES = 5  # the level of the slow manifold
 _CLOSED = (3, 4)  # levels of closed forms, whose terms may have a factor that is solved for
 _CYCLES = (7, 9)
 _ORBITS = 6  # the level of trajectories
@@ -232,7 +233,7 @@ def _causes(
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
             if found is None and outputs_only:  # another number in this level alone
-                found = fitting(one for one in ALTERNATIVES if one.parameters)
+                found = fitting(one for one in ALTERNATIVES if one.parameters or (one.inputs and level == _SERIES))
         if found is None and level == _ORBITS:
             advance(f"level {level}: integrators", 1)
             found = samples_of(usable, wrong, store) or integrator_of(usable, wrong, store)

@@ -86,8 +86,8 @@ def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set
     if not (apart < _LONGEST).all() or (turns != 0).sum() < 2 or apart.max() < _IRREGULAR * apart.min():
         return None
     return (
-        "too small by what a state has that is up to "
-        f"{1e3 * apart.max():.1g} ms from the turning point, now more and now less: taken at steps, not where v = 0"
+        f"too small by what a state has that is up to {float(f'{1e3 * apart.max():.1g}'):g} ms from the turning point, "
+        "now more and now less: taken at steps, not where v = 0"
     )
 
 

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
 from tippedisk_verify.conformance.diagnosis.flights import Array
+from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
 from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, Slip, half_orbits
 from tippedisk_verify.conformance.grading import Grade, as_decimal
@@ -85,10 +87,11 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 _ONE = numpy.eye(2)
+_ARRIVAL = "the change of the arrival time has the wrong sign"
 _CORRECTED: dict[str, Callable[[Array, Array], Array]] = {
     "": numpy.outer,
     "the change of the arrival time is left out of the half map's derivative": lambda f, dt: 0 * numpy.outer(f, dt),
-    "the change of the arrival time has the wrong sign in the half map's derivative": lambda f, dt: -numpy.outer(f, dt),
+    f"{_ARRIVAL} in the half map's derivative": lambda f, dt: -numpy.outer(f, dt),
     "the derivative is projected along the section's normal, not along the flow":
         lambda f, dt: numpy.outer([f[0], 0.0, 0.0], dt),
 }  # fmt: skip
@@ -112,6 +115,7 @@ _TIMES: dict[str, Callable[[Array, float, Array], Any]] = {
     "dperiod_domega has the explicit part by Omega with a wrong sign": lambda dt, explicit, s: 2 * (dt @ s - explicit),
     "dperiod_domega has the explicit part by Omega once, not twice": lambda dt, explicit, s: 2 * dt @ s + explicit,
     "dperiod_domega has the start's share once, not twice": lambda dt, explicit, s: dt @ s + 2 * explicit,
+    "dperiod_domega has the wrong sign": lambda dt, explicit, s: -2 * (dt @ s + explicit),
     "dperiod_domega lacks gamma_bar_0's share": lambda dt, explicit, s: 2 * (dt[1] * s[1] + explicit),
     "dperiod_domega lacks v_0's share": lambda dt, explicit, s: 2 * (dt[0] * s[0] + explicit),
 }  # fmt: skip
@@ -180,6 +184,8 @@ def _slips(pieces: Mapping[str, Mapping[str, Pieces]]) -> Iterator[tuple[str, Nu
         yield f"{text}, dperiod_domega apart", only(made, _DERIVATIVES[1:])
         yield f"{text}, in dperiod_domega alone", only(made, _DERIVATIVES[:1])
     yield from ((text, all_of(right, timed=text)) for text in filter(None, _TIMES))
+    both = {"corrected": f"{_ARRIVAL} in the half map's derivative", "timed": "dperiod_domega has the wrong sign"}
+    yield f"{_ARRIVAL} in the half map's derivative and in dperiod_domega", all_of(right, **both)
     for text in filter(None, _SIZES):
         made = all_of(right, sized=text)
         yield text, made
@@ -214,6 +220,22 @@ def _by_other_variables(here: Sequence[Quantity], store: Store) -> Iterator[tupl
                 )
 
 
+def _by_divergences(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, Numbers]]:
+    """log_multiplier_fast with the divergence of one state, times the period, for its integral."""
+    model = Model(Alternative("", ""), here[0].set, here[0].friction)
+    for text, place in (("at the start", None), ("at the saddle", [math.pi / 2, -math.pi / 2, 0.0])):
+        found = {}
+        for quantity in here:
+            entry = quantity.id.rsplit("/", 1)[0]
+            period, gamma, v, log = (store[f"{entry}/{n}"].for_doubles for n in (*_STATE, "log_multiplier_slow"))
+            state = place or [math.pi / 2, math.pi / 2 + gamma, v]
+            found[entry] = (period * model.jacobian(float(quantity.inputs["Omega"]), state)[1][2], log)
+        words = f"log_multiplier_fast: the period times the divergence {text} is taken for the divergence's integral"
+        yield words, {entry: {"log_multiplier_fast": whole - log} for entry, (whole, log) in found.items()}
+        without = f"{words}, and log_multiplier_slow is not taken off"
+        yield without, {entry: {"log_multiplier_fast": whole} for entry, (whole, _) in found.items()}
+
+
 def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
     """The one slip that gives the wrong derivatives and multipliers of cycles that are right."""
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
@@ -237,5 +259,6 @@ def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Fou
         text = "multiplier_slow: tiny, the fast multiplier or rounding in its place"
         return (("slip", text),), frozenset(tiny)
     found = [text for text, made in _by_other_variables(here, store) if fits(made)]
+    found = found or [text for text, made in _by_divergences(here, store) if fits(made)]
     found = found or [text for text, made in _slips(_pieces(here, store)) if fits(made)]
     return (tuple(("slip", text) for text in found[:1]), frozenset(wrong)) if found else None

@@ -38,6 +38,9 @@ def matrices(
     for beta, gamma in itertools.product(range(4), range(4)):
         text = f"the matrix at beta = {_ANGLES[beta]}, gamma = {_ANGLES[gamma]} for the {which} state"
         yield 1.0, text, partial(_spectrum, kinds, (beta * math.pi / 2, gamma * math.pi / 2, 0.0), _NONE)
+    for short in ("3.14", "3.142", "3.1416", "3.14159", "22/7"):
+        quarter = (22 / 7 if "/" in short else float(short)) / 2
+        yield 1.0, f"the matrix at pi/2 with pi = {short}", partial(_spectrum, kinds, (quarter, quarter, 0.0), _NONE)
     found: list[list[tuple[float, list[float]]]] = [[], [], []]
     for here in bad:
         names = {f"lambda_{n}_{part}" for n in (1, 2, 3) for part in ("re", "im")}
@@ -84,7 +87,9 @@ def _spectrum(
     side = 1 if here[0].inputs["equilibrium"] == "inverted" else -1
     if here[0].inputs["equilibrium"] not in kinds:
         state, factors = None, _NONE
-    (a, turned, _), (b, c, d) = model.jacobian(omega, state or (math.pi / 2, side * math.pi / 2, 0.0))
+    beta, gamma, v = state or (math.pi / 2, side * math.pi / 2, 0.0)
+    gamma *= side if state and gamma == beta and side < 0 and gamma != math.pi / 2 else 1  # a short pi for both states
+    (a, turned, _), (b, c, d) = model.jacobian(omega, (beta, gamma, v))
     d, b, ac = (x * number * omega ** powers[0] for x, (number, powers) in zip((d, b, a * c), factors, strict=True))
     # a and c only matter by their product.
     found = numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], [1.0, turned, 0.0], [b, ac, d]])).tolist()

@@ -137,6 +137,10 @@ def _combinations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str,
         numbers = [of(f"lambda_{n}_re") for n in (1, 2, 3)]
         sums = {id_: sum(parts[id_] for parts in numbers if id_ in parts) for id_ in numbers[0]}
         yield "the sum of all eigenvalues, the trace of the matrix and its only diagonal entry,", sums
+    if mine.startswith("lambda_") and here[0].kind == "heteroclinic":
+        parts = [of(name) for name in ("lambda_u", "lambda_s", "lambda_ss")]
+        sums = {id_: sum(part[id_] for part in parts) for id_ in parts[0] if all(id_ in part for part in parts)}
+        yield "the sum of the three eigenvalues, the trace of the matrix and its only diagonal entry,", sums
     if mine in _LOGARITHMS:
         slow, fast = map(of, _LOGARITHMS)
         for a, b in product(_SHARES, _SHARES):

@@ -16,7 +16,7 @@ from decimal import Decimal
 from statistics import median
 
 from tippedisk_verify.conformance.diagnosis.differences import difference_of
-from tippedisk_verify.conformance.diagnosis.factors import LONG
+from tippedisk_verify.conformance.diagnosis.factors import LONG, named_product, named_values
 from tippedisk_verify.conformance.diagnosis.formulas import candidates, conventions
 from tippedisk_verify.conformance.diagnosis.places import place_shapes
 from tippedisk_verify.conformance.diagnosis.relations import INSTEAD, ordered, relations, stem
@@ -56,6 +56,11 @@ _NUMBERS = {
     "pi/180": math.pi / 180, "1000": 1e3, "1/1000": 1e-3, "1e6": 1e6, "60": 60.0, "1/60": 1 / 60,
     "30/pi (turns per minute)": 30 / math.pi, "1/ln 10 (common logarithms)": 1 / math.log(10), "ln 10": math.log(10),
     "sqrt 2": math.sqrt(2), "1/sqrt 2": math.sqrt(0.5), "0": 0.0,
+}  # fmt: skip
+_AS_OF = {
+    2.0: "as of an eigenvector of length sqrt 2, or of c_1 without its 1/2",
+    0.5: "as of an eigenvector of length sqrt 1/2",
+    4.0: "as of an eigenvector of length 2", 0.25: "as of an eigenvector of length 1/2",
 }  # fmt: skip
 _OFFSETS = {
     "pi/2": math.pi / 2, "-pi/2": -math.pi / 2, "pi": math.pi, "-pi": -math.pi, "2 pi": 2 * math.pi,
@@ -294,7 +299,8 @@ def _shapes(
     worst = max((id_ for id_ in right if id_ in wrong), key=lambda id_: abs(right[id_]))
     yield "of the wrong sign", {id_: -x for id_, x in right.items()}
     for text, number in _NUMBERS.items():
-        yield f"{text} times the right value", {id_: number * x for id_, x in right.items()}
+        as_of = f", {_AS_OF[number]}," if here[0].name == "first_lyapunov_coefficient" and number in _AS_OF else ""
+        yield f"{text} times the right value{as_of}", {id_: number * x for id_, x in right.items()}
     for text, number in _OFFSETS.items():
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
     for number in _PRINTED.get(here[0].name, ()):
@@ -319,7 +325,9 @@ def _shapes(
         yield from ((f"{INSTEAD}{name}", rates) for name, rates in rates_at(here, store).items())
     if right[worst]:
         factor = given[worst] / right[worst]
-        yield f"~{factor:.8g} times the right value", {id_: factor * x for id_, x in right.items()}
+        name = named_product(factor, named_values(here[0].set)) or ""
+        said = f"{factor:.8g}" + f", which is {name}," * any(map(str.isalpha, name))
+        yield f"~{said} times the right value", {id_: factor * x for id_, x in right.items()}
     offset = given[worst] - right[worst]
     yield f"~the right value plus {offset:.8g}", {id_: offset + x for id_, x in right.items()}
 
@@ -421,6 +429,9 @@ def _motion(
         if times and max(times) < _CRUDE:
             what, where = ("flat_time is", "") if failing == {"flat_time"} else ("crossings are", ", or not at pi/2")
             text = f"{what} located crudely, by straight lines or at steps{where}: samples in time are right"
+            if failing <= {"crossing_gamma", "crossing_v"} and "crossing_time" in passing:
+                text = f"{' and '.join(sorted(failing))}: of another instant than the crossing, whose time is right: "
+                text += "of a step, or on a straight line"
             return (("crossings", text),), frozenset(wrong)
         return None
     samples = [grade for grade in usable if "@" in grade.id]

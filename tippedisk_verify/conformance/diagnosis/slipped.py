@@ -81,8 +81,9 @@ def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
     least = min((rank for rank, *_ in close), default=0)
     alike = [(place, text) for rank, place, text in close if rank == least]
     first = dict(reversed(alike))
-    # Names and numbers that stand for each other in one statement are different mistakes, signs and factors are not.
-    others = [text for _, text in alike if least]
+    # Names and numbers that stand for each other in one statement are different mistakes, and so are terms that are
+    # missing; signs and factors are not.
+    others = [text for _, text in alike if least or "is missing in" in text]
     return list(dict.fromkeys([*reversed(first.values()), *others]))[:_MOST]
 
 

@@ -249,6 +249,9 @@ def _operations(node: ast.BinOp) -> Iterator[_Variant]:
 def _calls(node: ast.Call) -> Iterator[_Variant]:
     name = ast.unparse(node.func)
     if len(node.args) != 1:
+        for n, one in enumerate(node.args):
+            less = [*node.args[:n], ast.Constant(0), *node.args[n + 1 :]]
+            yield 0, ast.Call(node.func, less, []), f"{plain(ast.unparse(one))} is missing"
         return
     (inside,) = node.args
     if name in _SINES:

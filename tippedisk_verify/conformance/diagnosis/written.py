@@ -20,7 +20,7 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = [
-    *("EQUILIBRIA", "FACTORS", "INPUT", "MEANINGS", "REAL", "SINES", "STEPS"),
+    *("EQUILIBRIA", "FACTORS", "INPUT", "LINEARISED", "MEANINGS", "REAL", "SINES", "STEPS"),
     *("Formula", "Numbers", "Run", "eigenvalues_of", "given", "set_parameters", "states"),
 ]
 
@@ -52,6 +52,11 @@ INPUT = tuple(
 )  # fmt: skip
 FACTORS = (
     "r", "e", "rho", "m", "A", "B", "Bbar", "g", "mu", "epsilon", "Omega", "v", "1", "r + e", "r - e",
+)  # fmt: skip
+#: For small angles, or small deviations from pi/2.
+LINEARISED = (
+    ("cos(beta)", "pi / 2 - beta", "1 - beta**2 / 2", "1"), ("sin(beta)", "beta", "1"),
+    ("sin(gamma)", "gamma", "1"), ("cos(gamma)", "pi / 2 - gamma", "1 - gamma**2 / 2", "1"),
 )  # fmt: skip
 SINES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
 
@@ -132,7 +137,7 @@ _SMOOTHED = (
 )  # fmt: skip
 _AT_STATES = (
     (*FACTORS, "M", "w_y", "h", "gamma_y", "f_G", "lambda_Ty"), SINES, ("sb", "cb", "sg", "cg"), ("beta", "gamma"),
-    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"),
+    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"), *LINEARISED, ("v", "beta", "gamma"),
 )  # fmt: skip
 _OF_STATES = ("M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate")
 
@@ -172,7 +177,9 @@ MEANINGS = {
     "coupling": "m e rho", "total": "the truncated series", "change": "dh/dt of the order n - 1", "cb": "cos beta",
     "sb": "sin beta", "cg": "cos gamma", "sg": "sin gamma", "third": "the third derivative, symmetric",
     "eigenvalue_slope": "d lambda/d Omega", "product": "with the adjoint eigenvector",
-    "slope": "d lambda_Ty/d gamma_y", "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
+    "slope": "d lambda_Ty/d gamma_y", "answered": "the answer for transversality",
+    "value_of": "a number, whose derivatives are lost",
+    "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
 }  # fmt: skip
 
 
@@ -230,7 +237,8 @@ _AT_EQUILIBRIA = (
     (*FACTORS, "M", "side * e"), ("side", "1", "-1", "-side"), ("A_21", "A_31", "A_32", "A_33", "0", "1"),
     ("a_2", "a_1", "a_0", "0"), INPUT[0], ("side * e", "e", "-e", "0"),
     ("eigenvalues(matrix)", "eigenvalues(lower_triangle(matrix))", "eigenvalues(upper_triangle(matrix))",
-     "eigenvalues(in_single_precision(matrix))", *(f"eigenvalues(differences({d}))" for d in STEPS),
+     "eigenvalues(in_single_precision(matrix))", "singular_values(matrix)",
+     *(f"eigenvalues(differences({d}))" for d in STEPS),
      "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
 )  # fmt: skip
 
@@ -253,6 +261,12 @@ def _triangle(matrix: Any, sign: int) -> Any:
             for i in range(3)]  # fmt: skip
 
 
+def _singular(matrix: Any) -> Any:
+    import numpy
+
+    return numpy.linalg.svd(numpy.array(matrix), compute_uv=False).astype(complex)
+
+
 def _in_single(matrix: Any) -> Any:
     import numpy
 
@@ -261,7 +275,7 @@ def _in_single(matrix: Any) -> Any:
 
 _MATRICES: Names = REAL | {
     "eigenvalues": eigenvalues_of, "roots": _roots, "lower_triangle": partial(_triangle, sign=1),
-    "upper_triangle": partial(_triangle, sign=-1), "in_single_precision": _in_single,
+    "upper_triangle": partial(_triangle, sign=-1), "in_single_precision": _in_single, "singular_values": _singular,
 }  # fmt: skip
 
 

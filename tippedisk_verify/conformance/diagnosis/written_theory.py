@@ -78,6 +78,7 @@ by_printed_law = 8 * e * Bbar * r * Omega / (reach * ((A * (r - 2 * e) \\
     - Bbar * (2 * r**2 + e * reach) / (2 * reach)) * Omega**2 + m * g * e * reach))
 amplitude_squared_slope = 4 * abs(beta)**2 * growth
 period_slope = -2 * pi / frequency**2 * (imag(c_1) * growth - imag(eigenvalue_slope))
+answered = transversality
 """
 _SPEEDS = tuple(
     f"Bbar = B - m * e**2\nomega_crit = {text}\n"
@@ -88,7 +89,11 @@ _AT_HOPF = (
     ("omega_crit", "30.92", "30.89", "30.9", "30.07", "30", "31"), ("frequency", "imag(eigenvalue_slope)"),
     ("sqrt(m * g * (r + e)**2 / (Bbar * r))", "30.92"), ("scale", "conj(scale)", "abs(scale)"),
     ("beta", "gamma", "v"), ("root", "conj(root)", "A_33"),
-    ("c_1", "eigenvalue_slope", "conj(c_1)"), ("real(c_1)", "imag(c_1)", "abs(c_1)"),
+    ("c_1", "eigenvalue_slope", "conj(c_1)"),
+    ("transversality", *(f"real(eigenvalue(Omega + {d})) / {d}" for d in STEPS),
+     *(f"-real(eigenvalue(Omega - {d})) / {d}" for d in STEPS),
+     *(f"real(eigenvalue(Omega + {d}) - eigenvalue(Omega - {d})) / (2 * {d})" for d in STEPS)),
+    ("real(c_1)", "imag(c_1)", "abs(c_1)"),
     ("real(eigenvalue_slope)", "imag(eigenvalue_slope)", "abs(eigenvalue_slope)"),
     ("product(beta, A_32 / Omega * gamma - 2 * Omega * beta)",
      *(f"(eigenvalue(Omega + {d}) - eigenvalue(Omega)) / {d}" for d in STEPS),
@@ -117,7 +122,8 @@ def _hopf(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
         "conj": lambda z: z.conjugate(), "real": lambda z: z.real, "imag": lambda z: z.imag, "eigenvalue": eigenvalue,
     }  # fmt: skip
     found = run(REAL | names | complexes)
-    yield {quantity.name: found[quantity.name] for quantity in here}
+    names = {"transversality": "answered"}  # what else follows from it may be right
+    yield {quantity.name: found[names.get(quantity.name, quantity.name)] for quantity in here}
 
 
 def _speed(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
@@ -157,6 +163,8 @@ _AT_BALANCE = (
     ("C", "frequency * C", "Omega * C / frequency"), ("sqrt(C_squared)", "sqrt(C_squared) * Omega / frequency"),
     ("C_squared", "amplitude"), ("sqrt(C_squared)", "C_squared / 2"),
     ("2 * pi / frequency", "2 * pi / (Omega * sqrt(e / (r + e)))", "2 * pi / Omega", "2 * pi / (Omega * sqrt(e / r))"),
+    ("Omega * sqrt(e / (r + e) - 1 / 8 * (stiffness / (r + e)) * C**2)",
+     "Omega * sqrt(e / (r + e)) * (1 - stiffness / (16 * e) * C**2)"),
     ("C", "C / 2", "2 * C"), ("r - 2 * e", "r + e", "r - e"), ("frequency", "Omega", "C", "delta"),
 )  # fmt: skip
 
@@ -223,6 +231,7 @@ _AT_MANIFOLD = (
     ("n", "i"), ("total", "h[n]"), ("epsilon**n", "epsilon**(n + 1)", "epsilon"),
     ("range(n)", "range(n - 1)", "range(1, n)", "range(1)", "range(n // 2)", "range((n + 1) // 2)", "(0, n - 1)"),
     ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])"),
+    *((name, f"value_of({name})") for name in ("M", "drag", "linear", "quadratic", "drift")),
 )  # fmt: skip
 
 
@@ -248,6 +257,7 @@ def _sine(angle: Any, quarters: int = 0) -> Any:
 
 _JETS: Names = REAL | {
     "sin": _sine, "cos": partial(_sine, quarters=1), "by_beta": Jet.by_beta, "by_gamma": Jet.by_gamma,
+    "value_of": lambda jet: jet.value,
 }  # fmt: skip
 _RESIDUALS = Written(_RESIDUAL, ())
 
