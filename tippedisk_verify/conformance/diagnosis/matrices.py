@@ -40,7 +40,7 @@ def matrices(
         yield 1.0, text, partial(_spectrum, kinds, (beta * math.pi / 2, gamma * math.pi / 2, 0.0), _NONE)
     for short in ("3.14", "3.142", "3.1416", "3.14159", "22/7"):
         quarter = (22 / 7 if "/" in short else float(short)) / 2
-        yield 1.0, f"the matrix at pi/2 with pi = {short}", partial(_spectrum, kinds, (quarter, quarter, 0.0), _NONE)
+        yield 1.0, f"the matrix at pi/2 with pi = {short}", partial(_spectrum, kinds, (quarter, None, 0.0), _NONE)
     found: list[list[tuple[float, list[float]]]] = [[], [], []]
     for here in bad:
         names = {f"lambda_{n}_{part}" for n in (1, 2, 3) for part in ("re", "im")}
@@ -78,9 +78,12 @@ def _invariants(values: Sequence[complex]) -> tuple[float, float, float]:
 
 
 def _spectrum(
-    kinds: set[str], state: tuple[float, float, float] | None, factors: Factors, here: Sequence[Quantity]
+    kinds: set[str], state: tuple[float, float | None, float] | None, factors: Factors, here: Sequence[Quantity]
 ) -> Numbers:
-    """The eigenvalues by their names; those of ``kinds`` at a state instead, or with factors on d, b and a c."""
+    """The eigenvalues by their names; those of ``kinds`` at a state instead, or with factors on d, b and a c.
+
+    Without gamma the state has beta for it, or -beta where the disk is noninverted.
+    """
     import numpy
 
     omega, model = float(here[0].inputs["Omega"]), Model(Alternative("", ""), here[0].set, here[0].friction)
@@ -88,8 +91,7 @@ def _spectrum(
     if here[0].inputs["equilibrium"] not in kinds:
         state, factors = None, _NONE
     beta, gamma, v = state or (math.pi / 2, side * math.pi / 2, 0.0)
-    gamma *= side if state and gamma == beta and side < 0 and gamma != math.pi / 2 else 1  # a short pi for both states
-    (a, turned, _), (b, c, d) = model.jacobian(omega, (beta, gamma, v))
+    (a, turned, _), (b, c, d) = model.jacobian(omega, (beta, side * beta if gamma is None else gamma, v))
     d, b, ac = (x * number * omega ** powers[0] for x, (number, powers) in zip((d, b, a * c), factors, strict=True))
     # a and c only matter by their product.
     found = numpy.linalg.eigvals(numpy.array([[0.0, 0.0, 1.0], [1.0, turned, 0.0], [b, ac, d]])).tolist()
