@@ -21,7 +21,7 @@ from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CO
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
-from tippedisk_verify.conformance.diagnosis.factors import free_values, term_factors
+from tippedisk_verify.conformance.diagnosis.factors import OF_ANOTHER, free_values, term_factors
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
@@ -198,6 +198,7 @@ def _causes(
         best = max((digits for digits, _, _ in fits), default=0.0)
         close = [(alternative, tried) for digits, tried, alternative in fits if digits > best - 2]
         close = [(alternative, tried) for alternative, tried in close if alternative.name in _KNOWN] or close
+        close = [(one, tried) for one, tried in close if OF_ANOTHER in one.cause] or close
         causes = tuple(dict.fromkeys((alternative.name, said(alternative)) for alternative, _ in close))
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 

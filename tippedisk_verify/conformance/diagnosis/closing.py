@@ -35,6 +35,7 @@ _TRIVIAL, _MOST = 1e-2, 2 * math.pi  # rad; less is the inverted equilibrium, no
 _FASTEST = 20.0  # rad/s; of v_0
 _NEAR = 1e-3  # relative: a period that is further off has another cause
 _SMALL = 2e-4  # rad, rad/s: less than wrong equations leave
+_SHORT = 1e-8  # relative
 _QUARTERS = math.pi / 2
 
 
@@ -125,13 +126,22 @@ def _numbers(here: _Answered, right: tuple[Array, Array], set_name: str, frictio
 
     found: dict[tuple[bool, bool], list[str]] = {}
     for change, rough in narrowed(residual, error, changes(set_name, starts=False)):
-        value = plain(rough)
-        if here.closed(changed_field(change, value, set_name, friction, here.omega), right):
-            rank = change.kind == "term", value == rough  # a number of few digits says more than another
-            if rank == (True, True):  # a coarse integrator's errors look like that
+        term = change.kind == "term"
+        short = (plain(rough), plain(rough) if term else _short(rough))
+        for value in dict.fromkeys((*(one for one in short if one != rough), rough)):
+            if not here.closed(changed_field(change, value, set_name, friction, here.omega), right):
                 continue
-            found.setdefault(rank, []).append(f"{change.make(value).cause} (in the cycles' equations)")
+            rank = term, value == rough  # a number of few digits says more than another
+            if rank != (True, True):  # a coarse integrator's errors look like that
+                found.setdefault(rank, []).append(f"{change.make(value).cause} (in the cycles' equations)")
+            break
     return found[min(found)] if found else []
+
+
+def _short(value: float) -> float:
+    """A number of at most six digits, where there is one that one in a hundred numbers has by chance."""
+    short = (float(f"{value:.{digits}g}") for digits in range(1, 7))
+    return next((x for x in short if abs(x - value) <= _SHORT * abs(value)), value)
 
 
 def unclosed(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:

@@ -106,8 +106,18 @@ def _law(
     up, down, fast = (store[f"{point}/{name}"].for_doubles for name in ("lambda_u", "lambda_s", "lambda_ss"))
     far = int(numpy.argmax(away))  # doubles leave most digits there
     if name == "dperiod_domega":
-        fits = _fits(told, -2 / up / away, given, wrong)
-        return "-2 / (lambda_u (Omega - Omega_h)), an asymptotic law, not the cycle's" if fits else None
+        laws = {"-2": -2 / up / away, "-1": -1 / up / away}
+    elif name == "log_multiplier_slow":
+        period = numpy.array([store[quantity.id.replace(name, "period")].for_doubles for quantity in told])
+        laws = {"(lambda_u + lambda_s) T": (up + down) * period, "(lambda_u + lambda_s) T/2": (up + down) * period / 2}
+    else:
+        laws = {}
+    for text, law in laws.items():
+        if _fits(told, law, given, wrong):
+            text = text if "T" in text else f"{text} / (lambda_u (Omega - Omega_h))"
+            return f"{text}, an asymptotic law, not the cycle's"
+    if name == "dperiod_domega":
+        return None
     if name == "multiplier_slow" and (y > 0).all():
         power = 2 * (-down / up - 1)
         fits = _fits(told, y[far] * (away / away[far]) ** power, given, wrong)

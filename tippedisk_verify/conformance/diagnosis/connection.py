@@ -32,10 +32,13 @@ def searches(set_name: str, friction: str, given: float, right: float) -> Iterat
     """What was done, if it gives this speed."""
     for n in range(_DECIMALS + 1):
         if abs(round(given, n) - given) < _END:
-            yield (
-                f"omega_h is the round number {round(given, n):g}, typed in or an end of the interval searched: "
-                "it does not hold the root, or orbits are not followed long enough to tell"
-            )
+            if round(right, n) == round(given, n):
+                yield f"omega_h is rounded to {n} decimals, or such a number is typed in: {round(given, n):g}"
+            else:
+                yield (
+                    f"omega_h is the round number {round(given, n):g}, typed in or an end of the interval searched: "
+                    "it does not hold the root, or orbits are not followed long enough to tell"
+                )
             return
     for n in _HALVINGS:
         unit = 0.1 / 2**n

@@ -132,6 +132,7 @@ _SIZES: dict[str, Callable[[Array], Any]] = {
     "the trace of the whole map's derivative for its spectral radius": lambda p: numpy.trace(p @ p),
     "the first entry of the half map's derivative, squared, for its spectral radius": lambda p: p[0, 0] ** 2,
     "the last entry of the half map's derivative, squared, for its spectral radius": lambda p: p[1, 1] ** 2,
+    "twice the half map's eigenvalue, not its square": lambda p: 2 * max(abs(numpy.linalg.eigvals(p))),
     "the spectral radius to the fourth power": lambda p: max(abs(numpy.linalg.eigvals(p))) ** 4,
 }  # fmt: skip
 
@@ -223,7 +224,11 @@ def _by_other_variables(here: Sequence[Quantity], store: Store) -> Iterator[tupl
 def _by_divergences(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, Numbers]]:
     """log_multiplier_fast with the divergence of one state, times the period, for its integral."""
     model = Model(Alternative("", ""), here[0].set, here[0].friction)
-    for text, place in (("at the start", None), ("at the saddle", [math.pi / 2, -math.pi / 2, 0.0])):
+    states = {"at the start": None} | {
+        f"at {name} spinning": [math.pi / 2, side * math.pi / 2, 0.0]
+        for name, side in (("inverted", 1), ("noninverted", -1))
+    }
+    for text, place in states.items():
         found = {}
         for quantity in here:
             entry = quantity.id.rsplit("/", 1)[0]

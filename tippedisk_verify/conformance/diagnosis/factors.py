@@ -26,7 +26,7 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
-    *("LONG", "changed_term", "factor_said", "free_values", "model_bases", "model_values", "monomial"),
+    *("LONG", "OF_ANOTHER", "changed_term", "factor_said", "free_values", "model_bases", "model_values", "monomial"),
     *("moved", "named_product", "named_values", "parameter", "said_factor", "scaled", "term_factors", "term_names"),
 ]
 
@@ -61,10 +61,17 @@ _FACTORS = ("rho", "sin beta", "cos beta", "sin gamma", "cos gamma", "Omega", "v
 _SOME_SIZE = 1e-3  # of the quantity's scale; a smaller term says little about its factor
 _WHOLE = 0.02  # how far a fitted power may be from a whole number
 _CONSTANT = 1e-6  # relative: the spread of what is left; the terms keep nine digits of their answers' fifteen
+_SAME = 1e-9  # relative: how near a value is that of another parameter
 _SMALL = ((1.0, ""), (-1.0, "-1"), (2.0, "2"), (0.5, "1/2"), (4.0, "4"), (0.25, "1/4"))
+_PLAIN = tuple(  # rather than products that coincide: 3 is mu/epsilon too
+    (sign * up / down, f"{'-' if sign < 0 else ''}{up}" + f"/{down}" * (down > 1))
+    for up, down in (*((n, 1) for n in range(2, 10)), *((1, n) for n in range(2, 10)), (3, 2), (2, 3), (3, 4), (4, 3))
+    for sign in (1, -1)
+)
 _LEAST_STATES = 12  # for at most nine unknowns
 _ROOT = 1e-13  # of the largest error on the grid: the grid has hit the root
 _HALVES = (1, -1, 2, -2, 0.5, -0.5)
+OF_ANOTHER = ", the value of "  # a parameter that was taken for another
 LONG = 9.0  # the rank of a factor that is nothing but a number
 _GRID = sorted(
     {sign * 10 ** (k / 6) for k in range(-24, 25) for sign in (-1, 1)} | {0.0} | {1 + k / 40 for k in range(-20, 21)}
@@ -232,7 +239,7 @@ def named_product(
     pairs = itertools.combinations(powers, 2)
     # Round decimals coincide: 0.01 is epsilon^2 rather than 4 e.
     choices = itertools.chain(
-        ((small, ()) for small in _SMALL),
+        ((small, ()) for small in (*_SMALL, *_PLAIN)),
         itertools.product(_SMALL[:1], single),
         itertools.product(_SMALL[1:], single),
         itertools.product(_SMALL[:1], pairs),
@@ -291,7 +298,12 @@ def free_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -
         makes.append((_eccentric, _GRID))
         makes.append((partial(_fixed, "Omega"), [30 * c for c in _GRID]))
     for make, grid in makes:
-        yield from map(make, solved(make, worst, answers, store, grid))
+        for value in solved(make, worst, answers, store, grid):
+            found = make(value)
+            same = [
+                name for name, x in known.items() if f"{name}-value" != found.name and x and abs(value / x - 1) < 1e-9
+            ]
+            yield replace(found, cause=f"{found.cause}{OF_ANOTHER}{same[0]}") if same else found
 
 
 def solved(

@@ -163,6 +163,10 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
         return None
     f, size = field(here[0].set, here[0].friction, speeds), float(abs(errors).max())
     exact = flown(f, starts, time, round(time / _EXACT))
+
+    def alike(made: Array) -> bool:
+        return bool((numpy.linalg.norm(made - errors, axis=0) <= _ALIKE * numpy.linalg.norm(errors, axis=0)).all())
+
     for name in (*METHODS, *(f"{name} after {start}" for name in _ADAMS for start in ("Euler", "RK4"))):
         last, before, wanted = math.inf, 0.0, 0.0
         for count in (count for count in _COUNTS if time / count < _LONGEST):
@@ -173,9 +177,10 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
             made = _flights(name, f, starts, time, round(count)) - exact
             if not (off := float(abs(made).max())) < _LOST:
                 continue
-            left = numpy.linalg.norm(made - errors, axis=0)
-            if (left <= _ALIKE * numpy.linalg.norm(errors, axis=0)).all():
-                return f"too long a step, {name} at a fixed step of {1000 * time / count:.6g} ms"
+            if alike(made):
+                others = (other for other in METHODS if other != name)
+                same = [one for one in others if alike(_flights(one, f, starts, time, round(count)) - exact)]
+                return f"too long a step, {' or '.join([name, *same])} at a fixed step of {1000 * time / count:.6g} ms"
             if off < size / _WORTH:
                 break
             if off < last < _LOST:  # by the order that the last two steps show

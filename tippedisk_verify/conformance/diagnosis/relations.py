@@ -140,6 +140,9 @@ def _combinations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str,
     if mine.startswith("lambda_") and here[0].kind == "heteroclinic":
         parts = [of(name) for name in ("lambda_u", "lambda_s", "lambda_ss")]
         sums = {id_: sum(part[id_] for part in parts) for id_ in parts[0] if all(id_ in part for part in parts)}
+        if (omega := store.get(here[0].id.rsplit("/", 1)[0] + "/omega_h")) is not None:
+            rates = {q.id: q.for_doubles / omega.for_doubles for q in here}
+            yield "those divided by Omega_h, without units,", rates
         yield "the sum of the three eigenvalues, the trace of the matrix and its only diagonal entry,", sums
     if mine in _LOGARITHMS:
         slow, fast = map(of, _LOGARITHMS)

@@ -38,6 +38,7 @@ _HUGE = 1e15  # answers beyond are no value's, whatever the function; sums with 
 _FINITE = 1e300  # what doubles hold, and products with factors of some size
 _LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the shape is another question's answer
+_AT_STATES = (1, 2, 3, 4, 5)  # levels whose inputs are those of the formula; an orbit leaves its start's side
 _SINGLE = 2.0**-24
 _NOISE = 16.0  # the spread of a logarithm that is rounding's
 _CRUDE = 0.005  # s; a step that brings the samples in time out right is no longer
@@ -185,7 +186,8 @@ def _placed(
     here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store, by_place: bool
 ) -> Iterator[tuple[str, list[Quantity], str, dict[str, float]]]:
     """(Where, the questions there, what the answers are, these answers), everywhere first."""
-    for where, some in (("", list(here)), *one_sided(here, wrong)):
+    sides = one_sided(here, wrong) if here[0].level in _AT_STATES else ()
+    for where, some in (("", list(here)), *sides):
         for shape in itertools.chain(
             _shapes(some, answers, wrong, store),
             _conventions(some),

@@ -20,7 +20,7 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = [
-    *("EQUILIBRIA", "FACTORS", "INPUT", "LINEARISED", "MEANINGS", "REAL", "SINES", "STEPS"),
+    *("EQUILIBRIA", "FACTORS", "INPUT", "LINEARISED", "MEANINGS", "REAL", "SINES", "STEPS", "TURNING"),
     *("Formula", "Numbers", "Run", "eigenvalues_of", "given", "set_parameters", "states"),
 ]
 
@@ -52,6 +52,10 @@ INPUT = tuple(
 )  # fmt: skip
 FACTORS = (
     "r", "e", "rho", "m", "A", "B", "Bbar", "g", "mu", "epsilon", "Omega", "v", "1", "r + e", "r - e",
+)  # fmt: skip
+TURNING = (
+    "A * cos(gamma)**2 + Bbar * sin(gamma)**2", "Bbar * cos(gamma)**2 + A * sin(gamma)**2",
+    "A * sin(gamma)**2 + B * cos(gamma)**2",
 )  # fmt: skip
 #: For small angles, or small deviations from pi/2.
 LINEARISED = (
@@ -137,7 +141,9 @@ _SMOOTHED = (
 )  # fmt: skip
 _AT_STATES = (
     (*FACTORS, "M", "w_y", "h", "gamma_y", "f_G", "lambda_Ty"), SINES, ("sb", "cb", "sg", "cg"), ("beta", "gamma"),
-    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"), *LINEARISED, ("v", "beta", "gamma"),
+    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"), *LINEARISED, ("v", "beta", "gamma"), TURNING,
+    ("(h + f_G + w_y * lambda_Ty) / M", "(h + f_G) / Bbar + w_y * lambda_Ty / M", "(h + f_G) / M + w_y * lambda_Ty",
+     "h + f_G + w_y * lambda_Ty / M"),
 )  # fmt: skip
 _OF_STATES = ("M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate")
 

@@ -16,6 +16,7 @@ from tippedisk_verify.conformance.diagnosis.written import (
     REAL,
     SINES,
     STEPS,
+    TURNING,
     Formula,
     Numbers,
     Run,
@@ -90,6 +91,7 @@ _AT_HOPF = (
     ("sqrt(m * g * (r + e)**2 / (Bbar * r))", "30.92"), ("scale", "conj(scale)", "abs(scale)"),
     ("beta", "gamma", "v"), ("root", "conj(root)", "A_33"),
     ("c_1", "eigenvalue_slope", "conj(c_1)"),
+    ("2 * pi / frequency", "2 * pi / (Omega * sqrt(e / r))", "2 * pi / (Omega * sqrt(r / (r + e)))"),
     ("transversality", *(f"real(eigenvalue(Omega + {d})) / {d}" for d in STEPS),
      *(f"-real(eigenvalue(Omega - {d})) / {d}" for d in STEPS),
      *(f"real(eigenvalue(Omega + {d}) - eigenvalue(Omega - {d})) / (2 * {d})" for d in STEPS)),
@@ -139,7 +141,7 @@ chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
 chi = chi + Bbar * e**2 / (2 * (r + e)) if consistent else chi
 stiffness = r if consistent else r - e
 """
-_BALANCES = (
+_BALANCES: tuple[str, ...] = (
     _CHI
     + """\
 C = 2 * sqrt(e / (r + e)) * sqrt(-(Bbar * r * Omega**2 - m * g * (r + e)**2) / (chi * Omega**2 + m * g * e * (r + e)))
@@ -155,6 +157,9 @@ frequency = sqrt(e * Omega**2 / (r + e) + delta * C_squared)
 period = 2 * pi / frequency
 amplitude = sqrt(C_squared)
 """,
+)
+_BALANCES += (  # of a slip that makes C^2 negative some go on with its modulus
+    _BALANCES[0].replace("* sqrt(-(Bbar", "* sqrt(abs(-(Bbar").replace("(r + e)))\nfrequency", "(r + e))))\nfrequency"),
 )
 _AT_BALANCE = (
     (*FACTORS, "r + 2 * e", "stiffness", "chi", "C", "omega_crit"), INPUT[0], ("chi", "1.31e-07"),
@@ -224,7 +229,7 @@ for n in range(6):
     residual.append(residual_n)
 """
 _AT_MANIFOLD = (
-    FACTORS, SINES, *INPUT, ("beta", "gamma"), ("h_0", "h[0]", "h[n]", "total"),
+    FACTORS, SINES, *INPUT, TURNING, ("beta", "gamma"), ("h_0", "h[0]", "h[n]", "total"),
     ("free", "linear", "quadratic", "drag"),
     ("by_beta", "by_gamma"), ("M", "Bbar", "A", "1"), ("dh_dbeta", "dh_dgamma"),
     ("n == 1", "n >= 1"), ("h[n - 1]", "h[0]"),
