@@ -21,7 +21,8 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["events_of"]
 
-_ALIKE = 1e-6  # of an event's function, and of states
+_ALIKE = 1e-6  # of states and times
+_LEVEL = 1e-4  # of an event's function, as a program locates events in time
 _LEAST = 4  # answers that have the same
 _CRUDE = 0.005  # s; a smaller error is that of a crude location, which is looked for elsewhere
 
@@ -66,14 +67,14 @@ def _section(bad: Sequence[Quantity], answers: Mapping[str, Decimal], store: Sto
     parts = spelled(CORRECT, numpy, model.p, speeds, states, model.friction)
     for text, values in _functions(states, parts):
         value = float(numpy.median(values[known]))
-        if abs(values[known] - value).max() < _ALIKE and not (text[0] == "b" and abs(value - math.pi / 2) < _ALIKE):
+        if abs(values[known] - value).max() < _LEVEL and not (text[0] == "b" and abs(value - math.pi / 2) < _LEVEL):
             return f"crossings are those of {text.format(_number(value))} on the right orbits, not of beta = pi/2"
     return None
 
 
 def _number(value: float) -> str:
     for name, number in (("pi/2", math.pi / 2), ("3 pi/2", 1.5 * math.pi), ("pi", math.pi), ("0", 0.0)):
-        if abs(value - number) < _ALIKE:
+        if abs(value - number) < _LEVEL:
             return name
     return f"{value:.6g}"
 
