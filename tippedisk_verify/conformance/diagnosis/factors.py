@@ -274,11 +274,11 @@ def said_factor(factor: float, p: SimpleNamespace) -> tuple[float, str]:
     if abs(factor + 1) < 1e-7:
         return 0.0, "has the wrong sign"
     found = named_product(factor, model_bases(p), _HALVES)
-    if found is None:
+    if not found:  # a factor so near to 1 has no other name
         return LONG, f"has the extra factor {factor:.8g}"
     text = f"has the extra factor {found}" + (", B in place of Bbar" if "B/Bbar" in found else "")
     if "epsilon" in found and abs(float(f"{factor:.1g}") / factor - 1) < _CONSTANT:  # perhaps the number is meant
-        text += f" or {factor:.1g}"
+        text += f" or {float(f'{factor:.1g}'):g}"
     return 1.0 + len(found.split()), text
 
 

@@ -96,14 +96,14 @@ class Written:
             ):
                 if other != mine and re.fullmatch(r"\w+", other):
                     code = compile(f"{ast.unparse(statement)}\n{mine}, {other} = {other}, {mine}", "formula", "exec")
-                    yield Slip(0, place, code, lambda text=f"{other} and {mine} are exchanged": text)  # type: ignore[misc]
+                    yield Slip(2, place, code, lambda text=f"{other} and {mine} are exchanged": text)  # type: ignore[misc]
         body = statement.body if isinstance(statement, ast.For) else []
         parts = [one for one in body if isinstance(one, ast.Assign | ast.AugAssign)]
         for n, one in enumerate(parts):
             for other_part in parts[:n]:
                 one.value, other_part.value = other_part.value, one.value
                 text = f"what {_assigned(other_part)} and {_assigned(one)} are is exchanged"
-                yield Slip(0, place, _compiled(statement), lambda text=text: text)  # type: ignore[misc]
+                yield Slip(2, place, _compiled(statement), lambda text=text: text)  # type: ignore[misc]
                 one.value, other_part.value = other_part.value, one.value
 
     def _changes(self, statement: ast.stmt) -> Iterator[tuple[int, Callable[[], str]]]:
