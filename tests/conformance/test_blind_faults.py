@@ -1,4 +1,4 @@
-"""Lists of 150 faults in an independent program, planted without a look at the code of the diagnosis.
+"""Lists of some 150 faults in an independent program, planted without a look at the code of the diagnosis.
 
 A line has a fault: its name, what a true diagnosis has to say, the `words` by which one that says it is told (regular
 expression), the last of the `levels` answered (nine, if it does not say), and the `patches` that plant it in
@@ -6,15 +6,21 @@ expression), the last of the `levels` answered (nine, if it does not say), and t
 was graded, but for the words, which were chosen by hand from the verdicts.
 A statement without these words counts as wrong until somebody has judged that it leads to the fault.
 
-Three lists are regression tests: the diagnosis was extended with each of them in view. At their first gradings
+They are regression tests: the diagnosis was extended with most of them in view. At their first gradings
 `blind_faults.jsonl` had 99 of 150 faults named truly, `blind_faults_second.jsonl` 95 (six statements false or
 misleading, one traceback) and `blind_faults_third.jsonl` 106 (four false or misleading). `first` is the level that a
 fault touches first.
 
-`blind_faults_fourth.jsonl` was written after all that, drawn from 297 faults, and is the blind evidence. At its first
-grading 132 were named truly, three had a statement that is false or misleads (`jacobian-gamma-row-omega-lost`,
-`multiplier-with-trivial`, `restart-rounded-each-second`), and 15 stayed unexplained; the first failing level was right
-for all. The three were mended, and nothing was added for the others.
+At the first grading of `blind_faults_fourth.jsonl` 132 were called named by those who wrote the diagnosis; eight of
+these say less than the fault. The last three lists, of one author, have what a statement `must` say at least, written before any
+grading, and were judged by two readers each who did not know the diagnosis:
+
+- fifth: 123 and 124 of 150 named, 7 and 6 less than the fault, 1 wrong, 19 unexplained;
+- sixth: 120 and 118 of 150 named, 7 and 9 less than the fault, 2 wrong, 21 unexplained;
+- seventh: 112 of 139 named by both, 8 and 9 less than the fault, 1 and 0 wrong, 18 unexplained.
+
+The first failing level was right for all. What was wrong was mended, and the diagnosis was extended with the fifth and
+the sixth list in view.
 """
 
 from __future__ import annotations
@@ -40,7 +46,8 @@ TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_progra
 #: Each list, and how many of its faults have to be named. The others: see the names that the failing test prints.
 NAMED = {
     "blind_faults.jsonl": 145, "blind_faults_second.jsonl": 145, "blind_faults_third.jsonl": 150,
-    "blind_faults_fourth.jsonl": 135,
+    "blind_faults_fourth.jsonl": 135, "blind_faults_fifth.jsonl": 140, "blind_faults_sixth.jsonl": 135,
+    "blind_faults_seventh.jsonl": 115,
 }  # fmt: skip
 LISTS = {name: [json.loads(line) for line in (HERE / name).read_text().splitlines()] for name in NAMED}
 CASES = [case for cases in LISTS.values() for case in cases]
@@ -107,7 +114,7 @@ def graders(tmp_path_factory: pytest.TempPathFactory) -> Graders:
 
 def test_each_patch_fits() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES)
-    assert [len(faults) for faults in FAULTS.values()] == [150] * len(NAMED)
+    assert [len(faults) for faults in FAULTS.values()] == [150] * 6 + [139]
     for case in CASES:
         for text in planted(case):
             compile(text, case["name"], "exec")

@@ -36,8 +36,8 @@ def searches(set_name: str, friction: str, given: float, right: float) -> Iterat
                 yield f"omega_h is rounded to {n} decimals, or such a number is typed in: {round(given, n):g}"
             else:
                 yield (
-                    f"omega_h is the round number {round(given, n):g}, typed in or an end of the interval searched: "
-                    "it does not hold the root, or orbits are not followed long enough to tell"
+                    f"omega_h is the round number {round(given, n):g}, typed in or an end of the interval searched, as "
+                    "where it does not hold the root, orbits end too early to tell, or the wrong half is kept"
                 )
             return
     for n in _HALVINGS:

@@ -182,7 +182,7 @@ class Written:
         if whole:
             if isinstance(node, ast.Name):
                 yield 0, ast.Constant(1), f"the factor {said} is missing"
-            if not isinstance(node, ast.Name | ast.Constant | ast.List):
+            if isinstance(parent, ast.AugAssign):
                 yield 0, ast.Constant(0), f"{said} is missing"
             yield 2, _call("abs", node), f"the absolute value of {said}"
             yield 2, _call("sqrt", node), f"the square root of {said}"

@@ -176,14 +176,16 @@ def set_parameters(set_name: str) -> Names:
 #: Names in the texts that are not the paper's.
 MEANINGS = {
     "side": "1 for inverted, -1 for noninverted", "damping": "mu m g / epsilon", "reach": "r + e",
-    "stiffness": "r - e as printed, r in the consistent law", "growth": "|z|^2 per Omega_crit - Omega",
+    "stiffness": "r - e as printed, r in the consistent law", "restoring": "m g (r + e) - Bbar Omega^2",
+    "growth": "|z|^2 per Omega_crit - Omega",
     "by_printed_law": "the slope of the printed one-harmonic law", "free": "h and f_G without v", "drift": "-gamma'",
     "linear": "h's factor of v", "quadratic": "h's factor of v^2", "drag": "mu m g rho^2 sin(beta)^2",
     "by_beta": "derivative by beta", "by_gamma": "derivative by gamma", "inertia": "A cos^2 gamma + Bbar sin^2 gamma",
     "coupling": "m e rho", "total": "the truncated series", "change": "dh/dt of the order n - 1", "cb": "cos beta",
     "sb": "sin beta", "cg": "cos gamma", "sg": "sin gamma", "third": "the third derivative, symmetric",
     "eigenvalue_slope": "d lambda/d Omega", "product": "with the adjoint eigenvector",
-    "slope": "d lambda_Ty/d gamma_y", "answered": "the answer for transversality",
+    "slope": "d lambda_Ty/d gamma_y",
+    "answered": "the answer for transversality",
     "value_of": "a number, whose derivatives are lost",
     "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
 }  # fmt: skip

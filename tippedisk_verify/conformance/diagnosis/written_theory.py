@@ -65,10 +65,10 @@ cubic_f_G = -m * g * e / 2 * third(beta, gamma, gamma) - m * g * reach / 6 * thi
 cubic_friction = damping * (Omega * e * (4 * e + r) / 6 * third(gamma, gamma, gamma) \\
     + 3 * Omega * e * reach / 2 * third(beta, beta, gamma) + reach**2 * third(beta, beta, v) \\
     + e * reach * third(gamma, gamma, v))
-stiffness = m * g * reach - Bbar * Omega**2
-cubic_M = (A - Bbar) * (stiffness * third(beta, gamma, gamma) - damping * reach**2 * third(gamma, gamma, v) \\
+restoring = m * g * reach - Bbar * Omega**2
+cubic_M = (A - Bbar) * (restoring * third(beta, gamma, gamma) - damping * reach**2 * third(gamma, gamma, v) \\
     - damping * reach * e * Omega * third(gamma, gamma, gamma)) \\
-    + m * reach**2 * (stiffness * third(beta, beta, beta) - damping * reach**2 * third(beta, beta, v) \\
+    + m * reach**2 * (restoring * third(beta, beta, beta) - damping * reach**2 * third(beta, beta, v) \\
     - damping * reach * e * Omega * third(beta, beta, gamma))
 cubic_v = (cubic_h + cubic_f_G + cubic_friction - cubic_M / Bbar) / Bbar
 c_1 = product(cubic_gamma, cubic_v) / 2
@@ -205,7 +205,8 @@ _RECURSION = """\
 h = [h_0]
 for n in orders:
     change = -drift * by_gamma(h[n - 1])
-    force = linear * h[n - 1]
+    force = 0
+    force += linear * h[n - 1]
     if n == 1:
         force += free
     for i in range(n):
