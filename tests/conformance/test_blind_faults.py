@@ -12,8 +12,8 @@ misleading, one traceback) and `blind_faults_third.jsonl` 106 (four false or mis
 fault touches first.
 
 At the first grading of `blind_faults_fourth.jsonl` 132 were called named by those who wrote the diagnosis; eight of
-these say less than the fault. The last three lists, of one author, have what a statement `must` say at least, written before any
-grading, and were judged by two readers each who did not know the diagnosis:
+these say less than the fault. The last three lists, of one author, say what a statement `must` say at least. They were
+judged by two readers each who did not know the diagnosis:
 
 - fifth: 123 and 124 of 150 named, 7 and 6 less than the fault, 1 wrong, 19 unexplained;
 - sixth: 120 and 118 of 150 named, 7 and 9 less than the fault, 2 wrong, 21 unexplained;
