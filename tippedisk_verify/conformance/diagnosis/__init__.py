@@ -2,8 +2,8 @@
 
 `causes` decides what is tried, and in which order. A mistake is sought
 - in a catalogue (`alternatives`) by what each predicts (`predictions`),
-- in the answers themselves (`shapes`, by `relations`, `places`, `sides` and `differences`), and as one free number
-  (`factors`),
+- in the answers themselves (`shapes`, by `relations`, `places` and `sides`; `sizes`, by `differences`), and as one
+  free number (`factors`),
 - in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), any single
   slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`), and a factor (`scaled`),
 - in orbits, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown ones),

@@ -30,8 +30,9 @@ from tippedisk_verify.conformance.diagnosis.relations import stem
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scaled import factor_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
-from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of, size_of
+from tippedisk_verify.conformance.diagnosis.shapes import borne_out, formula_of, shape_of
 from tippedisk_verify.conformance.diagnosis.sides import one_sided
+from tippedisk_verify.conformance.diagnosis.sizes import size_of
 from tippedisk_verify.conformance.diagnosis.slipped import slip_of
 from tippedisk_verify.conformance.grading import FAILS_BELOW, LEVEL_NAMES, Grade, as_decimal
 from tippedisk_verify.conformance.sheet import placed
