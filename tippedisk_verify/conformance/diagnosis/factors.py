@@ -301,7 +301,7 @@ def free_values(worst: Quantity, answers: Mapping[str, Decimal], store: Store) -
         for value in solved(make, worst, answers, store, grid):
             found = make(value)
             same = [
-                name for name, x in known.items() if f"{name}-value" != found.name and x and abs(value / x - 1) < 1e-9
+                name for name, x in known.items() if f"{name}-value" != found.name and x and abs(value / x - 1) < _SAME
             ]
             yield replace(found, cause=f"{found.cause}{OF_ANOTHER}{same[0]}") if same else found
 
