@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from functools import partial
 
-from tippedisk_verify.conformance.diagnosis.factors import model_values, said_factor
+from tippedisk_verify.conformance.diagnosis.factors import LONG, critical_speed, model_values, said_factor
 from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.diagnosis.slipped import borne_out_by, limits_of, told_by
 from tippedisk_verify.conformance.diagnosis.slips import Names, Slip, Written
@@ -46,10 +47,23 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
             rank, said = said_factor(factor, values)
             changed = next(itertools.islice(written.scaled(repr(factor)), n, None))
             if borne_out_by(formula, partial(written.run, slip=changed), told, answers, limits, blamed) is not None:
-                fits.append((rank, f"{slip.says()} {said}"))
+                fits.append((rank, f"{slip.says()} {said}" + _at_speed(slip.says(), factor, first) * (rank >= LONG)))
     best = min((rank for rank, _ in fits), default=0.0)
     causes = tuple(dict.fromkeys(("factor", text) for rank, text in fits if rank == best))
     return (causes, frozenset(blamed)) if causes else None
+
+
+def _at_speed(text: str, factor: float, quantity: Quantity) -> str:
+    """Where a term that has the speed as a factor is taken at one of few digits, or a little beside the Hopf point."""
+    if quantity.kind != "hopf" or not re.search(r"\bOmega(?!\^)", text):
+        return ""
+    right = critical_speed(quantity.set)
+    speed, move = factor * right, (factor - 1) * right
+    if abs(speed / float(f"{speed:.4g}") - 1) < _PLAIN:
+        return f", as at the speed {speed:.4g}"
+    if abs(move - float(f"{move:.1g}")) < _PLAIN * right:
+        return f", as at Omega_crit {move:+.1g} or in a one-sided difference over {2 * move:.1g}"
+    return ""
 
 
 def _off(answers: Mapping[str, Decimal], quantity: Quantity) -> float:

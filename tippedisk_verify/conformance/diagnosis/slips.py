@@ -134,17 +134,25 @@ class Written:
                 _put(parent, field, index, ast.fix_missing_locations(new))
                 yield rank, says
                 _put(parent, field, index, node)
+        yield from _not_summed(statement)
         for condition in [node for node in ast.walk(statement) if isinstance(node, ast.If)]:
             test = condition.test
+            target = _assigned(condition.body[0])
             for value, words in ((True, "the condition {} is lost"), (False, "what holds only if {} is missing")):
                 condition.test = ast.fix_missing_locations(ast.Constant(value))
                 text = words.format(ast.unparse(test))
-                target = _assigned(condition.body[0])
                 yield 0, lambda text=text, target=target: f"in {target}: {text}"  # type: ignore[misc]
+            for other in self.others.get(ast.unparse(test), ()):
+                condition.test = other
+                text = f"{ast.unparse(other)} instead of {ast.unparse(test)}"
+                yield 1, lambda text=text, target=target: f"in {target}: if {text}"  # type: ignore[misc]
             condition.test = test
 
     def _variants(self, node: ast.expr, parent: ast.AST, whole: bool) -> Iterator[_Variant]:
         said = plain(ast.unparse(node))
+        if isinstance(parent, ast.For):  # what it runs over
+            yield from ((1, other, "") for other in self.others.get(ast.unparse(node), ()))
+            return
         if isinstance(node, ast.BinOp):
             yield from _operations(node)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -155,6 +163,7 @@ class Written:
                 yield from ((1, ast.Constant(node.value + step), "") for step in (-1, 1))
         elif isinstance(node, ast.Call):
             yield from _calls(node)
+            yield from ((1, ast.Call(one, node.args, []), "") for one in self.others.get(ast.unparse(node.func), ()))
         elif isinstance(node, ast.IfExp):
             yield from ((0, part, f"{plain(ast.unparse(part))} always") for part in (node.body, node.orelse))
             yield 0, ast.IfExp(node.test, node.orelse, node.body), ""
@@ -211,6 +220,17 @@ class Written:
                     with suppress(SyntaxError):
                         yield Slip(0, place, compile(less, "formula", "exec"), lambda words=words: words)  # type: ignore[misc]
             previous = token.string
+
+
+def _not_summed(statement: ast.stmt) -> Iterator[tuple[int, Callable[[], str]]]:
+    """A sum in a loop that only keeps what comes last."""
+    for loop in [node for node in ast.walk(statement) if isinstance(node, ast.For)]:
+        for n, part in enumerate(loop.body):
+            if isinstance(part, ast.AugAssign):
+                target = _assigned(part)
+                loop.body[n] = ast.copy_location(ast.Assign([part.target], part.value), part)
+                yield 0, lambda target=target: f"{target} is not summed up: what is added last replaces the rest"  # type: ignore[misc]
+                loop.body[n] = part
 
 
 def plain(text: str) -> str:
@@ -291,7 +311,9 @@ def _walked(
                 continue
             for index, node in enumerate(value) if isinstance(value, list) else [(None, value)]:
                 if isinstance(node, ast.expr):
-                    if not isinstance(parent, ast.Expr | ast.For):
+                    if isinstance(parent, ast.For):
+                        target = " and ".join(dict.fromkeys(filter(None, map(_assigned, parent.body))))
+                    if not isinstance(parent, ast.Expr):
                         yield node, (parent, field, index), chain, target
                     yield from below(node, [*chain, node], target)
                 elif isinstance(node, ast.stmt):
