@@ -147,6 +147,8 @@ def arithmetics() -> Iterator[tuple[str, Callable[[Mapping[str, Any]], Names]]]:
     yield text, partial(_names, replace(right, turn=-1))
     for pi in ("3.14", "3.142", "3.1416", "3.14159", "3.141593", "3.1415927", "3.14159265"):
         yield f"pi = {pi} in the series of sine and cosine", partial(_names, replace(right, quarter=float(pi) / 2))
+    for text, quarters in (("sine and cosine are exchanged", (1, 0)), ("the sign of cosines", (0, 3))):
+        yield text, partial(_names, right, quarters=quarters)
     for n in range(6):
         yield f"the series of sine and cosine end at degree {n}", partial(_names, replace(right, sines=n))
         if n:
@@ -163,10 +165,11 @@ def arithmetics() -> Iterator[tuple[str, Callable[[Mapping[str, Any]], Names]]]:
             yield f"derivatives of series by {where} {text}", partial(_names, replace(right, slopes=slopes))
 
 
-def _names(how: _Arithmetic, names: Mapping[str, Any]) -> Names:
+def _names(how: _Arithmetic, names: Mapping[str, Any], quarters: tuple[int, int] = (0, 1)) -> Names:
     degree = names["degree"]
     return {
-        **names, "coordinate": lambda angle, axis: (angle, axis), "sin": partial(_sine, how, degree),
-        "cos": partial(_sine, how, degree, quarters=1), "by_beta": lambda series: series.by(0),
+        **names, "coordinate": lambda angle, axis: (angle, axis),
+        "sin": partial(_sine, how, degree, quarters=quarters[0]),
+        "cos": partial(_sine, how, degree, quarters=quarters[1]), "by_beta": lambda series: series.by(0),
         "by_gamma": lambda series: series.by(1),
     }  # fmt: skip

@@ -42,7 +42,7 @@ def other_c_1(n: Mapping[str, Any], set_name: str, wanted: complex) -> Iterator[
             ends.append(x)
             errors.append(form(n, set_name, math.sqrt(x)).real - wanted.real)
         step = math.sqrt(ends[-1])
-        yield 3.0, f"c_1 has third derivatives by {text} over steps of {step:.4g}", form(n, set_name, step)
+        yield 3.0, f"c_1 has third derivatives by {text} over steps of about {step:.2g}", form(n, set_name, step)
     for (beta, x), (gamma, y) in itertools.product(_ANGLES.items(), repeat=2):
         if (x, y) != (math.pi / 2, math.pi / 2):
             text = f"c_1 has the third derivatives at beta = {beta}, gamma = {gamma}"

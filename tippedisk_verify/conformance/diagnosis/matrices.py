@@ -49,9 +49,9 @@ def matrices(
             state = (angle, math.pi / 2, 0.0) if place == 0 else (math.pi / 2, angle, 0.0)
             side = "+-" if place and len(kinds) > 1 else ""
             shown = angle if place == 0 or side or "inverted" in kinds else -angle
-            number = _shortest(shown)
-            text = f"the matrix at {name} = {side}{number} for the {which} state"
-            rank = 3.0 if len(number) <= _SHORT else 4.0
+            digits = _shortest(shown)
+            text = f"the matrix at {name} = {side}{digits} for the {which} state"
+            rank = 3.0 if len(digits) <= _SHORT else 4.0
             yield rank, text, partial(_spectrum, kinds, state, _NONE, signed=True)
     found: list[list[tuple[float, list[float]]]] = [[], [], []]
     for here in bad:

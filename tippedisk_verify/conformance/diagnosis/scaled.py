@@ -6,6 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from functools import partial
 
@@ -20,7 +21,8 @@ from tippedisk_verify.reference_values.store import Quantity
 __all__ = ["factor_of"]
 
 _LOST = 1e-10  # relative: an answer that a factor of two moves by less tells none
-_ITERATIONS = 12
+_STARTS = (2.0, 1.01, 0.99, 1.0001, 0.9999)  # factors, the first with which a formula has a value
+_ITERATIONS = 20
 _SOLVED = 1e-14
 _PLAIN = 1e-7  # how near to 0 or 1 a factor is meant to be that
 _SPARE = 2  # wrong answers that bear out a number that was read off another one
@@ -91,17 +93,26 @@ def _wanted(
         if quantity.id not in blamed:
             continue
         answer = float(answers[quantity.id])
+
+        def error(factor: float, name: str = quantity.name, answer: float = answer) -> float:
+            with suppress(ArithmeticError, ValueError):  # the root of a negative number
+                return values(factor)[name] - answer
+            return math.nan
+
         try:
-            ends = [(c, values(c)[quantity.name] - answer) for c in (1.0, 2.0)]
+            other = next((c for c in _STARTS if math.isfinite(error(c))), math.nan)
+            ends = [(c, error(c)) for c in (1.0, other)]
             if abs(ends[1][1] - ends[0][1]) <= _LOST * abs(float(quantity)):
                 continue
             for _ in range(_ITERATIONS):
                 (a, at_a), (b, at_b) = ends[-2:]
                 if abs(at_b) <= _SOLVED * abs(answer) or at_a == at_b:
                     break
-                c = b - at_b * (b - a) / (at_b - at_a)
-                ends.append((c, values(c)[quantity.name] - answer))
-        except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError):
+                step = at_b * (b - a) / (at_b - at_a)
+                while math.isnan(error(b - step)) and abs(step) > _LOST * abs(b):
+                    step /= 2
+                ends.append((b - step, error(b - step)))
+        except (TypeError, LookupError, AttributeError):
             return None
         return ends[-1][0] if math.isfinite(ends[-1][0]) else None
     return None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import io
+import itertools
 import re
 import tokenize
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ __all__ = ["Slip", "Written", "plain"]
 
 _NUMBERS = (0, 1, 2, 3, 4, 0.5)
 _SINES = {"sin": "cos", "cos": "sin"}
+_SELDOM = ("down(", "up(")  # where a number rounded to the nearest is the same, this is meant
 _NEAR = 24  # characters of an expression that a sentence quotes before and after
 _LONGEST = 90  # and of the term that it belongs to
 Names = dict[str, Any]
@@ -197,7 +199,8 @@ class Written:
             yield 2, _call("sqrt", node), f"the square root of {said}"
             yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), f"the square of {said}"
         if not isinstance(node, ast.Constant):
-            yield from ((1, other, "") for other in self.others.get(ast.unparse(node), ()))
+            others = self.others.get(ast.unparse(node), ())
+            yield from ((2 if ast.unparse(other).startswith(_SELDOM) else 1, other, "") for other in others)
 
     def _unbracketed(self, place: int, statement: ast.stmt) -> Iterator[Slip]:
         """The statement without one pair of its parentheses."""
@@ -223,14 +226,25 @@ class Written:
 
 
 def _not_summed(statement: ast.stmt) -> Iterator[tuple[int, Callable[[], str]]]:
-    """A sum in a loop that only keeps what comes last."""
-    for loop in [node for node in ast.walk(statement) if isinstance(node, ast.For)]:
-        for n, part in enumerate(loop.body):
-            if isinstance(part, ast.AugAssign):
-                target = _assigned(part)
-                loop.body[n] = ast.copy_location(ast.Assign([part.target], part.value), part)
+    """What a loop adds up: only what comes last, only the first, or all but the first."""
+
+    def below(parts: list[ast.stmt], variables: list[str]) -> Iterator[tuple[int, Callable[[], str]]]:
+        for n, part in enumerate(parts):
+            if isinstance(part, ast.For):
+                yield from below(part.body, [*variables, ast.unparse(part.target)])
+            elif isinstance(part, ast.AugAssign) and variables:
+                target, added = _assigned(part), part.value
+                parts[n] = ast.copy_location(ast.Assign([part.target], part.value), part)
                 yield 0, lambda target=target: f"{target} is not summed up: what is added last replaces the rest"  # type: ignore[misc]
-                loop.body[n] = part
+                parts[n] = part
+                for variable, test in itertools.product(variables, ("> 0", "> 1", "== 0", "== 1")):
+                    condition = ast.parse(f"{variable} {test}", mode="eval").body
+                    part.value = ast.fix_missing_locations(ast.BinOp(added, ast.Mult(), condition))
+                    text = f"in {target}: {plain(ast.unparse(added))} only where {ast.unparse(condition)}"
+                    yield 1, lambda text=text: text  # type: ignore[misc]
+                part.value = added
+
+    yield from below([statement], [])
 
 
 def plain(text: str) -> str:

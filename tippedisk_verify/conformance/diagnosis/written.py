@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 Run = Callable[[Mapping[str, Any]], Names]
-Numbers = dict[str, Any]  # what is answered; two numbers where either may be
+Numbers = dict[str, Any]  # what is answered; several numbers where each may be
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 
 
@@ -201,6 +201,8 @@ MEANINGS = {
     "plus": "the cube of q + conj q", "minus": "the cube of q - conj q", "bar": "the cube of conj q in C(q, q, conj q)",
     "q": "the critical eigenvector", "left": "the adjoint eigenvector",
     "kappa_1": "of the sine balance; the paper prints the wrong sign of 2 m e (r + e)", "square": "omega^2",
+    "strong_friction": "A_33, and the roots of the characteristic polynomial without its cubic part",
+    "to_decimals": "each entry rounded to so many", "to_digits": "each entry rounded to so many",
     "rolling": "+-Omega sqrt(-side e / rho), and friction's A_33",
     "down": "rounded down to so many decimals", "up": "rounded up to so many decimals",
     "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
@@ -263,7 +265,9 @@ _AT_EQUILIBRIA = (
     ("eigenvalues(matrix)", "eigenvalues(lower_triangle(matrix))", "eigenvalues(upper_triangle(matrix))",
      "eigenvalues(in_single_precision(matrix))", "singular_values(matrix)",
      *(f"eigenvalues(differences({d}))" for d in STEPS),
-     "rolling(matrix)", "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
+     "rolling(matrix)", "strong_friction(matrix)", "eigenvalues(symmetric_part(matrix))",
+     *(f"eigenvalues({change}(matrix, {n}))" for change in ("to_decimals", "to_digits") for n in range(1, 8)),
+     "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
 )  # fmt: skip
 
 
@@ -303,10 +307,25 @@ def _rolling(matrix: Any) -> Any:
     return root, -root, matrix[2][2]
 
 
+def _strong_friction(matrix: Any) -> Any:
+    """The pair without the cubic part of the characteristic polynomial, and what friction alone gives."""
+    *_, last = matrix
+    return *_roots([-last[2], -last[0], -matrix[1][0] * last[1]]), last[2]
+
+
+def _symmetric(matrix: Any) -> Any:
+    return [[(matrix[i][j] + matrix[j][i]) / 2 for j in range(3)] for i in range(3)]
+
+
+def _typed(form: str, matrix: Any, places: int) -> Any:
+    return [[float(f"{float(x):.{places}{form}}") for x in row] for row in matrix]
+
+
 _MATRICES: Names = REAL | {
     "eigenvalues": eigenvalues_of, "roots": _roots, "lower_triangle": partial(_triangle, sign=1),
     "upper_triangle": partial(_triangle, sign=-1), "in_single_precision": _in_single, "singular_values": _singular,
-    "rolling": _rolling,
+    "rolling": _rolling, "strong_friction": _strong_friction, "symmetric_part": _symmetric,
+    "to_decimals": partial(_typed, "f"), "to_digits": partial(_typed, "g"),
 }  # fmt: skip
 
 

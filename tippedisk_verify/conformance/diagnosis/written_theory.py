@@ -296,6 +296,7 @@ _AT_MANIFOLD = (
     ("by_beta", "by_gamma"), ("M", "Bbar", "A", "1"), ("dh_dbeta", "dh_dgamma"),
     ("n == 1", "n >= 1", "n == 0", "n == 2"), ("h[n - 1]", "h[0]"), ("h[n - 1 - i]", "h[i]"),
     ("gradients", "gradient_of(h[0])", "gradient_of(h[n])"),
+    ("epsilon * force", "epsilon * free + linear * total + quadratic * total**2"),
     ("n", "i"), ("total", "h[n]"), ("epsilon**n", "epsilon**(n + 1)", "epsilon"),
     ("range(n)", "range(n - 1)", "range(1, n)", "range(1)", "range(n // 2)", "range((n + 1) // 2)", "(0, n - 1)"),
     ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])"),
@@ -332,7 +333,7 @@ _RESIDUALS = Written(_RESIDUAL, ())
 
 
 def _series(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
-    """The orders, low ones first, and residuals of the same terms or of right ones."""
+    """The orders, low ones first, and residuals of the same terms, of right ones, or with gamma' alone right."""
     names, found = given(here), {}
     for highest in (1, 2, 3, _HIGHEST):
         degree = highest + (highest == _HIGHEST)
@@ -341,11 +342,11 @@ def _series(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
         yield {f"h_{n}": order.value for n, order in enumerate(found["h"])}
     right = _terms(here[0].set, *(names[name] for name in ("Omega", "beta", "gamma")))
     alike = {name: getattr(found[name], "value", found[name]) for name in right if name != "h"}
-    both = [
+    each = [
         _residuals(_RESIDUALS.run, _JETS | names | terms | {"h": [order.cut(1) for order in found["h"]]})
-        for terms in (alike, right)
+        for terms in (alike, right, alike | {"drift": right["drift"]})
     ]
-    yield {name: (number, both[1][name]) for name, number in both[0].items()}
+    yield {name: tuple(one[name] for one in each) for name in each[0]}
 
 
 def _residuals(run: Run, names: Names) -> Numbers:
