@@ -22,7 +22,8 @@ __all__ = ["factor_of"]
 
 _LOST = 1e-10  # relative: an answer that a factor of two moves by less tells none
 _STARTS = (2.0, 1.01, 0.99, 1.0001, 0.9999)  # factors, the first with which a formula has a value
-_ITERATIONS = 20
+_ITERATIONS = 12
+_HALVINGS = 8  # of a step to where a formula has no value
 _SOLVED = 1e-14
 _PLAIN = 1e-7  # how near to 0 or 1 a factor is meant to be that
 _SPARE = 2  # wrong answers that bear out a number that was read off another one
@@ -101,6 +102,8 @@ def _wanted(
 
         try:
             other = next((c for c in _STARTS if math.isfinite(error(c))), math.nan)
+            if math.isnan(other):
+                return None
             ends = [(c, error(c)) for c in (1.0, other)]
             if abs(ends[1][1] - ends[0][1]) <= _LOST * abs(float(quantity)):
                 continue
@@ -109,9 +112,14 @@ def _wanted(
                 if abs(at_b) <= _SOLVED * abs(answer) or at_a == at_b:
                     break
                 step = at_b * (b - a) / (at_b - at_a)
-                while math.isnan(error(b - step)) and abs(step) > _LOST * abs(b):
+                for _ in range(_HALVINGS):
+                    ends.append((b - step, error(b - step)))
+                    if not math.isnan(ends[-1][1]):
+                        break
+                    ends.pop()
                     step /= 2
-                ends.append((b - step, error(b - step)))
+                else:
+                    return None
         except (TypeError, LookupError, AttributeError):
             return None
         return ends[-1][0] if math.isfinite(ends[-1][0]) else None
