@@ -39,7 +39,7 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
     worst = next(here for here in told if first in here)
     values = model_values(first.set)
     for formula in formulas_of(first.kind, first.friction):
-        if formula.alone:
+        if formula.alone or formula.only:  # the whole text is another one of these
             continue
         written = Written(formula.source, formula.groups)
         for n, slip in enumerate(written.scaled()):
