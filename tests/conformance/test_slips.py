@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from decimal import Decimal
 
 import pytest
 
+from tippedisk_verify.conformance.diagnosis.arithmetic import _Arithmetic, _names
+from tippedisk_verify.conformance.diagnosis.slipped import slip_of
 from tippedisk_verify.conformance.diagnosis.slips import Written, plain
 from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import digits_between, needed, scale_of
@@ -59,6 +62,8 @@ def test_each_slip_is_one_and_none_stays() -> None:
         ("y = cos(x)**2", "in y: cos(2 x)^2 for cos(x)^2"),
         ("y = cos(x)**2", "in y: sin(x)^2 for cos(x)^2"),
         ("y = cos(x)**2", "in y: cos(x) for cos(x)^2"),
+        ("for n in range(3):\n    y += a\n", "y is not summed up: what is added last replaces the rest"),
+        ("for n in range(3):\n    y += a\n", "in y: a only where n > 0"),
         ("y = [a, b]", "in y: [b, a] for [a, b]"),
         ("def f(x):\n    return 2 * x\n", "in f: the factor 2 is missing in 2 x"),
         ("Omega = given_Omega", "-Omega taken for Omega"),
@@ -66,6 +71,45 @@ def test_each_slip_is_one_and_none_stays() -> None:
 )
 def test_what_is_said(source: str, words: str) -> None:
     assert words in said(source)
+
+
+def test_functions_and_ranges_stand_for_each_other() -> None:
+    groups = (("f", "g"), ("range(n)", "range(n - 1)"))
+    assert "in y: g(x) for f(x)" in said("y = f(x)", *groups)
+    assert "in y: range(n - 1) for range(n)" in said("for i in range(n):\n    y += a\n", *groups)
+
+
+def test_series_with_nothing_wrong_are_right_and_two_mistakes_are_not_named() -> None:
+    store, right = stored(), _Arithmetic()
+    entries: dict[str, list[Quantity]] = {}
+    for quantity in store.matching("printed/linear/slow-manifold/"):
+        if quantity.name.startswith("h_"):
+            entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
+    formula = formulas_of("slow-manifold", "linear")[0]
+    written = Written(formula.source, formula.groups)
+
+    def answers(how: _Arithmetic) -> dict[str, Decimal]:
+        found = {}
+        for entry, here in entries.items():
+            for numbers in formula.answers(lambda names: written.run(_names(how, names)), here):
+                found |= {f"{entry}/{name}": Decimal(x) for name, x in numbers.items() if name.startswith("h_")}
+        return found
+
+    for id_, answer in answers(right).items():
+        truth = Decimal(store[id_].for_doubles)
+        assert digits_between(answer, truth, scale_of(store[id_], truth)) >= needed(store[id_])
+    one = replace(right, divisor=lambda k: 1)
+    for how, named in ((one, True), (replace(one, powers=1), False)):
+        given = answers(how)
+        wrong = {
+            id_ for id_, x in given.items()
+            if digits_between(x, (truth := Decimal(store[id_].for_doubles)), scale_of(store[id_], truth)) < 3
+        }  # fmt: skip
+        found = slip_of(list(entries.values())[:4], given, wrong, lambda text, steps: None)
+        assert (found is not None) == named
+        assert found is None or found[0] == (
+            ("slip", "the series of sine and cosine lack the factor 1/k! of the power x^k"),
+        )
 
 
 def test_formulas_are_spelled_as_in_other_sentences() -> None:

@@ -5,7 +5,8 @@
 - in the answers themselves (`shapes`, by `relations`, `places` and `sides`; `sizes`, by `differences`), and as one
   free number (`factors`),
 - in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), any single
-  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`), and a factor (`scaled`),
+  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`), in the series' `arithmetic`
+  and in the `cubic` terms' differences, and a factor (`scaled`),
 - in orbits, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown ones),
   `orbits` (events), `scans` (one number),
 - in cycles, which `shooting` computes: `cycles` (what is made of the half map), `closing` and `speeds` (what closes

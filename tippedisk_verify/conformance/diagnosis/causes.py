@@ -57,6 +57,7 @@ _SOLVED = 2  # digits beyond the level's that they must have by it
 _KNOWN = frozenset(alternative.name for alternative in ALTERNATIVES)
 #: A number of five digits and more that was read off an answer, or a factor that was put together from parameters.
 _VAGUE = re.compile(r"\d\.?\d{4}|extra factor")
+_PARTS = ("equilibrium", "form")  # inputs that a program may well treat apart
 _EQUATIONS_PROVED = 50  # passed answers at level 1 after which the equations are beyond doubt
 
 
@@ -161,6 +162,13 @@ def _first_failure(
     failed = frozenset(grade.id for grade in here if grade.failed)
     wrong = {grade.id for grade in usable if grade.failed}
     causes, tried = _causes(usable, wrong, group, store, level, advance) if wrong else ((), frozenset[str]())
+    for part in _PARTS if wrong and not causes else ():
+        # What holds for one equilibrium, or one form of a law, is tried as if the other had not been asked.
+        values = {store[id_].inputs.get(part) for id_ in wrong}
+        some = [grade for grade in usable if store[grade.id].inputs.get(part) in values]
+        if len(values) == 1 and None not in values and len(some) < len(usable):
+            causes, tried = _causes(some, wrong, group, store, level, advance)
+            causes = tuple((name, f"{text} (only {min(map(str, values))})") for name, text in causes)
     asked = [store[grade.id] for grade in usable]
     failing = {stem(quantity) for quantity in asked if quantity.id in wrong}
     where = [] if causes else one_sided([quantity for quantity in asked if stem(quantity) in failing], wrong)
@@ -312,11 +320,18 @@ def _worst(usable: list[Grade], wrong: set[str], store: Store) -> Quantity:
 
     def rank(grade: Grade) -> tuple[float, float]:
         name, place = placed(store[grade.id].name)
+        if grade.level == _SERIES:
+            return _cost(name), grade.digits
         return (
             float(place["t"]) if "t" in place else _DURATION if grade.level == _ORBITS else float(name != "v_rate")
         ), grade.digits
 
     return store[min((grade for grade in usable if grade.id in wrong), key=rank).id]
+
+
+def _cost(name: str) -> float:
+    """Which of a slow manifold's numbers is computed first: low orders, and residuals last."""
+    return float(name[-1]) + 10 * name.startswith("residual")
 
 
 def _first_sample(worst: Quantity, usable: list[Grade], store: Store) -> Quantity:
@@ -364,6 +379,8 @@ def _fit(
 ) -> tuple[float, frozenset[str]] | None:
     """(least digits, wrong answers tried) if every answer passes with the alternative for the truth."""
     least, tried = math.inf, set()
+    if level == _SERIES:  # low orders rule most mistakes out
+        entries = [*([quantity] for quantity in sorted(entries[0], key=lambda one: _cost(one.name))), *entries]
     for quantities in entries:
         truth = {quantity.id: quantity.for_doubles for quantity in quantities}
         given = {quantity.id: near_float(answers[quantity.id]) for quantity in quantities}

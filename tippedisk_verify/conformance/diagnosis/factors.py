@@ -26,7 +26,17 @@ from tippedisk_verify.reference_values.draws import parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = [
-    *("LONG", "OF_ANOTHER", "changed_term", "factor_said", "free_values", "model_bases", "model_values", "monomial"),
+    *(
+        "LONG",
+        "OF_ANOTHER",
+        "changed_term",
+        "critical_speed",
+        "factor_said",
+        "free_values",
+        "model_bases",
+        "model_values",
+        "monomial",
+    ),
     *("moved", "named_product", "named_values", "parameter", "said_factor", "scaled", "term_factors", "term_names"),
 ]
 
@@ -257,6 +267,11 @@ def model_values(set_name: str) -> SimpleNamespace:
     p = Parameters.named(set_name)
     names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Bbar")
     return SimpleNamespace(**{name: float(getattr(p, name)) for name in names})
+
+
+def critical_speed(set_name: str) -> float:
+    p = model_values(set_name)
+    return math.sqrt((p.r + p.e) ** 2 * p.m * p.g / (p.r * p.Bbar))
 
 
 def model_bases(p: SimpleNamespace) -> dict[str, float]:

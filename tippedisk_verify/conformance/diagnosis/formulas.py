@@ -14,7 +14,8 @@ from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
 from tippedisk_verify.conformance.diagnosis.connection import searches
-from tippedisk_verify.conformance.diagnosis.factors import LONG, model_bases, model_values, said_factor
+from tippedisk_verify.conformance.diagnosis.cubic import other_c_1
+from tippedisk_verify.conformance.diagnosis.factors import LONG, critical_speed, model_bases, model_values, said_factor
 from tippedisk_verify.conformance.diagnosis.matrices import matrices
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
 from tippedisk_verify.conformance.diagnosis.recursion import series_changes
@@ -28,7 +29,10 @@ Entries = Sequence[Sequence[Quantity]]
 Answers = Mapping[str, float]
 Numbers = dict[str, float]
 Candidate = tuple[float, str, Callable[[Sequence[Quantity]], Numbers]]
+_PLAIN = 1e-7  # relative: how near a factor is to a plain one
 _CLOSE = 0.01  # relative: how far off a search may end
+_SEARCHED = 3e-4  # relative: how far off a search ends that is meant to find the right speed
+_MOST_DECIMALS = 8
 _BY_C_1 = ("first_lyapunov_coefficient", "amplitude_squared_slope", "period_slope")
 _SIMPLE = {"": 1.0, "2": 2.0, "1/2": 0.5, "4": 4.0, "1/4": 0.25, "8": 8.0, "1/8": 0.125, "16": 16.0, "1/16": 0.0625}
 
@@ -65,7 +69,14 @@ def _normal_form(set_name: str, speed: float) -> dict[str, Any]:
     c_1 = complex(cubic + left[1] * trilinear((3, 0, 0), q, fp) * -speed / 6) / 2
     drift = complex(left[1] * q[0] + left[2] * (-2 * speed * q[0] + last[1] / speed * q[1]))
     omega = float(values[place].imag)
-    rest = {"omega": omega, "q": q, "turn": -2 * math.pi / omega**2, "omega_crit": speed, "period": 2 * math.pi / omega}
+    rest = {
+        "omega": omega,
+        "q": q,
+        "left": left,
+        "turn": -2 * math.pi / omega**2,
+        "omega_crit": speed,
+        "period": 2 * math.pi / omega,
+    }
     return rest | _following(rest, c_1, drift)
 
 
@@ -82,7 +93,7 @@ def _following(n: Mapping[str, Any], c_1: complex, drift: complex) -> dict[str, 
 def conventions(quantity: Quantity) -> Iterator[tuple[str, float]]:
     """What other conventions and half-done formulas make of one number of the Hopf point."""
     right, name = quantity.for_doubles, quantity.name
-    p, n = model_values(quantity.set), _normal_form(quantity.set, _omega_crit(quantity.set))
+    p, n = model_values(quantity.set), _normal_form(quantity.set, critical_speed(quantity.set))
     sizes = [abs(part) ** 2 for part in n["q"]]
     times = "times the right value"
     norms = {"": 1.0} | {
@@ -117,21 +128,30 @@ def conventions(quantity: Quantity) -> Iterator[tuple[str, float]]:
                 yield f"{text}^{power:g} {times}", right * base**power
 
 
-def _omega_crit(set_name: str) -> float:
-    p = model_values(set_name)
-    return math.sqrt((p.r + p.e) ** 2 * p.m * p.g / (p.r * p.Bbar))
-
-
 def _other_speeds(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
     """Everything as it would be at the wrong Omega_crit that is answered."""
     for quantity in entries[0]:
         if quantity.name == "omega_crit" and quantity.id in wrong and answers[quantity.id] > 0:
             speed = answers[quantity.id]
             rank, text = said_factor(speed / quantity.for_doubles, model_values(quantity.set))
+            if abs(speed / quantity.for_doubles - 1) < _SEARCHED:
+                rank, text = _searched(speed, quantity.for_doubles)
             if rank < LONG:
                 said = f"omega_crit {text}, and all else is taken there"
                 yield rank, said, lambda here, speed=speed: _normal_form(here[0].set, speed)  # type: ignore[misc]
     yield from _other_coefficients(entries[0], answers, wrong)
+
+
+def _searched(speed: float, right: float) -> tuple[float, str]:
+    """Rank and words for a speed that is nearly right."""
+    for decimals in range(_MOST_DECIMALS):
+        if speed == round(right, decimals):
+            return 0.5, f"is rounded to {decimals} decimals, by hand or by a scan in steps of 1e-{decimals}"
+        if speed in (math.floor(right * 10**decimals) / 10**decimals, math.ceil(right * 10**decimals) / 10**decimals):
+            way = "down" if speed < right else "up"
+            return 0.5, f"is rounded {way} to {decimals} decimals, as by a scan in steps of 1e-{decimals}"
+    text = f"is off by {speed - right:.1e} rad/s, as by a search that ends early, a scan or a number of few digits"
+    return LONG - 2, text
 
 
 def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[str]) -> Iterator[Candidate]:
@@ -139,9 +159,9 @@ def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[s
 
     Two of the answers tell such a complex number; the others have to bear it out.
     """
-    given = {quantity.name: answers[quantity.id] for quantity in here}
+    given, set_name = {quantity.name: answers[quantity.id] for quantity in here}, here[0].set
     bad = {quantity.name for quantity in here if quantity.id in wrong}
-    n = _normal_form(here[0].set, _omega_crit(here[0].set))
+    n = _normal_form(here[0].set, critical_speed(here[0].set))
     if not {*_BY_C_1, "transversality"} <= given.keys() or not given["first_lyapunov_coefficient"]:
         return
     c_1, drift, coefficients = n["c_1"], n["drift"], []
@@ -149,6 +169,9 @@ def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[s
     if bad == set(_BY_C_1):
         imaginary = (given["period_slope"] / n["turn"] + drift.imag) / (drift.real / real)
         coefficients.append(("c_1, the coefficient of |z|^2 z,", c_1, complex(real, imaginary), drift))
+        for rank, text, other in other_c_1(n, set_name, complex(real, imaginary)):
+            numbers = n | _following(n, other, drift)
+            yield rank, text, lambda _, x=numbers: x  # type: ignore[misc]
     elif bad == {"transversality", *_BY_C_1[1:]}:
         imaginary = c_1.imag * speed / c_1.real - given["period_slope"] / n["turn"]
         coefficients.append(("d lambda/d Omega", drift, c_1, complex(speed, imaginary)))
@@ -157,6 +180,11 @@ def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[s
         factor = complex(share, (c_1.real * share - real) / c_1.imag)
         text = "the factor of all products with the adjoint eigenvector"
         coefficients.append((text, complex(1), factor * c_1, factor * drift))
+        length = math.sqrt(sum(abs(part) ** 2 for part in n["left"]))
+        for size, said in ((1.0, "|<p, q>| = 1, but not <p, q> = 1"), (1 / length, "length 1 instead of <p, q> = 1")):
+            if abs(abs(factor) / size - 1) < _PLAIN:
+                numbers = n | _following(n, factor * c_1, factor * drift)
+                yield LONG - 2, f"the adjoint eigenvector p is scaled to {said}", lambda _, x=numbers: x  # type: ignore[misc]
     for text, right, other, moved in coefficients:
         value = other if right is c_1 else moved if right is drift else factor
         said = f"{text} is {value.real:.9g} {value.imag:+.9g} i instead of {right.real:.9g} {right.imag:+.9g} i: "
@@ -192,8 +220,11 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
                 yield 1.0, f"omega_h {off} at the right speed", spectrum(right, -1)
             yield 2.0, f"the search for Omega_h {off} right there", spectrum(given, -1)
         return
+    rolling = right * math.sqrt(model.p.e / (model.p.r - model.p.e))
+    rolled = {"omega_h": right, "lambda_u": rolling, "lambda_s": -rolling, "lambda_ss": parts(right, -1)[2]}
+    yield 1.0, "lambda_u and lambda_s are those of pure rolling, +-Omega_h sqrt(e/(r - e))", lambda _: rolled
     for side, name in ((-1, "noninverted"), (1, "inverted")):
-        for omega, text in ((_omega_crit(first.set), "Omega_crit"), (right, "Omega_h")):
+        for omega, text in ((critical_speed(first.set), "Omega_crit"), (right, "Omega_h")):
             yield 1.0, f"the eigenvalues of the {name} state at {text}", spectrum(omega, side)
     wanted = answers[here["lambda_u"].id]
     if (parts(1.0, -1)[0] - wanted) * (parts(1000.0, -1)[0] - wanted) < 0:

@@ -202,10 +202,12 @@ def _manifold(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:
         return {}
     given, c = model.inputs(quantities[0]), model.constants()
     place = (given["Omega"], given["beta"], given["gamma"])
-    series, residuals = orders(math, c, *place, 5), invariance_residuals(math, c, *place, 5)
-    return {f"h_{n}": float(h) for n, h in enumerate(series)} | {
-        f"residual_{n}": float(h) for n, h in enumerate(residuals)
-    }
+    highest = max(int(quantity.name[-1]) for quantity in quantities)
+    numbers = {f"h_{n}": float(h) for n, h in enumerate(orders(math, c, *place, highest))}
+    if any(quantity.name.startswith("residual") for quantity in quantities):
+        residuals = invariance_residuals(math, c, *place, highest)
+        numbers |= {f"residual_{n}": float(h) for n, h in enumerate(residuals)}
+    return numbers
 
 
 def _trajectory(model: Model, quantities: Sequence[Quantity]) -> dict[str, float]:

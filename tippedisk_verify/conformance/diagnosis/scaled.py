@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from functools import partial
 
-from tippedisk_verify.conformance.diagnosis.factors import model_values, said_factor
+from tippedisk_verify.conformance.diagnosis.factors import LONG, critical_speed, model_values, said_factor
 from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.diagnosis.slipped import borne_out_by, limits_of, told_by
 from tippedisk_verify.conformance.diagnosis.slips import Names, Slip, Written
@@ -19,7 +21,9 @@ from tippedisk_verify.reference_values.store import Quantity
 __all__ = ["factor_of"]
 
 _LOST = 1e-10  # relative: an answer that a factor of two moves by less tells none
+_STARTS = (2.0, 1.01, 0.99, 1.0001, 0.9999)  # factors, the first with which a formula has a value
 _ITERATIONS = 12
+_HALVINGS = 8  # of a step to where a formula has no value
 _SOLVED = 1e-14
 _PLAIN = 1e-7  # how near to 0 or 1 a factor is meant to be that
 _SPARE = 2  # wrong answers that bear out a number that was read off another one
@@ -35,7 +39,7 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
     worst = next(here for here in told if first in here)
     values = model_values(first.set)
     for formula in formulas_of(first.kind, first.friction):
-        if formula.alone:
+        if formula.alone or formula.only:  # the whole text is another one of these
             continue
         written = Written(formula.source, formula.groups)
         for n, slip in enumerate(written.scaled()):
@@ -46,10 +50,23 @@ def factor_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
             rank, said = said_factor(factor, values)
             changed = next(itertools.islice(written.scaled(repr(factor)), n, None))
             if borne_out_by(formula, partial(written.run, slip=changed), told, answers, limits, blamed) is not None:
-                fits.append((rank, f"{slip.says()} {said}"))
+                fits.append((rank, f"{slip.says()} {said}" + _at_speed(slip.says(), factor, first) * (rank >= LONG)))
     best = min((rank for rank, _ in fits), default=0.0)
     causes = tuple(dict.fromkeys(("factor", text) for rank, text in fits if rank == best))
     return (causes, frozenset(blamed)) if causes else None
+
+
+def _at_speed(text: str, factor: float, quantity: Quantity) -> str:
+    """Where a term that has the speed as a factor is taken at one of few digits, or a little beside the Hopf point."""
+    if quantity.kind != "hopf" or not re.search(r"\bOmega(?!\^)", text):
+        return ""
+    right = critical_speed(quantity.set)
+    speed, move = factor * right, (factor - 1) * right
+    if abs(speed / float(f"{speed:.4g}") - 1) < _PLAIN:
+        return f", as at the speed {speed:.4g}"
+    if abs(move - float(f"{move:.1g}")) < _PLAIN * right:
+        return f", as at Omega_crit {move:+.1g} or in a one-sided difference over {2 * move:.1g}"
+    return ""
 
 
 def _off(answers: Mapping[str, Decimal], quantity: Quantity) -> float:
@@ -77,17 +94,33 @@ def _wanted(
         if quantity.id not in blamed:
             continue
         answer = float(answers[quantity.id])
+
+        def error(factor: float, name: str = quantity.name, answer: float = answer) -> float:
+            with suppress(ArithmeticError, ValueError):  # the root of a negative number
+                return values(factor)[name] - answer
+            return math.nan
+
         try:
-            ends = [(c, values(c)[quantity.name] - answer) for c in (1.0, 2.0)]
+            other = next((c for c in _STARTS if math.isfinite(error(c))), math.nan)
+            if math.isnan(other):
+                return None
+            ends = [(c, error(c)) for c in (1.0, other)]
             if abs(ends[1][1] - ends[0][1]) <= _LOST * abs(float(quantity)):
                 continue
             for _ in range(_ITERATIONS):
                 (a, at_a), (b, at_b) = ends[-2:]
                 if abs(at_b) <= _SOLVED * abs(answer) or at_a == at_b:
                     break
-                c = b - at_b * (b - a) / (at_b - at_a)
-                ends.append((c, values(c)[quantity.name] - answer))
-        except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError):
+                step = at_b * (b - a) / (at_b - at_a)
+                for _ in range(_HALVINGS):
+                    ends.append((b - step, error(b - step)))
+                    if not math.isnan(ends[-1][1]):
+                        break
+                    ends.pop()
+                    step /= 2
+                else:
+                    return None
+        except (TypeError, LookupError, AttributeError):
             return None
         return ends[-1][0] if math.isfinite(ends[-1][0]) else None
     return None

@@ -308,6 +308,11 @@ def _shapes(
     if len(same) == 1 and len(set(right.values())) == len(right) > 1:
         known = (text for text, number in _OFFSETS.items() if abs(given[worst] - number) < 1e-12)
         yield f"the same for all questions, {next(known, f'{given[worst]:.8g}')},", given
+    zeroed = max((abs(x) for id_, x in right.items() if not given[id_]), default=0.0)
+    if zeroed and min((abs(right[id_]) for id_, x in given.items() if x), default=0.0) > zeroed:
+        yield f"0 where their size is {zeroed:.2g} or less, as by a threshold,", {
+            id_: x if abs(x) > zeroed else 0.0 for id_, x in right.items()
+        }  # fmt: skip
     if "@" in here[0].name:
         from tippedisk_verify.conformance.diagnosis.flights import rates_at
 

@@ -7,9 +7,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from functools import partial
+from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
-from tippedisk_verify.conformance.diagnosis.slips import Slip, Written
+from tippedisk_verify.conformance.diagnosis.slips import Names, Slip, Written
 from tippedisk_verify.conformance.diagnosis.written import MEANINGS, Formula
 from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import needed, scale_of
@@ -56,6 +57,11 @@ def slip_of(
                         share = float(answers[mine.id]) / mine.for_doubles
                         text = f"{mine.name} is {share:.9g} times what it should be, as by this slip: {text}"
                     fits.append((digits, slip.rank, slip.place, text))
+            written = Written(formula.source, formula.groups)
+            for text, instead in formula.others():
+                run = partial(_instead, written, instead)
+                if (digits := borne_out_by(formula, run, told, answers, limits, given)) is not None:
+                    fits.append((digits, 0, -1, text))
         if fits:
             break
     texts = _simplest(fits)
@@ -98,6 +104,10 @@ def _drawn(formula: Formula, advance: Callable[[str, int], None], level: int) ->
         if n % _STEPS == 0:
             advance(f"level {level}: slips in its formulas", 1)
         yield slip, written
+
+
+def _instead(written: Written, instead: Callable[[Mapping[str, Any]], Names], names: Mapping[str, Any]) -> Names:
+    return written.run(instead(names))
 
 
 def _limits(answer: Decimal, quantity: Quantity) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import io
+import itertools
 import re
 import tokenize
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ __all__ = ["Slip", "Written", "plain"]
 
 _NUMBERS = (0, 1, 2, 3, 4, 0.5)
 _SINES = {"sin": "cos", "cos": "sin"}
+_SELDOM = ("down(", "up(")  # where a number rounded to the nearest is the same, this is meant
 _NEAR = 24  # characters of an expression that a sentence quotes before and after
 _LONGEST = 90  # and of the term that it belongs to
 Names = dict[str, Any]
@@ -134,17 +136,25 @@ class Written:
                 _put(parent, field, index, ast.fix_missing_locations(new))
                 yield rank, says
                 _put(parent, field, index, node)
+        yield from _not_summed(statement)
         for condition in [node for node in ast.walk(statement) if isinstance(node, ast.If)]:
             test = condition.test
+            target = _assigned(condition.body[0])
             for value, words in ((True, "the condition {} is lost"), (False, "what holds only if {} is missing")):
                 condition.test = ast.fix_missing_locations(ast.Constant(value))
                 text = words.format(ast.unparse(test))
-                target = _assigned(condition.body[0])
                 yield 0, lambda text=text, target=target: f"in {target}: {text}"  # type: ignore[misc]
+            for other in self.others.get(ast.unparse(test), ()):
+                condition.test = other
+                text = f"{ast.unparse(other)} instead of {ast.unparse(test)}"
+                yield 1, lambda text=text, target=target: f"in {target}: if {text}"  # type: ignore[misc]
             condition.test = test
 
     def _variants(self, node: ast.expr, parent: ast.AST, whole: bool) -> Iterator[_Variant]:
         said = plain(ast.unparse(node))
+        if isinstance(parent, ast.For):  # what it runs over
+            yield from ((1, other, "") for other in self.others.get(ast.unparse(node), ()))
+            return
         if isinstance(node, ast.BinOp):
             yield from _operations(node)
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
@@ -155,6 +165,7 @@ class Written:
                 yield from ((1, ast.Constant(node.value + step), "") for step in (-1, 1))
         elif isinstance(node, ast.Call):
             yield from _calls(node)
+            yield from ((1, ast.Call(one, node.args, []), "") for one in self.others.get(ast.unparse(node.func), ()))
         elif isinstance(node, ast.IfExp):
             yield from ((0, part, f"{plain(ast.unparse(part))} always") for part in (node.body, node.orelse))
             yield 0, ast.IfExp(node.test, node.orelse, node.body), ""
@@ -188,7 +199,8 @@ class Written:
             yield 2, _call("sqrt", node), f"the square root of {said}"
             yield 2, ast.BinOp(node, ast.Pow(), ast.Constant(2)), f"the square of {said}"
         if not isinstance(node, ast.Constant):
-            yield from ((1, other, "") for other in self.others.get(ast.unparse(node), ()))
+            others = self.others.get(ast.unparse(node), ())
+            yield from ((2 if ast.unparse(other).startswith(_SELDOM) else 1, other, "") for other in others)
 
     def _unbracketed(self, place: int, statement: ast.stmt) -> Iterator[Slip]:
         """The statement without one pair of its parentheses."""
@@ -211,6 +223,28 @@ class Written:
                     with suppress(SyntaxError):
                         yield Slip(0, place, compile(less, "formula", "exec"), lambda words=words: words)  # type: ignore[misc]
             previous = token.string
+
+
+def _not_summed(statement: ast.stmt) -> Iterator[tuple[int, Callable[[], str]]]:
+    """What a loop adds up: only what comes last, only the first, or all but the first."""
+
+    def below(parts: list[ast.stmt], variables: list[str]) -> Iterator[tuple[int, Callable[[], str]]]:
+        for n, part in enumerate(parts):
+            if isinstance(part, ast.For):
+                yield from below(part.body, [*variables, ast.unparse(part.target)])
+            elif isinstance(part, ast.AugAssign) and variables:
+                target, added = _assigned(part), part.value
+                parts[n] = ast.copy_location(ast.Assign([part.target], part.value), part)
+                yield 0, lambda target=target: f"{target} is not summed up: what is added last replaces the rest"  # type: ignore[misc]
+                parts[n] = part
+                for variable, test in itertools.product(variables, ("> 0", "> 1", "== 0", "== 1")):
+                    condition = ast.parse(f"{variable} {test}", mode="eval").body
+                    part.value = ast.fix_missing_locations(ast.BinOp(added, ast.Mult(), condition))
+                    text = f"in {target}: {plain(ast.unparse(added))} only where {ast.unparse(condition)}"
+                    yield 1, lambda text=text: text  # type: ignore[misc]
+                part.value = added
+
+    yield from below([statement], [])
 
 
 def plain(text: str) -> str:
@@ -291,7 +325,9 @@ def _walked(
                 continue
             for index, node in enumerate(value) if isinstance(value, list) else [(None, value)]:
                 if isinstance(node, ast.expr):
-                    if not isinstance(parent, ast.Expr | ast.For):
+                    if isinstance(parent, ast.For):
+                        target = " and ".join(dict.fromkeys(filter(None, map(_assigned, parent.body))))
+                    if not isinstance(parent, ast.Expr):
                         yield node, (parent, field, index), chain, target
                     yield from below(node, [*chain, node], target)
                 elif isinstance(node, ast.stmt):

@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 Run = Callable[[Mapping[str, Any]], Names]
-Numbers = dict[str, Any]  # what is answered; two numbers where either may be
+Numbers = dict[str, Any]  # what is answered; several numbers where each may be
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
 
 
@@ -39,10 +39,13 @@ class Formula:
     answers: Callable[[Run, Sequence[Quantity]], Iterator[Numbers]]  #: to the questions of one entry, step by step
     only: tuple[str, ...] = ()  #: statements to change, by what they assign, if not all
     alone: bool = False  #: whether all else follows from what it gives, so that no other answer has to be explained
+    #: other mistakes than slips in the text: what is wrong, and the names to run it with, from the right ones
+    others: Callable[[], Iterator[tuple[str, Callable[[Mapping[str, Any]], Names]]]] = lambda: iter(())
 
 
 INPUT = tuple(
-    (name, f"-{name}", f"single({name})", *(f"round({name}, {n})" for n in range(7)),
+    (name, f"-{name}", f"single({name})",
+     *(f"{change}({name}, {n})" for change in ("round", "down", "up") for n in range(7)),
      f"2 * {name}", f"{name} / 2",
      *((f"2 * pi * {name}", f"{name} / (2 * pi)", f"{name} * pi / 30", f"{name} * 30 / pi")
        if name == "given_Omega" else
@@ -152,9 +155,15 @@ def _side(z: Any) -> float:
     return -1.0 if z.real < 0 else 1.0
 
 
+def _to_steps(whole: Callable[[float], int], value: float, decimals: int = 0) -> float:
+    """Rounded down or up to so many decimals."""
+    return float(whole(value * 10**decimals) / 10**decimals)
+
+
 REAL: Names = {
     "sin": math.sin, "cos": math.cos, "sqrt": math.sqrt, "abs": abs, "max": max, "pi": math.pi,
     "radians": math.radians, "degrees": math.degrees, "round": round, "range": range,
+    "down": partial(_to_steps, math.floor), "up": partial(_to_steps, math.ceil),
 }  # fmt: skip
 #: For derivatives by imaginary steps.
 _COMPLEX: Names = REAL | {
@@ -181,12 +190,21 @@ MEANINGS = {
     "by_printed_law": "the slope of the printed one-harmonic law", "free": "h and f_G without v", "drift": "-gamma'",
     "linear": "h's factor of v", "quadratic": "h's factor of v^2", "drag": "mu m g rho^2 sin(beta)^2",
     "by_beta": "derivative by beta", "by_gamma": "derivative by gamma", "inertia": "A cos^2 gamma + Bbar sin^2 gamma",
-    "coupling": "m e rho", "total": "the truncated series", "change": "dh/dt of the order n - 1", "cb": "cos beta",
+    "coupling": "m e rho", "total": "the truncated series",
+    "gradients": "the sum of epsilon^n times the derivatives of h_n", "gradient": "of the truncated series",
+    "change": "dh/dt of the order n - 1", "cb": "cos beta",
     "sb": "sin beta", "cg": "cos gamma", "sg": "sin gamma", "third": "the third derivative, symmetric",
     "eigenvalue_slope": "d lambda/d Omega", "product": "with the adjoint eigenvector",
     "slope": "d lambda_Ty/d gamma_y",
     "answered": "the answer for transversality",
     "value_of": "a number, whose derivatives are lost",
+    "plus": "the cube of q + conj q", "minus": "the cube of q - conj q", "bar": "the cube of conj q in C(q, q, conj q)",
+    "q": "the critical eigenvector", "left": "the adjoint eigenvector",
+    "kappa_1": "of the sine balance; the paper prints the wrong sign of 2 m e (r + e)", "square": "omega^2",
+    "strong_friction": "A_33, and the roots of the characteristic polynomial without its cubic part",
+    "to_decimals": "each entry rounded to so many", "to_digits": "each entry rounded to so many",
+    "rolling": "+-Omega sqrt(-side e / rho), and friction's A_33",
+    "down": "rounded down to so many decimals", "up": "rounded up to so many decimals",
     "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
 }  # fmt: skip
 
@@ -247,6 +265,8 @@ _AT_EQUILIBRIA = (
     ("eigenvalues(matrix)", "eigenvalues(lower_triangle(matrix))", "eigenvalues(upper_triangle(matrix))",
      "eigenvalues(in_single_precision(matrix))", "singular_values(matrix)",
      *(f"eigenvalues(differences({d}))" for d in STEPS),
+     "rolling(matrix)", "strong_friction(matrix)", "eigenvalues(symmetric_part(matrix))",
+     *(f"eigenvalues({change}(matrix, {n}))" for change in ("to_decimals", "to_digits") for n in range(1, 8)),
      "eigenvalues(matrix) / Omega", "eigenvalues(matrix) * Omega"),
 )  # fmt: skip
 
@@ -281,9 +301,31 @@ def _in_single(matrix: Any) -> Any:
     return numpy.array(matrix, dtype=numpy.float32)
 
 
+def _rolling(matrix: Any) -> Any:
+    """The pair of pure rolling, and what friction alone gives."""
+    root = cmath.sqrt(-matrix[1][0] * matrix[2][1] / matrix[2][2])
+    return root, -root, matrix[2][2]
+
+
+def _strong_friction(matrix: Any) -> Any:
+    """The pair without the cubic part of the characteristic polynomial, and what friction alone gives."""
+    *_, last = matrix
+    return *_roots([-last[2], -last[0], -matrix[1][0] * last[1]]), last[2]
+
+
+def _symmetric(matrix: Any) -> Any:
+    return [[(matrix[i][j] + matrix[j][i]) / 2 for j in range(3)] for i in range(3)]
+
+
+def _typed(form: str, matrix: Any, places: int) -> Any:
+    return [[float(f"{float(x):.{places}{form}}") for x in row] for row in matrix]
+
+
 _MATRICES: Names = REAL | {
     "eigenvalues": eigenvalues_of, "roots": _roots, "lower_triangle": partial(_triangle, sign=1),
     "upper_triangle": partial(_triangle, sign=-1), "in_single_precision": _in_single, "singular_values": _singular,
+    "rolling": _rolling, "strong_friction": _strong_friction, "symmetric_part": _symmetric,
+    "to_decimals": partial(_typed, "f"), "to_digits": partial(_typed, "g"),
 }  # fmt: skip
 
 

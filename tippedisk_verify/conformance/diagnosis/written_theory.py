@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any
 
+from tippedisk_verify.conformance.diagnosis.arithmetic import arithmetics
 from tippedisk_verify.conformance.diagnosis.slips import Names, Written
 from tippedisk_verify.conformance.diagnosis.written import (
     EQUILIBRIA,
@@ -40,6 +41,8 @@ Bbar = B - m * e**2
 reach = r + e
 omega_crit = sqrt(m * g * (r + e)**2 / (Bbar * r))
 Omega = omega_crit
+speed = Omega
+Omega_of_eigenvectors = Omega = speed
 root = eigenvalue(Omega)
 frequency = imag(root)
 period = 2 * pi / frequency
@@ -53,10 +56,16 @@ size = sqrt(abs(beta)**2 + abs(gamma)**2 + abs(v)**2)
 beta = beta / size
 gamma = gamma / size
 v = v / size
-scale = (root - A_33) * root * beta + A_32 * gamma + root * v
+left = ((root - A_33) * root, A_32, root)
+scale = left[0] * beta + left[1] * gamma + left[2] * v
 def product(gamma_part, v_part):
-    return (A_32 * gamma_part + root * v_part) / scale
+    return (left[1] * gamma_part + left[2] * v_part) / scale
+A_32 = A_32 / Omega * speed
+Omega = speed
 eigenvalue_slope = product(beta, A_32 / Omega * gamma - 2 * Omega * beta)
+q = (beta, gamma, v)
+beta, gamma, v = q
+Omega_of_cubic_terms = Omega = speed
 cubic_gamma = -Omega * third(beta, beta, beta) / 6
 cubic_h = (Bbar - A) * Omega**2 * third(beta, gamma, gamma) \\
     + (2 * Bbar / 3 - m * e * reach) * Omega**2 * third(beta, beta, beta) \\
@@ -71,6 +80,8 @@ cubic_M = (A - Bbar) * (restoring * third(beta, gamma, gamma) - damping * reach*
     + m * reach**2 * (restoring * third(beta, beta, beta) - damping * reach**2 * third(beta, beta, v) \\
     - damping * reach * e * Omega * third(beta, beta, gamma))
 cubic_v = (cubic_h + cubic_f_G + cubic_friction - cubic_M / Bbar) / Bbar
+Omega = speed
+beta, gamma, v = q
 c_1 = product(cubic_gamma, cubic_v) / 2
 first_lyapunov_coefficient = real(c_1) / frequency
 transversality = real(eigenvalue_slope)
@@ -81,6 +92,14 @@ amplitude_squared_slope = 4 * abs(beta)**2 * growth
 period_slope = -2 * pi / frequency**2 * (imag(c_1) * growth - imag(eigenvalue_slope))
 answered = transversality
 """
+#: The same with the symmetric form as three cubes.
+_POLARISED = """\
+def third(x, y, z):
+    plus = (x + conj(x)) * (y + conj(y)) * (z + conj(z))
+    minus = (x - conj(x)) * (y - conj(y)) * (z - conj(z))
+    bar = conj(x) * conj(y) * conj(z)
+    return plus - minus - 2 * bar
+""" + _HOPF[_HOPF.index("Bbar") :]
 _SPEEDS = tuple(
     f"Bbar = B - m * e**2\nomega_crit = {text}\n"
     for text in ("sqrt(m * g * (r + e)**2 / (Bbar * r))", "(r + e) * sqrt(m * g / (Bbar * r))")
@@ -104,6 +123,17 @@ _AT_HOPF = (
     ("4 * abs(beta)**2 * growth", "by_printed_law", "4 * abs(gamma)**2 * growth", "4 * abs(v)**2 * growth"),
     ("sqrt(abs(beta)**2 + abs(gamma)**2 + abs(v)**2)", "beta", "gamma", "v", "1"),
     ("cubic_gamma", "0"), ("cubic_v", "0"), ("cubic_M", "0"),
+    ("product(cubic_gamma, cubic_v)", "conj(left[1] / scale) * cubic_gamma + conj(left[2] / scale) * cubic_v"),
+    ("(left[1] * gamma_part + left[2] * v_part) / scale",
+     "(conj(left[1]) * gamma_part + conj(left[2]) * v_part) / conj(scale)",
+     "(conj(left[1]) * gamma_part + conj(left[2]) * v_part) / scale"),
+    ("((root - A_33) * root, A_32, root)", "(conj(beta), conj(gamma), conj(v))", "(beta, gamma, v)",
+     "(conj((root - A_33) * root), conj(A_32), conj(root))"),
+    ("q", "(q[0], q[1], 0)", "(q[0], 0, q[2])", "(0, q[1], q[2])",
+     "(q[1], q[0], q[2])", "(real(q[0]), real(q[1]), real(q[2]))", "(imag(q[0]), imag(q[1]), imag(q[2]))",
+     *(f"(q[0] / {by}, q[1] / {by}, q[2] / {by})" for by in ("q[0]", "q[1]", "q[2]", "abs(q[0])", "frequency"))),
+    ("2 * (x * y * conj(z) + x * conj(y) * z + conj(x) * y * z)", "6 * x * y * z", "6 * abs(x) * abs(y) * abs(z)",
+     "6 * x * y * conj(z)", "6 * conj(x) * y * z"),
     ("-2 * pi / frequency**2 * (imag(c_1) * growth - imag(eigenvalue_slope))",
      "-pi * Omega**2 / frequency**3 * (r - e) / (8 * reach) * -by_printed_law"
      " + 2 * pi * Omega * e / (reach * frequency**3)"),
@@ -115,6 +145,7 @@ def _hopf(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
     p = SimpleNamespace(**names)
     bbar, reach, damping = p.B - p.m * p.e**2, p.r + p.e, p.mu * p.m * p.g / p.epsilon
 
+    @lru_cache
     def eigenvalue(speed: float) -> complex:
         last = [p.m * p.g * reach - bbar * speed**2, -damping * reach * p.e * speed, -damping * reach**2]
         values = eigenvalues_of([[0, 0, 1], [speed, 0, 0], [x / bbar for x in last]])
@@ -158,6 +189,18 @@ period = 2 * pi / frequency
 amplitude = sqrt(C_squared)
 """,
 )
+_BALANCES += (  # from the coefficients of the two balances
+    _CHI
+    + """\
+square = e / (r + e) * Omega**2
+kappa_1 = (Bbar - 3 * A + 2 * m * e * (r + e)) * Omega**2 / 4 - m * (r + e)**2 * square / 2 \\
+    + m * g * e * Omega**2 / square / 8 - (Bbar - A) * Omega**4 / square / 4 + m * g * (r + e) / 8
+C = sqrt(-(Bbar * r * Omega**2 - m * g * (r + e)**2) / (kappa_1 * (r + e) + Bbar * stiffness * Omega**2 / 8))
+frequency = Omega * sqrt(e / (r + e) - 1 / 8 * (stiffness / (r + e)) * C**2)
+period = 2 * pi / frequency
+amplitude = C
+""",
+)
 _BALANCES += (  # of a slip that makes C^2 negative some go on with its modulus
     _BALANCES[0].replace("* sqrt(-(Bbar", "* sqrt(abs(-(Bbar").replace("(r + e)))\nfrequency", "(r + e))))\nfrequency"),
 )
@@ -167,7 +210,9 @@ _AT_BALANCE = (
     ("Bbar * r * Omega**2 - m * g * (r + e)**2", "2 * Bbar * r * omega_crit * (Omega - omega_crit)"),
     ("C", "frequency * C", "Omega * C / frequency"), ("sqrt(C_squared)", "sqrt(C_squared) * Omega / frequency"),
     ("C_squared", "amplitude"), ("sqrt(C_squared)", "C_squared / 2"),
-    ("2 * pi / frequency", "2 * pi / (Omega * sqrt(e / (r + e)))", "2 * pi / Omega", "2 * pi / (Omega * sqrt(e / r))"),
+    ("2 * pi / frequency", "2 * pi / (Omega * sqrt(e / (r + e)))", "2 * pi / Omega", "2 * pi / (Omega * sqrt(e / r))",
+     "2 * pi / (Omega * sqrt(e / (r + e))) * (1 + C**2 / 16)",
+     "2 * pi / (Omega * sqrt(e / (r + e))) * (1 + stiffness * C**2 / (16 * e))"),
     ("Omega * sqrt(e / (r + e) - 1 / 8 * (stiffness / (r + e)) * C**2)",
      "Omega * sqrt(e / (r + e)) * (1 - stiffness / (16 * e) * C**2)"),
     ("C", "C / 2", "2 * C"), ("r - 2 * e", "r + e", "r - e"), ("frequency", "Omega", "C", "delta"),
@@ -216,6 +261,8 @@ for n in orders:
     h_n = (force - M * change) / drag
     h.append(h_n)
 """
+#: The same with the loops over products as one.
+_RECURSION_TOGETHER = _RECURSION.replace("    for i in range(n):\n        force", "        force")
 _RESIDUAL = """\
 residual = []
 total = 0
@@ -229,11 +276,27 @@ for n in range(6):
     residual_n = epsilon * (dh_dbeta * total - drift * dh_dgamma) - (epsilon * force - drag * (total - h_0)) / M
     residual.append(residual_n)
 """
+#: The same with both derivatives as a pair.
+_RESIDUAL_TOGETHER = """\
+residual = []
+total = 0
+gradients = 0
+for n in range(6):
+    total += epsilon**n * h[n]
+    gradients += epsilon**n * gradient_of(h[n])
+    gradient = gradients
+    force = free + linear * total + quadratic * total**2
+    rate = (epsilon * force - drag * (total - h_0)) / M
+    residual_n = epsilon * (real(gradient) * total - drift * imag(gradient)) - rate
+    residual.append(residual_n)
+"""
 _AT_MANIFOLD = (
     FACTORS, SINES, *INPUT, TURNING, ("beta", "gamma"), ("h_0", "h[0]", "h[n]", "total"),
     ("free", "linear", "quadratic", "drag"),
     ("by_beta", "by_gamma"), ("M", "Bbar", "A", "1"), ("dh_dbeta", "dh_dgamma"),
-    ("n == 1", "n >= 1"), ("h[n - 1]", "h[0]"),
+    ("n == 1", "n >= 1", "n == 0", "n == 2"), ("h[n - 1]", "h[0]"), ("h[n - 1 - i]", "h[i]"),
+    ("gradients", "gradient_of(h[0])", "gradient_of(h[n])"),
+    ("epsilon * force", "epsilon * free + linear * total + quadratic * total**2"),
     ("n", "i"), ("total", "h[n]"), ("epsilon**n", "epsilon**(n + 1)", "epsilon"),
     ("range(n)", "range(n - 1)", "range(1, n)", "range(1)", "range(n // 2)", "range((n + 1) // 2)", "(0, n - 1)"),
     ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])"),
@@ -263,25 +326,27 @@ def _sine(angle: Any, quarters: int = 0) -> Any:
 
 _JETS: Names = REAL | {
     "sin": _sine, "cos": partial(_sine, quarters=1), "by_beta": Jet.by_beta, "by_gamma": Jet.by_gamma,
-    "value_of": lambda jet: jet.value,
+    "value_of": lambda jet: jet.value, "gradient_of": lambda jet: complex(jet.c[1][0], jet.c[0][1]),
+    "real": lambda z: z.real, "imag": lambda z: z.imag,
 }  # fmt: skip
 _RESIDUALS = Written(_RESIDUAL, ())
 
 
 def _series(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
-    """The orders, low ones first, and residuals of the same terms or of right ones."""
+    """The orders, low ones first, and residuals of the same terms, of right ones, or with gamma' alone right."""
     names, found = given(here), {}
     for highest in (1, 2, 3, _HIGHEST):
         degree = highest + (highest == _HIGHEST)
-        found = run(_JETS | names | {"coordinate": partial(_coordinate, degree), "orders": range(1, highest + 1)})
+        jets = {"coordinate": partial(_coordinate, degree), "orders": range(1, highest + 1), "degree": degree}
+        found = run(_JETS | names | jets)
         yield {f"h_{n}": order.value for n, order in enumerate(found["h"])}
     right = _terms(here[0].set, *(names[name] for name in ("Omega", "beta", "gamma")))
     alike = {name: getattr(found[name], "value", found[name]) for name in right if name != "h"}
-    both = [
+    each = [
         _residuals(_RESIDUALS.run, _JETS | names | terms | {"h": [order.cut(1) for order in found["h"]]})
-        for terms in (alike, right)
+        for terms in (alike, right, alike | {"drift": right["drift"]})
     ]
-    yield {name: (number, both[1][name]) for name, number in both[0].items()}
+    yield {name: tuple(one[name] for one in each) for name in each[0]}
 
 
 def _residuals(run: Run, names: Names) -> Numbers:
@@ -318,14 +383,17 @@ def formulas_of(kind: str, friction: str) -> tuple[Formula, ...]:
         "equilibrium": EQUILIBRIA,
         "hopf": (
             Formula(_HOPF, _AT_HOPF, ("",), _hopf),
+            Formula(_POLARISED, _AT_HOPF, ("",), _hopf, ("",)),
             # Far from the critical speed there may be no pair: the other answers are whatever a program makes of that.
             *(Formula(text, _AT_HOPF, ("omega_crit",), _speed, alone=True) for text in _SPEEDS),
         ),
         "harmonic-balance": tuple(Formula(text, _AT_BALANCE, ("",), _balance) for text in _BALANCES),
         "slow-manifold": (
-            Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("",), _series),
+            Formula(_FIELD + _RECURSION, _AT_MANIFOLD, ("",), _series, others=arithmetics),
+            Formula(_FIELD + _RECURSION_TOGETHER, _AT_MANIFOLD, ("",), _series, ("",)),
             Formula(_FIELD_SHARED + _RECURSION, _AT_MANIFOLD, ("",), _series, ("inertia",)),
             Formula(_FIELD + _RESIDUAL, _AT_MANIFOLD, ("residual",), _residual_alone),
+            Formula(_FIELD + _RESIDUAL_TOGETHER, _AT_MANIFOLD, ("residual",), _residual_alone, ("",)),
         ),
     }  # fmt: skip
     return texts.get(kind, ())
