@@ -17,6 +17,7 @@ from decimal import Decimal
 from functools import cache, partial
 from typing import Any
 
+from tippedisk_verify.conformance.diagnosis.along import along_of
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
@@ -231,6 +232,7 @@ def _causes(
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
             found = coarse_of(usable, wrong, store) or cycle_slip_of(usable, wrong, store)
+            found = found or along_of(usable, wrong, store)
             found = found or quotients_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None

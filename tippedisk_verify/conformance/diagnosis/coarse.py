@@ -21,7 +21,7 @@ _FREE = 3  # wrong answers that must bear out a round step
 _LINE = 4  # answers on a straight line, one of which tells it
 _LEAST_DIGITS = 3.0  # that a question must need for this
 _STEPS = 600
-_LONGEST = 0.02  # s; of a step
+_LONGEST = 0.1  # s from the turning point
 _IRREGULAR = 3.0  # times: times to the turning point that differ as much, up and down, follow no formula
 _GRIDS = {f"{m}e-{k} s": m * 10.0**-k for k in (2, 3, 4) for m in (1, 2, 2.5, 4, 5)}
 _PARTS = (50, 64, 100, 128, 200, 250, 256, 300, 400, 500, 512, 600, 800, 1000, 1024, 2000, 2048)
@@ -87,7 +87,7 @@ def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set
         return None
     return (
         f"too small by what a state has that is up to {float(f'{1e3 * apart.max():.1g}'):g} ms from the turning point, "
-        "now more and now less: taken at steps, not where v = 0"
+        "now more and now less: taken at steps, not where v = 0, or that instant is refined wrongly"
     )
 
 
