@@ -17,13 +17,13 @@ import numpy
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
 from tippedisk_verify.conformance.diagnosis.flights import Array
 from tippedisk_verify.conformance.diagnosis.predictions import Model
-from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
+from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out, shape_of
 from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, Slip, half_orbits
 from tippedisk_verify.conformance.diagnosis.starts import differenced
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["cycle_slip_of", "numbers_of", "pieces_of"]
+__all__ = ["cycle_slip_of", "following_of", "numbers_of", "pieces_of"]
 
 _TINY = 1e-9  # far below all slow multipliers that are asked for
 _STATE = ("period", "gamma_bar_0", "v_0")
@@ -375,3 +375,27 @@ def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Fou
         for several in made_of:
             found = found or [text for text, made in several() if fits(made)]
     return (tuple(("slip", text) for text in found[:1]), frozenset(wrong)) if found else None
+
+
+def following_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
+    """Wrong derivatives of the start by their shape, where dperiod_domega is what follows from them."""
+    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
+    starts = [grade for grade in usable if store[grade.id].name in _DERIVATIVES[1:]]
+    periods = {grade.id for grade in usable if store[grade.id].name == _DERIVATIVES[0]}
+    mine = {grade.id for grade in starts} & wrong
+    if not (mine and wrong & periods and wrong <= mine | periods):
+        return None
+    here = list({id_.rsplit("/", 1)[0]: store[id_] for id_ in periods}.values())
+    for entry, part in _pieces(here, store, {"": ("", None)})[""].items():
+        dt, quantity = -part.change[0] / part.speed[0], store[f"{entry}/{_DERIVATIVES[0]}"]
+        if not all(f"{entry}/{name}" in answers for name in _DERIVATIVES):
+            return None
+        slope = numpy.array([float(answers[f"{entry}/{name}"]) for name in _DERIVATIVES[1:]])
+        expected = float(_TIMES[""](dt[:2], dt[2], slope))
+        if borne_out(answers[quantity.id], expected, quantity, quantity.id in wrong) is None:
+            return None
+    found = shape_of(starts, mine, store, by_place=True)
+    return found and (
+        tuple((name, f"{text}, and dperiod_domega follows from these") for name, text in found[0]),
+        found[1] | wrong & periods,
+    )
