@@ -26,6 +26,9 @@ __all__ = ["along_of"]
 
 _FREE = 3  # wrong answers that must bear out what is said
 _LEAST_DIGITS = 3.0  # that a question must need for this
+_START = ("gamma_bar_0", "v_0")
+_PASSES = 8
+_NEAR, _TINY = 0.05, 1e-9  # s from the section
 _STEPS = 2000  # of half a period; RK4 leaves some 1e-12
 _STEP = 1e-40  # imaginary
 _QUARTER = math.pi / 2
@@ -111,6 +114,8 @@ def along_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | 
         return None
     said: dict[str, list[str]] = {}
     tried: set[str] = set()
+    if set(names) == set(_START) and (text := _off_section([groups[name] for name in _START], given, wrong, store)):
+        return (("along", text),), frozenset(wrong & {quantity.id for name in names for quantity in groups[name]})
     for name in names:
         here = groups[name]
         bad = {quantity.id for quantity in here} & wrong
@@ -132,12 +137,40 @@ def _fits(here: Sequence[Quantity], expected: Array, given: Mapping[str, Decimal
     )
 
 
+def _off_section(
+    here: Sequence[Sequence[Quantity]], given: Mapping[str, Decimal], wrong: set[str], store: Store
+) -> str | None:
+    """States of the right cycles at instants near the section, another one for each: v tells it, gamma bears it out."""
+    entries = [quantity.id.rsplit("/", 1)[0] for quantity in here[0]]
+    if entries != [quantity.id.rsplit("/", 1)[0] for quantity in here[1]]:
+        return None
+    if min(sum(quantity.id in wrong for quantity in some) for some in here) < _FREE:
+        return None
+    cycles = _Cycles(entries, store)
+    v = numpy.array([float(given[quantity.id]) for quantity in here[1]])
+    times = 0 * v
+    for _ in range(_PASSES):
+        y = cycles.at(times)
+        rates = cycles.rates(numpy.stack([_QUARTER - y[0], _QUARTER + y[1], y[2]]))
+        times = numpy.clip(times - (y[2] - v) / rates["v_rate"], -_NEAR, _NEAR)
+    _, gamma, moved = cycles.at(times)
+    if not (abs(times) < _NEAR).all() or not _fits(here[0], gamma, given, wrong):
+        return None
+    if not _fits(here[1], moved, given, wrong):
+        return None
+    side = "after" if (times > -_TINY).all() else "before" if (times < _TINY).all() else "from"
+    most = f"{1e3 * abs(times).max():.2g} ms {side} the section"
+    return f"gamma_bar_0, v_0: states of the right cycles up to {most}, not on it"
+
+
 def _candidates(
     name: str, cycles: _Cycles, here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set[str]
 ) -> Candidates:
     answers = numpy.array([float(given[quantity.id]) for quantity in here])
     bad = numpy.array([quantity.id in wrong for quantity in here])
     found = _laws(name, cycles)
+    if name == "v_0":
+        found = itertools.chain(found, _differences(cycles))
     if name in _PARTS:
         found = itertools.chain(found, _states(cycles), _timed(name, cycles, answers, bad))
     if name == "period":
@@ -174,6 +207,15 @@ def _states(cycles: _Cycles) -> Candidates:
             ("the amplitude of the first harmonic", 2 * abs(waves.mean(axis=0))),
         ):  # fmt: skip
             yield from ((f"{times}{text} of {what} is taken", n * values) for times, n in _TIMES.items())
+
+
+def _differences(cycles: _Cycles) -> Candidates:
+    """v_0 by differences of beta."""
+    for text, h in _GRIDS.items():
+        ahead, back = (-cycles.at(numpy.full_like(cycles.half, x))[0] for x in (h, -h))
+        yield f"the difference of beta over one step of {text} ahead is taken", ahead / h
+        yield f"the difference of beta over one step of {text} back is taken", -back / h
+        yield f"the central difference of beta over {text} on both sides is taken", (ahead - back) / (2 * h)
 
 
 def _timed(name: str, cycles: _Cycles, answers: Array, bad: Array) -> Candidates:
@@ -277,6 +319,7 @@ def _integrals(cycles: _Cycles, answers: Array, bad: Array) -> Candidates:
 
     def said(text: str, total: Array) -> Candidates:
         yield text, total - slow
+        yield f"{text}, and multiplier_slow itself is taken off, not its logarithm", total - numpy.exp(slow)
         yield f"{text} (over half a period)", total / 2 - slow
         yield f"{text}, and log_multiplier_slow is not taken off", total
         yield f"{text}, and log_multiplier_slow is added, not taken off", total + slow
@@ -290,6 +333,7 @@ def _integrals(cycles: _Cycles, answers: Array, bad: Array) -> Candidates:
     parts = [cycles.rates(y) for y in cycles.states]
     mass, drift = (numpy.array([one[name] for one in parts]) for name in ("M", "gamma_rate"))
     what = "the divergence's integral"
+    yield "the divergence's integral less multiplier_slow, not its logarithm, is taken", right - numpy.exp(slow)
     yield from said(f"{what} is that of the friction alone: h's dv'/dv is missing", whole(friction))
     yield from said(f"{what} is that of the {other} law's friction alone: h's dv'/dv is missing", whole(others))
     yield from said(f"{what} is that of the {other} friction law", right + whole(others - friction))

@@ -187,8 +187,8 @@ def _observed(set_name: str, friction: str, given: float, right: float) -> str:
             text = f"passes the other saddle {y[0, 0] - _QUARTER:.2g} rad beyond pi/2 in beta"
             break
     return (
-        f"the search for Omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are right there; next to that "
-        f"speed the orbit from the saddle {text}: see the search's criterion, its orbits' start, length and tolerance"
+        f"the search for Omega_h alone is off, by {given - right:.2g} rad/s: the eigenvalues are right there; next to "
+        f"that speed the orbit from the saddle {text}: see its criterion, and its orbits' start, length and tolerance"
     )
 
 

@@ -114,10 +114,9 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
             for text, span in spans.items() if mine == "multiplier_slow" else ():
                 powers = {q.id: q.for_doubles ** (span[q.id] / other[q.id]) for q in here if q.id in other}
                 yield f"multipliers per {text} not per period", powers
-            sums = {q.id: other[q.id] + float(q.inputs["Omega"]) * q.for_doubles for q in here if q.id in other}
-            for text, x in (
-                (("Omega T", 1.0), ("Omega T/(2 pi)", 1 / (2 * math.pi))) if mine == "dperiod_domega" else ()
-            ):
+        if name == "period" and mine == "dperiod_domega":
+            sums = {q.id: other[q.id] + float(q.inputs["Omega"]) * q.for_doubles for q in here}
+            for text, x in (("Omega T", 1.0), ("Omega T/(2 pi)", 1 / (2 * math.pi))):
                 yield f"those for the derivative of {text}", {id_: x * total for id_, total in sums.items()}
     if mine.endswith("_n"):
         for text, weight in _WEIGHTS.items():

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative
+from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.flights import Array
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
@@ -58,7 +58,7 @@ def _fits(quantity: Quantity, expected: float, given: dict[str, Decimal], wrong:
 
 
 def _terms(first: Quantity) -> Iterator[tuple[str, list[float]]]:
-    """Real eigenvalues with one term of the equations left out, or of the wrong sign."""
+    """Real eigenvalues with one term of the equations left out or of the wrong sign, or with one known mistake."""
     for words, factor in (("without", 0.0), ("with the wrong sign of", -1.0)):
         changed: dict[str, dict[str, Any]] = {
             f"h's term {n + 1}": {"h": tuple(factor if k == n else 1.0 for k in range(5))} for n in range(5)
@@ -68,6 +68,20 @@ def _terms(first: Quantity) -> Iterator[tuple[str, list[float]]]:
             values = eigenvalues(other, first.for_doubles, -1)
             if not any(value.imag for value in values):
                 yield f"the eigenvalues of the saddle's matrix {words} {name}", [value.real for value in values]
+
+    for one in ALTERNATIVES:
+        if one.of_the_model and (one.parameters is not None or one.spelling != CORRECT):
+            values = eigenvalues(Model(one, first.set, first.friction), first.for_doubles, -1)
+            if not any(value.imag for value in values):
+                yield f"the eigenvalues of the saddle's matrix alone: {one.cause}", [value.real for value in values]
+    model = Model(Alternative("", ""), first.set, first.friction)
+    for beta, gamma in itertools.product(range(3), range(3)):
+        state = beta * math.pi / 2, (gamma - 1) * math.pi / 2, 0.0
+        matrix = numpy.array([[0.0, 0.0, 1.0], *model.jacobian(first.for_doubles, state)])
+        values = numpy.linalg.eigvals(matrix).tolist()
+        if not any(value.imag for value in values):
+            where = f"beta = {beta}/2 pi, gamma = {gamma - 1}/2 pi"
+            yield f"the eigenvalues of the matrix at {where}", [value.real for value in values]
 
 
 def _matrices(matrix: Array, answers: list[float]) -> Iterator[tuple[str, list[float]]]:
@@ -87,13 +101,13 @@ def _matrices(matrix: Array, answers: list[float]) -> Iterator[tuple[str, list[f
     x, y, z = answers
     right = [matrix[2, 2], matrix[2, 0], matrix[1, 0] * matrix[2, 1]]
     factors = [n / m for n, m in zip((x + y + z, -(x * y + y * z + z * x), x * y * z), right, strict=True)]
-    other = [n for n, factor in enumerate(factors) if abs(factor - 1) > _ALIKE]
-    if len(other) == 1:
-        factor = factors[other[0]]
+    changed = [n for n, factor in enumerate(factors) if abs(factor - 1) > _ALIKE]
+    if len(changed) == 1:
+        factor = factors[changed[0]]
         short = float(f"{factor:.{_DIGITS}g}") if abs(factor) > _ALIKE else 0.0
         factor = short if abs(factor - short) < _ALIKE else factor
         said = {0.0: "is missing", -1.0: "has the wrong sign"}.get(factor, f"is {factor:.6g} times as large")
-        yield f"in the saddle's matrix {_ENTRIES[other[0]]} {said}", answers
+        yield f"in the saddle's matrix {_ENTRIES[changed[0]]} {said}", answers
 
 
 def _made(right: dict[str, float], p: object, name: str) -> Iterator[tuple[str, float]]:
