@@ -204,6 +204,7 @@ def _states(cycles: _Cycles) -> Candidates:
         for text, values in (
             ("the mean modulus", y.mean(axis=0)), ("the largest modulus", y.max(axis=0)),
             ("the root of the mean square", (y * y).mean(axis=0) ** 0.5),
+            ("sqrt 2 times the root of the mean square", (2 * y * y).mean(axis=0) ** 0.5),
             ("the amplitude of the first harmonic", 2 * abs(waves.mean(axis=0))),
         ):  # fmt: skip
             yield from ((f"{times}{text} of {what} is taken", n * values) for times, n in _TIMES.items())

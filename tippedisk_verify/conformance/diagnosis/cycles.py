@@ -329,6 +329,28 @@ def _by_sources(
             )
 
 
+def _by_shares(
+    right: Mapping[str, Pieces], answers: Mapping[str, Decimal], wrong: set[str]
+) -> Iterator[tuple[str, Numbers]]:
+    """Another factor on one share of dperiod_domega, read off the answer it moves most."""
+    shares: dict[str, dict[str, float]] = {}
+    for entry, part in right.items():
+        dt, slopes = -part.change[0] / part.speed[0], numbers_of(part)
+        shares[entry] = {
+            "gamma_bar_0's share": 2 * float(dt[0]) * slopes["dgamma_bar_0_domega"],
+            "v_0's share": 2 * float(dt[1]) * slopes["dv_0_domega"],
+            "the explicit part by Omega": 2 * float(dt[2]),
+        }
+    entries = [entry for entry in right if f"{entry}/{_DERIVATIVES[0]}" in wrong]
+    for name in next(iter(shares.values())) if entries else ():
+        entry = max(entries, key=lambda entry: abs(shares[entry][name] / sum(shares[entry].values())))
+        given = float(answers[f"{entry}/{_DERIVATIVES[0]}"])
+        factor = 1 + (given - sum(shares[entry].values())) / shares[entry][name]
+        for value in (round(factor, 2), factor):
+            made = {one: {_DERIVATIVES[0]: sum(of.values()) + (value - 1) * of[name]} for one, of in shares.items()}
+            yield f"dperiod_domega has {name} {value:.6g} times", made
+
+
 def _by_differences(right: Mapping[str, Pieces], store: Store) -> Iterator[tuple[str, Numbers]]:
     alone = "the first entry of the half map's derivative, squared, for its spectral radius"
     for text, matrices in differenced(list(right), store):
@@ -369,9 +391,13 @@ def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Fou
         made_of: tuple[Callable[[], Iterator[tuple[str, Numbers]]], ...] = (
             lambda: _slips(pieces),
             lambda: _by_sources(pieces, answers, wrong),
-            lambda: _varied(_pieces(here, store, _more_variants())),
-            lambda: _by_differences(pieces[""], store),
+            lambda: _by_shares(pieces[""], answers, wrong),
         )
+        if len({store[id_].name for id_ in wrong}) > 1:
+            made_of += (
+                lambda: _varied(_pieces(here, store, _more_variants())),
+                lambda: _by_differences(pieces[""], store),
+            )
         for several in made_of:
             found = found or [text for text, made in several() if fits(made)]
     return (tuple(("slip", text) for text in found[:1]), frozenset(wrong)) if found else None

@@ -114,6 +114,11 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
             for text, span in spans.items() if mine == "multiplier_slow" else ():
                 powers = {q.id: q.for_doubles ** (span[q.id] / other[q.id]) for q in here if q.id in other}
                 yield f"multipliers per {text} not per period", powers
+        if name == "dperiod_domega" and mine.endswith("_domega"):
+            yield (
+                "derivatives by the period, divided by dperiod_domega,",
+                {q.id: q.for_doubles / other[q.id] for q in here if q.id in other},
+            )
         if name == "period" and mine == "dperiod_domega":
             sums = {q.id: other[q.id] + float(q.inputs["Omega"]) * q.for_doubles for q in here}
             for text, x in (("Omega T", 1.0), ("Omega T/(2 pi)", 1 / (2 * math.pi))):

@@ -192,7 +192,7 @@ def stopped_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
         if not _borne_out(here, numbers, given, wrong):
             return None
     said = "period and all else are those of a half orbit, by the right equations, that does not close: "
-    said += _FROM_STATE if at_start else _FROM_GUESS.format(_decimals([*run.gamma, *run.v]))
+    said += f"{_FROM_STATE}: {_left(run)}" if at_start else _FROM_GUESS.format(_decimals([*run.gamma, *run.v]))
     return (("stopped", said),), frozenset(wrong)
 
 
@@ -201,10 +201,23 @@ def _unlocated(run: HalfOrbits, entries: Entries, given: Mapping[str, Decimal], 
     for here, numbers in zip(entries.values(), answered_by(run), strict=True):
         if not _borne_out(here, numbers, given, wrong):
             return None
-    off = f"gamma and v close, but beta = pi/2 is missed by up to {abs(run.left()[0]).max():.1g} rad"
+    missed = run.left()[0]
+    off = f"gamma and v close, but beta = pi/2 is missed by up to {abs(missed).max():.1g} rad"
+    if len(missed) >= _FREE and numpy.ptp(missed) < _SAME:
+        off += f", at beta = {math.pi / 2 - float(numpy.median(missed)):.6g} throughout"
     steps = (f"; it is in whole steps of {text}" for text, h in _GRIDS.items() if _whole(run.half / h))
     text = f"half the period is not the time of the crossing, which is not refined: {off}{next(steps, '')}"
     return (("stopped", text),), frozenset(wrong)
+
+
+def _left(run: HalfOrbits) -> str:
+    """How far the state after half a period is from the start's image, in gamma and in v."""
+    said = []
+    for name, left in zip(("gamma", "v"), run.left()[1:], strict=True):
+        alike = len(left) >= _FREE and numpy.ptp(left) < _SAME
+        size = f"{numpy.median(left):.3g} throughout" if alike else f"up to {abs(left).max():.1g}"
+        said.append(f"{name} closes" if abs(left).max() < _SAME else f"{name} is left open by {size}")
+    return " and ".join(said)
 
 
 def _whole(numbers: Array) -> bool:
