@@ -14,7 +14,7 @@ from decimal import Decimal
 
 import numpy
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
+from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.diagnosis.flights import RK4, Array, field
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
@@ -41,6 +41,7 @@ _GRIDS = {f"{m}e-{k} s": m * 10.0**-k for k in (2, 3, 4) for m in (1, 2, 2.5, 4,
 _TERMS = {"h 2": "h's term 2", "h 3": "h's term 3", "h 5": "h's term 5", "v_rate friction": "the friction"}
 _ON_GRID = 1e-9  # s
 
+_RIGHT = Alternative("", "")
 Candidates = Iterator[tuple[str, Array]]
 
 
@@ -92,14 +93,18 @@ class _Cycles:
     def rates(self, y: Array) -> dict[str, Array]:
         return spelled(CORRECT, numpy, self.model.p, self.omega, y, self.law)
 
-    def slopes(self, law: str, held: str = "") -> Array:
-        """dv'/dv at all times, by cycle, with one term held."""
-        y = self.states.astype(complex)
-        y[:, 2] += 1j * _STEP
-        y = numpy.moveaxis(y, 1, 0)
-        side = numpy.where(spelled(CORRECT, numpy, self.model.p, self.omega, y.real, law)["gamma_y"] >= 0, 1.0, -1.0)
-        spelling = replace(CORRECT, held=held)
-        return numpy.asarray(spelled(spelling, numpy, self.model.p, self.omega, y, law, side)["v_rate"].imag / _STEP)
+    def slopes(
+        self, law: str, held: str = "", other: Alternative = _RIGHT, place: tuple[int, float] | None = None
+    ) -> Array:
+        """dv'/dv at all times, by cycle: with one term held, by a mistaken model, or with a part of the state fixed."""
+        y = numpy.moveaxis(self.states.astype(complex), 1, 0).copy()
+        if place is not None:
+            y[place[0]] = place[1]
+        p = self.model.p if other is _RIGHT else Model(other, self.first.set, self.law).p
+        spelling = replace(other.spelling, held=held)
+        side = numpy.where(spelled(spelling, numpy, p, self.omega, y.real, law)["gamma_y"] >= 0, 1.0, -1.0)
+        y[2] += 1j * _STEP
+        return numpy.asarray(spelled(spelling, numpy, p, self.omega, y, law, side)["v_rate"].imag / _STEP)
 
 
 def along_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
@@ -346,6 +351,8 @@ def _integrals(cycles: _Cycles, answers: Array, bad: Array) -> Candidates:
         yield from said(f"{what} has {text} added, which is no diagonal entry", right + whole(extra))
     yield from said(f"{what} is that of the modulus of dv'/dv", whole(abs(slopes)))
     yield from said(f"{what} has the wrong sign", -right)
+    for n, (at, value) in enumerate((("beta = pi/2", _QUARTER), ("gamma = pi/2", _QUARTER), ("v = 0", 0.0))):
+        yield from said(f"{what} is taken at {at} throughout", whole(cycles.slopes(cycles.law, place=(n, value))))
     for count in _SAMPLES:
         some = slopes[:: _STEPS // count]
         once, ends = some.sum(axis=0) - (some[0] + some[-1]) / 2, (some[0] + some[-1]) / 2
@@ -365,3 +372,6 @@ def _integrals(cycles: _Cycles, answers: Array, bad: Array) -> Candidates:
         for value in (round(factor, 2), factor):
             words = {0.0: "lacks", -1.0: "has the wrong sign of", 2.0: "has twice", 0.5: "has half of"}
             yield f"{what} {words.get(value, f'has {value:.6g} times')} {text}", right + (value - 1) * part - slow
+    for one in ALTERNATIVES:
+        if one.of_the_model and (one.parameters is not None or one.spelling != CORRECT):
+            yield from said(f"{what} alone: {one.cause}", whole(cycles.slopes(cycles.law, other=one)))

@@ -127,6 +127,12 @@ _CORRECTED: dict[str, Callable[[Array, Array], Array]] = {
     f"{_ARRIVAL} in the half map's derivative": lambda f, dt: -numpy.outer(f, dt),
     "the derivative is projected along the section's normal, not along the flow":
         lambda f, dt: numpy.outer([f[0], 0.0, 0.0], dt),
+    "the change of the arrival time is left out of the half map's derivative by Omega alone":
+        lambda f, dt: numpy.outer(f, dt * [1.0, 1.0, 0.0]),
+    "the change of the arrival time is left out of the half map's derivative by gamma alone":
+        lambda f, dt: numpy.outer(f, dt * [0.0, 1.0, 1.0]),
+    "the change of the arrival time is left out of the half map's derivative by v alone":
+        lambda f, dt: numpy.outer(f, dt * [1.0, 0.0, 1.0]),
 }  # fmt: skip
 _SHIFTED: dict[str, Callable[[Array, Array], Array]] = {
     "": lambda p, by: _solved(_ONE - p, by),

@@ -16,6 +16,7 @@ from tippedisk_verify.conformance.diagnosis.flights import Array
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
 from tippedisk_verify.conformance.grading import Grade, as_decimal
+from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["saddle_of"]
@@ -24,6 +25,7 @@ _NAMES = ("lambda_u", "lambda_s", "lambda_ss")
 _ENTRIES = ("dv'/dv", "dv'/dbeta", "dgamma'/dbeta times dv'/dgamma")
 _ALIKE = 1e-6  # relative: how near to 1 a factor is none
 _DIGITS = 2  # of another factor
+_SHARES = (0.7, 1.4)  # of a parameter, between which another value is looked for
 _SIGNS = {"": 1.0, "minus ": -1.0}
 
 
@@ -38,7 +40,12 @@ def saddle_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found |
     model = Model(Alternative("", ""), first.set, first.friction)
     (a, _, _), (b, c, d) = model.jacobian(first.for_doubles, (math.pi / 2, -math.pi / 2, 0.0))
     matrix = numpy.array([[0.0, 0.0, 1.0], [a, 0.0, 0.0], [b, c, d]])
-    spectra = itertools.chain(_terms(first), _matrices(matrix, [float(given[here[name].id]) for name in _NAMES]))
+    fast = float(given[here["lambda_ss"].id])
+    spectra = itertools.chain(
+        _terms(first),
+        sorted(_parameters(first, fast), key=lambda one: len(one[0])),
+        _matrices(matrix, [float(given[here[name].id]) for name in _NAMES]),
+    )
     for text, values in spectra:
         numbers = dict(zip(_NAMES, sorted(values, reverse=True), strict=True))
         if all(_fits(here[name], numbers[name], given, wrong) for name in _NAMES):
@@ -82,6 +89,29 @@ def _terms(first: Quantity) -> Iterator[tuple[str, list[float]]]:
         if not any(value.imag for value in values):
             where = f"beta = {beta}/2 pi, gamma = {gamma - 1}/2 pi"
             yield f"the eigenvalues of the matrix at {where}", [value.real for value in values]
+
+
+def _parameters(first: Quantity, fast: float) -> Iterator[tuple[str, list[float]]]:
+    """Real eigenvalues with another value of one parameter, which lambda_ss tells and the others bear out."""
+    from scipy.optimize import brentq
+
+    p = vars(Model(Alternative("", ""), first.set, first.friction).p)
+
+    def values(name: str, x: float) -> list[float]:
+        other = Model(Alternative("", "", parameters=lambda _: {name: x}), first.set, first.friction)
+        return [value.real for value in eigenvalues(other, first.for_doubles, -1)]
+
+    for name in SYMBOLS:
+        ends = [values(name, share * p[name])[2] - fast for share in _SHARES]
+        if ends[0] * ends[1] < 0:
+            low, high = (share * p[name] for share in _SHARES)
+            x = float(brentq(lambda x, name=name: values(name, x)[2] - fast, low, high, xtol=1e-18, rtol=1e-14))
+            short = float(f"{x:.3g}")
+            x = short if abs(short - x) < _ALIKE * x else x
+            yield (
+                f"the eigenvalues of the saddle's matrix alone: {name} = {x:.9g} instead of {p[name]:.9g}",
+                values(name, x),
+            )
 
 
 def _matrices(matrix: Array, answers: list[float]) -> Iterator[tuple[str, list[float]]]:
