@@ -9,8 +9,9 @@
   and in the `cubic` terms' differences, and a factor (`scaled`),
 - in orbits, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown ones),
   `orbits` (events), `scans` (one number),
-- in cycles, which `shooting` computes: `cycles` (what is made of the half map), `closing` and `speeds` (what closes
-  them), `quotients` (derivatives), `coarse` (approximations), and `connection` (the search for Omega_h).
+- in cycles, which `shooting` computes: `along` (what else is read along the right ones), `cycles` (what is made of the
+  half map, with `starts`), `closing` and `speeds` (what closes them), `quotients` (derivatives), `coarse` (asymptotic
+  laws, steps), `connection` (the search for Omega_h) and `saddle` (the eigenvalues there).
 """
 
 from tippedisk_verify.conformance.diagnosis.causes import Diagnosis, diagnosed

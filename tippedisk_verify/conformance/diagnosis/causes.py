@@ -17,16 +17,18 @@ from decimal import Decimal
 from functools import cache, partial
 from typing import Any
 
+from tippedisk_verify.conformance.diagnosis.along import along_of
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
-from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
+from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of, following_of
 from tippedisk_verify.conformance.diagnosis.factors import OF_ANOTHER, free_values, term_factors
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
 from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
 from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.relations import stem
+from tippedisk_verify.conformance.diagnosis.saddle import saddle_of
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scaled import factor_of
 from tippedisk_verify.conformance.diagnosis.scans import orbit_values
@@ -46,6 +48,7 @@ _MATRICES = 2
 _SERIES = 5  # the level of the slow manifold
 _CLOSED = (3, 4)  # levels of closed forms, whose terms may have a factor that is solved for
 _CYCLES = (7, 9)
+_SADDLE = 8
 _ORBITS = 6  # the level of trajectories
 _OF_MODELS = ("/period", "/gamma_bar_0", "/v_0")  # what a model with a mistake predicts of a cycle
 _DURATION = 10.0  # s, of an orbit
@@ -238,10 +241,13 @@ def _causes(
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
-            found = coarse_of(usable, wrong, store) or cycle_slip_of(usable, wrong, store)
+            found = coarse_of(usable, wrong, store) or shape_of(usable, wrong, store, by_place=True)
+            found = found or following_of(usable, wrong, store) or along_of(usable, wrong, store)
+            found = found or cycle_slip_of(usable, wrong, store)
             found = found or quotients_of(usable, wrong, store) or closing_of(usable, wrong, store)
         if found is None and level in _FORMULAS:
             found = formula_of(entries, answers, wrong) if level != _MATRICES else None
+            found = found or (saddle_of(usable, wrong, store) if level == _SADDLE else None)
             if found is None and outputs_only:  # another number in this level alone
                 found = fitting(one for one in ALTERNATIVES if one.parameters or (one.inputs and level == _SERIES))
         if found is None and level == _ORBITS:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from functools import partial
+from typing import Any
 
 import numpy
 
+from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
 from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
+from tippedisk_verify.conformance.diagnosis.predictions import Model
+from tippedisk_verify.conformance.diagnosis.predictions import eigenvalues as eigenvalues_at
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out
 from tippedisk_verify.conformance.diagnosis.shooting import half_orbits
 from tippedisk_verify.conformance.grading import Grade, as_decimal, needed
@@ -21,7 +26,7 @@ _FREE = 3  # wrong answers that must bear out a round step
 _LINE = 4  # answers on a straight line, one of which tells it
 _LEAST_DIGITS = 3.0  # that a question must need for this
 _STEPS = 600
-_LONGEST = 0.02  # s; of a step
+_LONGEST = 0.1  # s from the turning point
 _IRREGULAR = 3.0  # times: times to the turning point that differ as much, up and down, follow no formula
 _GRIDS = {f"{m}e-{k} s": m * 10.0**-k for k in (2, 3, 4) for m in (1, 2, 2.5, 4, 5)}
 _PARTS = (50, 64, 100, 128, 200, 250, 256, 300, 400, 500, 512, 600, 800, 1000, 1024, 2000, 2048)
@@ -87,7 +92,7 @@ def _at_steps(here: Sequence[Quantity], given: Mapping[str, Decimal], wrong: set
         return None
     return (
         f"too small by what a state has that is up to {float(f'{1e3 * apart.max():.1g}'):g} ms from the turning point, "
-        "now more and now less: taken at steps, not where v = 0"
+        "now more and now less: taken at steps, not where v = 0, or that instant is refined wrongly"
     )
 
 
@@ -105,32 +110,42 @@ def _law(
     y = numpy.array([float(given[quantity.id]) for quantity in told])
     up, down, fast = (store[f"{point}/{name}"].for_doubles for name in ("lambda_u", "lambda_s", "lambda_ss"))
     far = int(numpy.argmax(away))  # doubles leave most digits there
+    found: list[tuple[str, Array]] = []
+    eigenvalues = {"lambda_u": up, "lambda_s": down, "lambda_ss": fast}
     if name == "dperiod_domega":
-        laws = {"-2": -2 / up / away, "-1": -1 / up / away}
-    elif name == "log_multiplier_slow":
+        model = Model(Alternative("", ""), here[0].set, here[0].friction)
+        spectra = [eigenvalues_at(model, float(quantity.inputs["Omega"]), -1) for quantity in told]
+        there = zip(eigenvalues, numpy.array([[x.real for x in one] for one in spectra]).T, strict=True)
+        both: list[tuple[str, Any]] = [*eigenvalues.items(), *((f"{text}(Omega)", values) for text, values in there)]
+        found = [
+            (f"{k} / ({text} (Omega - Omega_h))", k / value / away)
+            for k in (-2, -1, 2, 1, -4, 4)
+            for text, value in both
+        ]
+        found.append((f"{y[far] * away[far]:.6g} / (Omega - Omega_h)", y[far] * away[far] / away))
+    if name.startswith("log_multiplier"):
         period = numpy.array([store[quantity.id.replace(name, "period")].for_doubles for quantity in told])
-        laws = {"(lambda_u + lambda_s) T": (up + down) * period, "(lambda_u + lambda_s) T/2": (up + down) * period / 2}
-    else:
-        laws = {}
-    for text, law in laws.items():
-        if _fits(told, law, given, wrong):
-            text = text if "T" in text else f"{text} / (lambda_u (Omega - Omega_h))"
-            return f"{text}, an asymptotic law, not the cycle's"
-    if name == "dperiod_domega":
-        return None
-    if name == "multiplier_slow" and (y > 0).all():
-        power = 2 * (-down / up - 1)
-        fits = _fits(told, y[far] * (away / away[far]) ** power, given, wrong)
-        text = "a constant times (Omega - Omega_h)^(-2 (lambda_s/lambda_u + 1)), an asymptotic law, not the cycle's"
-        return text if fits else None
+        sums = {"lambda_u + lambda_s": up + down, "lambda_s + lambda_ss": down + fast, "lambda_u - lambda_s": up - down}
+        found += [
+            (f"({text}) T{part}".replace("(lambda_ss)", "lambda_ss"), share * value * period)
+            for text, value in (sums | {"lambda_ss": fast, "lambda_u": up, "lambda_s": down}).items()
+            for part, share in (("", 1.0), ("/2", 0.5))
+        ]
+    logarithms = {"log": numpy.log(away), "log10": numpy.log10(away)}
+    index = -2 * (down / up + 1)
     slopes = {
-        "period": {"-2/lambda_u": -2 / up, "-1/lambda_u": -1 / up, "2/lambda_s": 2 / down},
-        "log_multiplier_slow": {"-2 (lambda_s/lambda_u + 1)": -2 * (down / up + 1)},
-        "log_multiplier_fast": {"-2 lambda_ss/lambda_u": -2 * fast / up},
-    }
-    for text, slope in slopes.get(name, {}).items():
-        for constant in (0.0, float(y[far] - slope * math.log(away[far]))):
-            if _fits(told, slope * numpy.log(away) + constant, given, wrong):
-                rest = f" {'-' if constant < 0 else '+'} {abs(constant):.6g}" if constant else ""
-                return f"{text} log(Omega - Omega_h){rest}, an asymptotic law, not the cycle's"
-    return None
+        "period": {f"{k}/{text}": k / value for k in (-2, -1, 2, 1, -4, 4) for text, value in eigenvalues.items()},
+        "log_multiplier_slow": {"-2 (lambda_s/lambda_u + 1)": index, "-(lambda_s/lambda_u + 1)": index / 2},
+        "log_multiplier_fast": {"-2 lambda_ss/lambda_u": -2 * fast / up, "-lambda_ss/lambda_u": -fast / up},
+    }.get(name, {})
+    for (text, slope), (log, x) in itertools.product(slopes.items(), logarithms.items()):
+        for constant in (0.0, float(y[far] - slope * x[far])):
+            rest = f" {'-' if constant < 0 else '+'} {abs(constant):.6g}" if constant else ""
+            found.append((f"{text} {log}(Omega - Omega_h){rest}", slope * x + constant))
+    for text, power in (("2", index), ("", index / 2)) if name == "multiplier_slow" else ():
+        for front, constant in (("", 1.0), ("a constant times ", y[far] / away[far] ** power)):
+            words = f"{front}(Omega - Omega_h)^(-{text}{' ' * bool(text)}(lambda_s/lambda_u + 1))"
+            found.append((words, constant * away**power))
+    return next(
+        (f"{text}, an asymptotic law, not the cycle's" for text, x in found if _fits(told, x, given, wrong)), None
+    )

@@ -15,11 +15,12 @@ from decimal import Decimal
 from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.factors import factor_said, monomial, named_values
 from tippedisk_verify.conformance.diagnosis.predictions import Model
-from tippedisk_verify.reference_values.store import Quantity
+from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["place_shapes"]
 
 _ITSELF = "the right value"
+_CYCLES = (7, 9)  # levels whose questions are about a cycle, with a period
 _BY_STATE = (1, 5)  # levels whose questions are about a place of the state space
 _PLAIN = 1e-6  # relative, as powers and constants are fitted
 _SPARE = 3  # places more than unknowns
@@ -33,19 +34,19 @@ _HELD = {
 
 
 def place_shapes(
-    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]
+    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
 ) -> Iterator[tuple[str, dict[str, float]]]:
     """(What the answers to one quantity are, these answers), the fewest factors first: many terms fit with more."""
-    for _, text, expected in sorted(_fits(here, answers, wrong), key=lambda fit: fit[0]):
+    for _, text, expected in sorted(_fits(here, answers, wrong, store), key=lambda fit: fit[0]):
         yield text, expected
 
 
 def _fits(
-    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str]
+    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
 ) -> Iterator[tuple[int, str, dict[str, float]]]:
     """How many factors, and what they make of it."""
     right = {quantity.id: quantity.for_doubles for quantity in here}
-    factors = {quantity.id: _factors(quantity) for quantity in here}
+    factors = {quantity.id: _factors(quantity, store) for quantity in here}
     values, names = named_values(here[0].set), list(factors[here[0].id])
     bases = {"": right} | {f"the derivative of {label}": part for label, part in _parts(here)}
     if here[0].level in _BY_STATE:
@@ -84,12 +85,15 @@ def _fits(
             yield rank, f"{mark}{_ITSELF} plus {text} times {words}", expected
 
 
-def _factors(quantity: Quantity) -> dict[str, float]:
+def _factors(quantity: Quantity, store: Store) -> dict[str, float]:
     """What a factor may be made of at a quantity's place: the inputs that its row has."""
     inputs = quantity.inputs
     found = {name: float(inputs[name]) for name in ("Omega",) if inputs.get(name)}
     if quantity.level not in _BY_STATE:
-        return found | {_ITSELF: abs(quantity.for_doubles)}  # a power of it, as of a root that is forgotten
+        found[_ITSELF] = abs(quantity.for_doubles)  # a power of it, as of a root that is forgotten
+        if quantity.level in _CYCLES and quantity.name != "period":
+            found["period"] = store[quantity.id.replace(f"/{quantity.name}", "/period")].for_doubles
+        return found
     model = Model(Alternative("", ""), quantity.set, quantity.friction)
     state = [float(inputs.get(name) or 0.0) for name in ("beta", "gamma", "v")]
     parts = model.parts(math, found["Omega"], state)

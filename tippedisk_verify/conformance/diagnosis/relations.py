@@ -34,6 +34,10 @@ _SHARES = {
     -2.0: "minus twice ",
 }
 _DIVERGENCE = "the integral of the divergence, both logarithms together"
+_AS_OF = {  # log_multiplier_fast is the integral of the divergence, less the slow logarithm
+    (-0.5, 0.5): ", as of the divergence over half a period", (2.0, 1.0): ", the slow one added, not taken off",
+    (0.5, 1.0): ", half of the slow one taken off", (-1.0, 1.0): ", the slow one taken off twice",
+}  # fmt: skip
 #: Sorting keys of eigenvalues; equal ones, and conjugates, by the sign of the imaginary part.
 _ORDERS: dict[str, Callable[[complex], float]] = {
     "descending real parts": lambda x: -round(x.real, 7), "ascending real parts": lambda x: round(x.real, 7),
@@ -105,6 +109,20 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         if name == "period":
             rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
             yield "those per unit of time, divided by the period,", rates
+            turns = {q.id: 2 * math.pi / float(q.inputs["Omega"]) for q in here if q.inputs.get("Omega")}
+            spans = {"unit of time": dict.fromkeys(turns, 1.0), "revolution of the disk, 2 pi/Omega,": turns}
+            for text, span in spans.items() if mine == "multiplier_slow" else ():
+                powers = {q.id: q.for_doubles ** (span[q.id] / other[q.id]) for q in here if q.id in other}
+                yield f"multipliers per {text} not per period", powers
+        if name == "dperiod_domega" and mine.endswith("_domega"):
+            yield (
+                "derivatives by the period, divided by dperiod_domega,",
+                {q.id: q.for_doubles / other[q.id] for q in here if q.id in other},
+            )
+        if name == "period" and mine == "dperiod_domega":
+            sums = {q.id: other[q.id] + float(q.inputs["Omega"]) * q.for_doubles for q in here}
+            for text, x in (("Omega T", 1.0), ("Omega T/(2 pi)", 1 / (2 * math.pi))):
+                yield f"those for the derivative of {text}", {id_: x * total for id_, total in sums.items()}
     if mine.endswith("_n"):
         for text, weight in _WEIGHTS.items():
             yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * q.for_doubles for q in here}
@@ -151,6 +169,7 @@ def _combinations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str,
                 text = f"{_SHARES[a]}{_LOGARITHMS[0]} plus {_SHARES[b]}{_LOGARITHMS[1]}"
                 if a == b:
                     text = f"{_SHARES[a]}{_DIVERGENCE}"
+                text += _AS_OF.get((a, b), "")
                 yield text, {id_: a * x + b * fast[id_] for id_, x in slow.items() if id_ in fast}
 
 

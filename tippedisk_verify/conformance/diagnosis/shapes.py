@@ -43,6 +43,7 @@ _NUMBERS = {
     "1/(2 pi)": 0.5 / math.pi, "pi": math.pi, "1/pi": 1 / math.pi, "180/pi (degrees)": 180 / math.pi,
     "pi/180": math.pi / 180, "1000": 1e3, "1/1000": 1e-3, "1e6": 1e6, "60": 60.0, "1/60": 1 / 60,
     "30/pi (turns per minute)": 30 / math.pi, "1/ln 10 (common logarithms)": 1 / math.log(10), "ln 10": math.log(10),
+    "1/ln 2 (logarithms to base 2)": 1 / math.log(2),
     "sqrt 2": math.sqrt(2), "1/sqrt 2": math.sqrt(0.5), "0": 0.0,
 }  # fmt: skip
 _AS_OF = {
@@ -54,6 +55,7 @@ _OFFSETS = {
     "pi/2": math.pi / 2, "-pi/2": -math.pi / 2, "pi": math.pi, "-pi": -math.pi, "2 pi": 2 * math.pi,
     "-2 pi": -2 * math.pi,
 }  # fmt: skip
+_BY_OMEGA = ("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
 _PRINTED = {"omega_crit": (30.92,), "omega_h": (30.07,), "period": (0.886,)}
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "the square root of the right value, as of a half map for a whole one,": lambda x: math.copysign(
@@ -66,6 +68,10 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "minus the absolute value": lambda x: -abs(x),
     "the natural logarithm of the right value": math.log,
     "the exponential of the right value": math.exp,
+    "the sine of the right value": math.sin,
+    "the cosine of the right value": math.cos,
+    "the tangent of the right value": math.tan,
+    "1 minus the right value": lambda x: 1 - x,
     "pi minus the right value": lambda x: math.pi - x,
     "pi/2 minus the right value": lambda x: math.pi / 2 - x,
 }
@@ -178,7 +184,7 @@ def _placed(
         for shape in itertools.chain(
             _shapes(some, answers, wrong, store),
             _conventions(some),
-            place_shapes(some, answers, wrong) if by_place else (),
+            place_shapes(some, answers, wrong, store) if by_place else (),
         ):
             yield where, some, *shape
 
@@ -289,6 +295,7 @@ def _shapes(
     yield "of the wrong sign", {id_: -x for id_, x in right.items()}
     for text, number in _NUMBERS.items():
         as_of = f", {_AS_OF[number]}," if here[0].name == "first_lyapunov_coefficient" and number in _AS_OF else ""
+        as_of = ", without the source by Omega, or never set," if not number and here[0].name in _BY_OMEGA else as_of
         yield f"{text} times the right value{as_of}", {id_: number * x for id_, x in right.items()}
     for text, number in _OFFSETS.items():
         yield f"the right value plus {text}", {id_: number + x for id_, x in right.items()}
@@ -304,6 +311,15 @@ def _shapes(
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
+    bounds = {abs(given[id_]) for id_ in right if id_ in wrong}
+    if len(bounds) == 1 and 0 < sum(id_ in wrong for id_ in right) < len(right):
+        bound = bounds.pop()
+        yield f"cut off at +-{bound:.8g}", {id_: max(-bound, min(x, bound)) for id_, x in right.items()}
+        yield f"{bound:.8g} for what is smaller", {id_: max(x, bound) for id_, x in right.items()}
+        limit = max(abs(x) for id_, x in right.items() if id_ in wrong)
+        if not bound:
+            flushed = {id_: 0.0 if abs(x) <= limit else x for id_, x in right.items()}
+            yield f"0 where the right value is at most {limit:.2g} in size", flushed
     same = set(given.values())
     if len(same) == 1 and len(set(right.values())) == len(right) > 1:
         known = (text for text, number in _OFFSETS.items() if abs(given[worst] - number) < 1e-12)

@@ -35,6 +35,7 @@ _START = ("gamma_bar_0", "v_0")
 _SECTION = 1e-7  # s; of half a period
 _PASSES = 6
 _MOVES = 0.3
+_GRIDS = {f"{m}e-{k} s": m * 10.0**-k for k in (2, 3) for m in (5, 4, 2.5, 2, 1)}
 _FAR = 0.3  # rad, rad/s; further off Newton's method does not stop after a step
 _FROM_STATE = (
     "it starts at the answered (gamma_bar_0, v_0), where Newton's iteration stops early or solves something else"
@@ -171,6 +172,8 @@ def stopped_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     period, gamma, v, deepest = (_given(entries, given, name) for name in ("period", *_START, "beta_max"))
     run = half_orbits(first.set, first.friction, period / 2, gamma, v, omega)
     at_start = bool((abs(run.left()[0]) < _SECTION * abs(run.speed[0])).all())
+    if not at_start and (abs(run.left()[1:]) < _SAME).all():
+        return _unlocated(run, entries, given, wrong)
     for _ in range(0 if at_start else _PASSES):
         matrix = numpy.stack([run.change[0, 0, :2], run.shallower])
         right = numpy.stack([run.left()[0], run.deepest - deepest])
@@ -189,8 +192,36 @@ def stopped_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
         if not _borne_out(here, numbers, given, wrong):
             return None
     said = "period and all else are those of a half orbit, by the right equations, that does not close: "
-    said += _FROM_STATE if at_start else _FROM_GUESS.format(_decimals([*run.gamma, *run.v]))
+    said += f"{_FROM_STATE}: {_left(run)}" if at_start else _FROM_GUESS.format(_decimals([*run.gamma, *run.v]))
     return (("stopped", said),), frozenset(wrong)
+
+
+def _unlocated(run: HalfOrbits, entries: Entries, given: Mapping[str, Decimal], wrong: set[str]) -> Found | None:
+    """Half orbits that close in gamma and v, but not on the section: the time of return is not located."""
+    for here, numbers in zip(entries.values(), answered_by(run), strict=True):
+        if not _borne_out(here, numbers, given, wrong):
+            return None
+    missed = run.left()[0]
+    off = f"gamma and v close, but beta = pi/2 is missed by up to {abs(missed).max():.1g} rad"
+    if len(missed) >= _FREE and numpy.ptp(missed) < _SAME:
+        off += f", at beta = {math.pi / 2 - float(numpy.median(missed)):.6g} throughout"
+    steps = (f"; it is in whole steps of {text}" for text, h in _GRIDS.items() if _whole(run.half / h))
+    text = f"half the period is not the time of the crossing, which is not refined: {off}{next(steps, '')}"
+    return (("stopped", text),), frozenset(wrong)
+
+
+def _left(run: HalfOrbits) -> str:
+    """How far the state after half a period is from the start's image, in gamma and in v."""
+    said = []
+    for name, left in zip(("gamma", "v"), run.left()[1:], strict=True):
+        alike = len(left) >= _FREE and numpy.ptp(left) < _SAME
+        size = f"{numpy.median(left):.3g} throughout" if alike else f"up to {abs(left).max():.1g}"
+        said.append(f"{name} closes" if abs(left).max() < _SAME else f"{name} is left open by {size}")
+    return " and ".join(said)
+
+
+def _whole(numbers: Array) -> bool:
+    return bool((abs(numbers - numpy.round(numbers)) < _SAME).all())
 
 
 def _decimals(numbers: Sequence[float]) -> str:
