@@ -69,14 +69,8 @@ def _normal_form(set_name: str, speed: float) -> dict[str, Any]:
     c_1 = complex(cubic + left[1] * trilinear((3, 0, 0), q, fp) * -speed / 6) / 2
     drift = complex(left[1] * q[0] + left[2] * (-2 * speed * q[0] + last[1] / speed * q[1]))
     omega = float(values[place].imag)
-    rest = {
-        "omega": omega,
-        "q": q,
-        "left": left,
-        "turn": -2 * math.pi / omega**2,
-        "omega_crit": speed,
-        "period": 2 * math.pi / omega,
-    }
+    rest = {"omega": omega, "q": q, "left": left, "turn": -2 * math.pi / omega**2}
+    rest |= {"omega_crit": speed, "period": 2 * math.pi / omega}
     return rest | _following(rest, c_1, drift)
 
 
@@ -220,9 +214,6 @@ def _spectra(entries: Entries, answers: Answers, wrong: set[str]) -> Iterator[Ca
                 yield 1.0, f"omega_h {off} at the right speed", spectrum(right, -1)
             yield 2.0, f"the search for Omega_h {off} right there", spectrum(given, -1)
         return
-    rolling = right * math.sqrt(model.p.e / (model.p.r - model.p.e))
-    rolled = {"omega_h": right, "lambda_u": rolling, "lambda_s": -rolling, "lambda_ss": parts(right, -1)[2]}
-    yield 1.0, "lambda_u and lambda_s are those of pure rolling, +-Omega_h sqrt(e/(r - e))", lambda _: rolled
     for side, name in ((-1, "noninverted"), (1, "inverted")):
         for omega, text in ((critical_speed(first.set), "Omega_crit"), (right, "Omega_h")):
             yield 1.0, f"the eigenvalues of the {name} state at {text}", spectrum(omega, side)
