@@ -252,7 +252,7 @@ def test_right_pieces_give_the_right_derivatives_and_multipliers(store: Store) -
 
     for friction in ("linear", "smooth"):
         here = [store[f"printed/{friction}/limit-cycle/crit-0.5/dperiod_domega"]]
-        for entry, pieces in _pieces(here, store)[""].items():
+        for entry, pieces in _pieces(here, store, {"": ("", None)})[""].items():
             for name, value in numbers_of(pieces).items():
                 # The equations are integrated to 1e-11; their growth along half a cycle is some hundred.
                 assert value == pytest.approx(store[f"{entry}/{name}"].for_doubles, rel=1e-8)
@@ -357,7 +357,8 @@ def test_a_search_for_the_connection_that_starts_too_far_away_is_told(store: Sto
         low, high = (middle, high) if passes(middle) else (low, middle)
     said = "the search for Omega_h starts too far away: 0.5 from the saddle along the unstable eigenvector"
     assert list(searches("printed", "linear", (low + high) / 2, right)) == [said]
-    assert list(searches("printed", "linear", low + 1e-4, right)) == []
+    (other,) = searches("printed", "linear", low + 1e-4, right)
+    assert "starts too far" not in other
 
 
 def test_the_end_of_an_interval_and_few_halvings_of_it_are_told() -> None:
@@ -381,7 +382,7 @@ def test_the_largest_deflection_at_a_step_is_told(step: float, store: Store) -> 
     said = {
         5e-3: "beta_max: the largest of the states at steps of 5e-3 s, not the one where v = 0",
         4.3e-3: "beta_max: too small by what a state has that is up to 2 ms from the turning point, now more and now "
-        "less: taken at steps, not where v = 0",
+        "less: taken at steps, not where v = 0, or that instant is refined wrongly",
     }
     assert found is not None
     assert found[0] == (("coarse", said[step]),)
