@@ -28,6 +28,7 @@ from tippedisk_verify.conformance.diagnosis.orbits import events_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model, predicted
 from tippedisk_verify.conformance.diagnosis.quotients import quotients_of
 from tippedisk_verify.conformance.diagnosis.relations import stem
+from tippedisk_verify.conformance.diagnosis.restarts import restarts_of
 from tippedisk_verify.conformance.diagnosis.saddle import saddle_of
 from tippedisk_verify.conformance.diagnosis.samples import samples_of
 from tippedisk_verify.conformance.diagnosis.scaled import factor_of
@@ -252,8 +253,8 @@ def _causes(
                 found = fitting(one for one in ALTERNATIVES if one.parameters or (one.inputs and level == _SERIES))
         if found is None and level == _ORBITS:
             advance(f"level {level}: integrators", 1)
-            found = samples_of(usable, wrong, store) or integrator_of(usable, wrong, store)
-            found = found or events_of(usable, wrong, store)
+            found = samples_of(usable, wrong, store) or restarts_of(usable, wrong, store)
+            found = found or integrator_of(usable, wrong, store) or events_of(usable, wrong, store)
         if found is None:
             # An orbit may have been computed with another number than the right-hand side.
             several = len(wrong) >= _BORNE_OUT

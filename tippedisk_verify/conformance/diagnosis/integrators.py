@@ -18,17 +18,21 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
-from tippedisk_verify.conformance.diagnosis.flights import Array, Field, Step, field, flown, runge_kutta
+from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found
+from tippedisk_verify.conformance.diagnosis.steps import MEMORY, METHODS, flights
+from tippedisk_verify.conformance.diagnosis.tableaus import slipped_table
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["METHODS", "fixed_steps", "integrator_of", "tolerances"]
+__all__ = ["fixed_steps", "integrator_of", "tolerances"]
 
 _STATE = ("beta", "gamma", "v")
+_EXACTLY = 1e-4  # of the errors: what rounding leaves of them
 _ALIKE = 0.02  # of the errors: what a method may leave of them
 _MOST = 10_000  # steps of a flight
+_MANY = 2000  # of methods of one evaluation a step
 _FEW = 500  # steps where a step is dear, or of high order
 _WORTH = 5.0  # times: errors that are so much smaller than the answers' need no shorter step
 _SLOW = 1.2  # the reciprocal of the least order that is believed
@@ -44,108 +48,9 @@ _DURATION = 10.0  # s, that a solver is told
 _ENDS = (8.0, 10.5, 11.0, 12.0, 15.0, 20.0)  # s, that it may be told as well
 _OUTPUTS = (0.01, 0.0, 0.1, 0.05, 0.02, 5e-3, 2e-3, 1e-3, 5e-4, 1e-4)  # s, to the first output; 0: the sample
 _RELATIVE = (1e-3, *(10.0**-k for k in range(2, 11) if k != 3), 1.49012e-8)  # and odeint's own
-_NEWTON = 4  # iterations of an implicit step: with a difference quotient, of nearly second order
 _TINY = 1e-7
 _COUNTS = (10, 20, 25, 40, 50, 80, 100, 125, 200, 250, 400, 500, 800, 1000, 1250, 2000, 2500, 5000, 10_000)
-_RK4 = ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
-_SLIPS = {
-    "weights 1/4 each": (*_RK4[:3], (0.25,) * 4),
-    "weights 1/8, 3/8, 3/8, 1/8": (*_RK4[:3], (1 / 8, 3 / 8, 3 / 8, 1 / 8)),
-    "weights 1/3, 1/6, 1/6, 1/3": (*_RK4[:3], (1 / 3, 1 / 6, 1 / 6, 1 / 3)),
-    "weights 1/6, 1/6, 1/3, 1/3": (*_RK4[:3], (1 / 6, 1 / 6, 1 / 3, 1 / 3)),
-    "weights 1/6, 1/2, 1/6, 1/6": (*_RK4[:3], (1 / 6, 1 / 2, 1 / 6, 1 / 6)),
-    "half a step to its last stage": (*_RK4[:2], (0.0, 0.0, 0.5), _RK4[3]),
-    "its last stage from the second": (*_RK4[:2], (0.0, 1.0, 0.0), _RK4[3]),
-    "its last stage from the first": (*_RK4[:2], (1.0, 0.0, 0.0), _RK4[3]),
-    "its third stage from the first": (_RK4[0], (0.5, 0.0), *_RK4[2:]),
-    "whole steps to all stages": ((1.0,), (0.0, 1.0), *_RK4[2:]),
-    "a whole step to its second stage": ((1.0,), *_RK4[1:]),
-    "a whole step to its third stage": (_RK4[0], (0.0, 1.0), *_RK4[2:]),
-    "the sum of all slopes for its last stage": (*_RK4[:2], (1 / 3, 1 / 3, 1 / 3), _RK4[3]),
-}  # fmt: skip
-
-
-def _implicit(theta: float) -> Step:
-    """y + h (theta f(new) + (1 - theta) f(y)): implicit Euler, or the trapezoidal rule."""
-
-    def step(f: Field, y: Array, h: Any) -> Array:
-        slope = f(y)
-        known = y + (1 - theta) * h * slope
-        columns = [(f(y + _TINY * unit[:, None]) - slope) / _TINY for unit in numpy.eye(3)]
-        matrix = numpy.eye(3)[:, :, None] - theta * h * numpy.stack(columns, axis=1)
-        inverse, z = numpy.linalg.inv(numpy.moveaxis(matrix, 2, 0)), y + h * slope
-        for _ in range(_NEWTON):
-            z = z - numpy.einsum("nij,jn->in", inverse, z - known - theta * h * f(z))
-        return numpy.asarray(z)
-
-    return step
-
-
-def _midpoint(f: Field, y: Array, h: Any) -> Array:
-    return 2 * _implicit(1.0)(f, y, h / 2) - y
-
-
-def _by_parts(first: str, drifting: bool, stale: bool) -> Step:
-    """Euler's step for v, then beta with the new v, or the other way; gamma from the new or the ``stale`` beta."""
-
-    def step(f: Field, y: Array, h: Any) -> Array:
-        slope = f(y)
-        z = y + h * slope
-        if first == "v":
-            z[0] = y[0] + h * z[2]
-            if drifting:
-                z[0] -= h * h / 2 * slope[2]
-        else:
-            z[2] = y[2] + h * f(numpy.stack([z[0], z[1], y[2]]))[2]
-        if not stale:
-            z[1] = y[1] + h * f(z)[1]
-        return numpy.asarray(z)
-
-    return step
-
-
-METHODS: dict[str, Step] = {
-    "explicit Euler": runge_kutta(((1.0,),)),
-    "the midpoint rule": runge_kutta(((0.5,), (0.0, 1.0))),
-    "Heun's method": runge_kutta(((1.0,), (0.5, 0.5))),
-    "Ralston's method": runge_kutta(((2 / 3,), (0.25, 0.75))),
-    "Kutta's third-order method": runge_kutta(((0.5,), (-1.0, 2.0), (1 / 6, 2 / 3, 1 / 6))),
-    "Heun's third-order method": runge_kutta(((1 / 3,), (0.0, 2 / 3), (0.25, 0.0, 0.75))),
-    "the third-order method of Bogacki and Shampine": runge_kutta(((0.5,), (0.0, 0.75), (2 / 9, 1 / 3, 4 / 9))),
-    "the third-order method of Shu and Osher": runge_kutta(((1.0,), (0.25, 0.25), (1 / 6, 1 / 6, 2 / 3))),
-    "RK4": runge_kutta(_RK4),
-    "Kutta's 3/8 rule": runge_kutta(((1 / 3,), (-1 / 3, 1.0), (1.0, -1.0, 1.0), (1 / 8, 3 / 8, 3 / 8, 1 / 8))),
-    "implicit Euler": _implicit(1.0),
-    "the trapezoidal rule": _implicit(0.5),
-    "the implicit midpoint rule": _midpoint,
-    **{
-        f"semi-implicit Euler, {'v' if first == 'v' else 'beta'} first{', gamma from the old beta' * stale}":
-            _by_parts(first, False, stale)
-        for first in ("v", "beta") for stale in (False, True)
-    },
-    "Euler's method with beta to second order": _by_parts("v", True, True),
-    **{f"RK4 with a slip, {text}": runge_kutta(table) for text, table in _SLIPS.items()},
-}  # fmt: skip
 _QUICK = ("explicit Euler", "the midpoint rule", "Heun's method", "semi-implicit Euler, v first")
-_ADAMS = {"the Adams-Bashforth method of two steps": (1.5, -0.5), "that of three steps": (23 / 12, -4 / 3, 5 / 12)}
-
-
-def _adams(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
-    """After one or two steps of RK4, or of Euler's method."""
-    weights = _ADAMS[name.split(" after")[0]]
-    start = runge_kutta(_RK4) if name.endswith("RK4") else runge_kutta(((1.0,),))
-    h, slopes = duration / count, list[Array]()
-    for n in range(count):
-        slopes = [f(y), *slopes][: len(weights)]
-        y = start(f, y, h) if n + 1 < len(weights) else y + h * sum(b * k for b, k in zip(weights, slopes, strict=True))
-    return y
-
-
-def _flights(name: str, f: Field, y: Array, duration: float, count: int) -> Array:
-    with numpy.errstate(all="ignore"):
-        if name not in METHODS:
-            return _adams(name, f, y, duration, count)
-        return flown(f, y, duration, count, METHODS[name])
 
 
 def integrator_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
@@ -164,28 +69,42 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
     f, size = field(here[0].set, here[0].friction, speeds), float(abs(errors).max())
     exact = flown(f, starts, time, round(time / _EXACT))
 
-    def alike(made: Array) -> bool:
-        return bool((numpy.linalg.norm(made - errors, axis=0) <= _ALIKE * numpy.linalg.norm(errors, axis=0)).all())
+    def left(made: Array) -> float:
+        return float((numpy.linalg.norm(made - errors, axis=0) / numpy.linalg.norm(errors, axis=0)).max())
 
-    for name in (*METHODS, *(f"{name} after {start}" for name in _ADAMS for start in ("Euler", "RK4"))):
+    like: list[tuple[float, str]] = []
+    for name in (*METHODS, *MEMORY):
         last, before, wanted = math.inf, 0.0, 0.0
         for count in (count for count in _COUNTS if time / count < _LONGEST):
             if count < wanted / _WORTH:
                 continue
-            if max(wanted / _WORTH, count) > (_MOST if name in _QUICK else _FEW):
+            if max(wanted / _WORTH, count) > (_MOST if name in _QUICK else _MANY if name in MEMORY else _FEW):
                 break
-            made = _flights(name, f, starts, time, round(count)) - exact
+            made = flights(name, f, starts, time, round(count)) - exact
             if not (off := float(abs(made).max())) < _LOST:
                 continue
-            if alike(made):
-                others = (other for other in METHODS if other != name)
-                same = [one for one in others if alike(_flights(one, f, starts, time, round(count)) - exact)]
-                return f"too long a step, {' or '.join([name, *same])} at a fixed step of {1000 * time / count:.6g} ms"
+            if left(made) <= _ALIKE:
+                step = f"at a fixed step of {1000 * time / count:.6g} ms"
+                if left(made) <= _EXACTLY:
+                    others = (other for other in METHODS if other != name)
+                    same = [
+                        one for one in others if left(flights(one, f, starts, time, round(count)) - exact) <= _EXACTLY
+                    ]
+                    return f"too long a step, {' or '.join([name, *same])} {step}"
+                like.append((left(made), f"{name} has them {step}"))
             if off < size / _WORTH:
                 break
             if off < last < _LOST:  # by the order that the last two steps show
                 wanted = count * (off / size) ** min(math.log(count / before) / math.log(last / off), _SLOW)
             last, before = off, count
+    if (
+        text := slipped_table(
+            lambda some: field(here[0].set, here[0].friction, speeds[some]), starts, exact + errors, exact, time
+        )
+    ) is not None:
+        return f"a slip in the method, {text}"
+    if like:
+        return f"too long a step, or a slip in the method: nearly as {min(like)[1]}, to {100 * min(like)[0]:.1g} %"
     return None
 
 

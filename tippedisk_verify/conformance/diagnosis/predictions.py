@@ -12,11 +12,12 @@ from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.model import equations
 from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
 from tippedisk_verify.reference_values.draws import DRAWN_SET, parameters_of
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Model", "eigenvalues", "predicted"]
+__all__ = ["Model", "constants_of", "eigenvalues", "predicted"]
 
 _STATE = ("beta", "gamma", "v")
 _STEP = 1e-40  # imaginary: the derivative is exact to rounding
@@ -57,6 +58,9 @@ class Model:
         return spelled(self.alternative.spelling, ops, self.p, omega, state, self.friction, side)
 
     def rates(self, omega: float, start: Sequence[float]) -> Callable[[float, Any], list[float]]:
+        if self.alternative.spelling == CORRECT and self.alternative.drift is None:  # a tenth of the time
+            whole = equations.field(math, self.constants(), omega, "smooth" if self.friction == "smooth" else "linear")
+            return lambda t, y: list(whole(*y.tolist()))
         frozen = self.alternative.spelling.smoothed == "frozen"
         side = math.copysign(1.0, self.parts(math, omega, start)["gamma_y"]) if frozen else None
 
@@ -86,11 +90,15 @@ class Model:
         return rows
 
     def constants(self) -> Constants:
-        p = self.p
-        return Constants(
-            p.r, p.e, p.m, p.A, p.B, p.Bbar, p.g, p.mu, p.epsilon,
-            p.A / p.m, p.Bbar / p.m, p.mu * p.g / p.epsilon, p.mu * p.g,
-        )  # fmt: skip
+        return constants_of(self.p)
+
+
+def constants_of(p: Any) -> Constants:
+    """From parameters with Bbar among them, numbers or arrays."""
+    return Constants(
+        p.r, p.e, p.m, p.A, p.B, p.Bbar, p.g, p.mu, p.epsilon,
+        p.A / p.m, p.Bbar / p.m, p.mu * p.g / p.epsilon, p.mu * p.g,
+    )  # fmt: skip
 
 
 def predicted(
