@@ -21,6 +21,7 @@ from tippedisk_verify.conformance.diagnosis.along import along_of
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
 from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
+from tippedisk_verify.conformance.diagnosis.copies import copy_of
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of, following_of
 from tippedisk_verify.conformance.diagnosis.factors import OF_ANOTHER, free_values, term_factors
 from tippedisk_verify.conformance.diagnosis.integrators import integrator_of
@@ -215,7 +216,11 @@ def _causes(
         causes = tuple(dict.fromkeys((alternative.name, said(alternative)) for alternative, _ in close))
         return (causes, frozenset().union(*(tried for _, tried in close))) if causes else None
 
-    slips = cache(partial(slip_of, entries, answers, wrong, advance))
+    slips = cache(
+        partial(copy_of, usable, wrong, store, advance)
+        if level == _ORBITS and outputs_only
+        else partial(slip_of, entries, answers, wrong, advance)
+    )
     # What changes the inputs of a right-hand side may differ from what changes those of an orbit.
     models = [
         one

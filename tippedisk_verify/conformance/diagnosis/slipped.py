@@ -16,7 +16,7 @@ from tippedisk_verify.conformance.diagnosis.written_theory import formulas_of
 from tippedisk_verify.conformance.grading import needed, scale_of
 from tippedisk_verify.reference_values.store import Quantity
 
-__all__ = ["borne_out_by", "limits_of", "slip_of", "told_by"]
+__all__ = ["borne_out_by", "limits_of", "simplest", "slip_of", "told_by", "with_meanings"]
 
 _LEAST_DIGITS = 3.0  # that a question must need before its answer speaks for a slip
 #: Digits of all wrong answers together: of some ten thousand slips one in a hundred thousand levels fits by chance.
@@ -51,7 +51,7 @@ def slip_of(
             for slip, written in _drawn(formula, advance, bad[0].level):
                 run = partial(written.run, slip=slip)
                 if (digits := borne_out_by(formula, run, told, answers, limits, given)) is not None:
-                    text = _with_meanings(slip.says())
+                    text = with_meanings(slip.says())
                     if formula.alone:  # one number alone does not tell which of several slips gives it
                         mine = next(quantity for quantity in bad if quantity.id in given)
                         share = float(answers[mine.id]) / mine.for_doubles
@@ -64,7 +64,7 @@ def slip_of(
                     fits.append((digits, 0, -1, text))
         if fits:
             break
-    texts = _simplest(fits)
+    texts = simplest(fits)
     return (tuple(("slip", text) for text in texts), frozenset(given)) if texts else None
 
 
@@ -80,7 +80,7 @@ def limits_of(entries: Sequence[Sequence[Quantity]], answers: Mapping[str, Decim
     return {quantity.id: _limits(answers[quantity.id], quantity) for here in entries for quantity in here}
 
 
-def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
+def simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
     """Those that fit about as well as the best, are as simple as the simplest, and differ: one in each statement."""
     best = max((digits for digits, *_ in fits), default=0.0)
     close = [(rank, place, text) for digits, rank, place, text in fits if digits > best - _CLOSE]
@@ -93,7 +93,7 @@ def _simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
     return list(dict.fromkeys([*reversed(first.values()), *others]))[:_MOST]
 
 
-def _with_meanings(text: str) -> str:
+def with_meanings(text: str) -> str:
     known = [f"{name}: {MEANINGS[name]}" for name in dict.fromkeys(re.findall(r"\w+", text)) if name in MEANINGS]
     return f"{text} ({'; '.join(known)})" if known else text
 
