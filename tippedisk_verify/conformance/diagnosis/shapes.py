@@ -311,11 +311,17 @@ def _shapes(
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
     yield from relations(here, store)
-    bounds = {abs(given[id_]) for id_ in right if id_ in wrong}
-    if len(bounds) == 1 and 0 < sum(id_ in wrong for id_ in right) < len(right):
-        bound = bounds.pop()
-        yield f"cut off at +-{bound:.8g}", {id_: max(-bound, min(x, bound)) for id_, x in right.items()}
-        yield f"{bound:.8g} for what is smaller", {id_: max(x, bound) for id_, x in right.items()}
+    kept = {given[id_] for id_ in right if id_ in wrong}
+    if len(kept) == 1 and 0 < sum(id_ in wrong for id_ in right) < len(right):
+        (number,) = kept
+        for id_, x in right.items():
+            if id_ not in wrong and given[id_] == number:
+                text = f"those to {id_.split('/')[-2]} again, as of a variable that is not set anew,"
+                yield text, dict.fromkeys(right, x)
+        bound = abs(number)
+        if bound == float(f"{bound:.2g}"):  # somebody's threshold
+            yield f"cut off at +-{bound:.8g}", {id_: max(-bound, min(x, bound)) for id_, x in right.items()}
+            yield f"{bound:.8g} for what is smaller", {id_: max(x, bound) for id_, x in right.items()}
         limit = max(abs(x) for id_, x in right.items() if id_ in wrong)
         if not bound:
             flushed = {id_: 0.0 if abs(x) <= limit else x for id_, x in right.items()}

@@ -94,7 +94,9 @@ def simplest(fits: Sequence[tuple[float, int, int, str]]) -> list[str]:
 
 
 def with_meanings(text: str) -> str:
-    known = [f"{name}: {MEANINGS[name]}" for name in dict.fromkeys(re.findall(r"\w+", text)) if name in MEANINGS]
+    functions = re.findall(r"\b(?:down|up)\b(?!\()", text)  # these words of a sentence are no names
+    names = [name for name in dict.fromkeys(re.findall(r"\w+", text)) if name in MEANINGS and name not in functions]
+    known = [f"{name}: {MEANINGS[name]}" for name in names]
     return f"{text} ({'; '.join(known)})" if known else text
 
 
