@@ -303,6 +303,8 @@ def _shapes(
     turns = {id_: x + 2 * math.pi * round((given[id_] - x) / (2 * math.pi)) for id_, x in right.items()}
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
+        halves = {id_: x + math.pi * round((given[id_] - x) / math.pi) for id_, x in right.items()}
+        yield "off by half turns, an angle modulo pi,", halves
     yield from relations(here, store)
     same = set(given.values())
     if len(same) == 1 and len(set(right.values())) == len(right) > 1:
