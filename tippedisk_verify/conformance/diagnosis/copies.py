@@ -25,7 +25,7 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["copy_of"]
 
 _STEP = 0.01  # s; friction decays at some 130 1/s, and what RK4 leaves is taken off
-_ROUGHLY = 0.25  # of a defect: what such a flight may leave
+_ROUGHLY = 0.05  # of a defect: what such a flight may leave
 _HUGE = 1e3  # rad, rad/s; a flight beyond has blown up
 _SHORT = 1e-3  # s, for flights that blow up
 _ALIKE = 1e-9  # relative: slips with the same rates are one

@@ -40,6 +40,7 @@ _NEAR = 10.0  # times; errors at another absolute tolerance than the relative on
 _UNLIKE = 0.4  # of the orbits
 _SAME = 1e-3  # of the errors: what rounding leaves of them where the tolerances are the same
 _WASTED = 1e-4  # a relative tolerance of that share of the errors is too small to make them
+_TIGHT = (1e-13, 1e-12, 1e-10)  # relative tolerances beside which a loose absolute one counts alone
 _LOST = 1.0  # rad, rad/s; a method that is further off is unstable
 _LEAST = 2  # orbits
 _LONGEST = 0.05  # s, of a step
@@ -220,9 +221,11 @@ def tolerances(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str 
                 continue
             others = (relative, 1e-6, *(relative * 10.0**k for k in (-1, -2, -3, -4, 1, 2)), 1e-8, 1e-9, 1e-10, 1e-12)
             absolutes = dict.fromkeys(float(f"{absolute:.6g}") for absolute in others)
-            tried = itertools.product(absolutes, solver.runs)
-            best, absolute = min((fits(solver, relative, absolute, run), absolute) for absolute, run in tried)
+            pairs = [*((relative, absolute) for absolute in absolutes), *((tight, relative) for tight in _TIGHT)]
+            tried = itertools.product(pairs, solver.runs)
+            best, pair = min((fits(solver, *pair, run), pair) for pair, run in tried)
             if best < _ALIKE:
                 about = "about " * (best > _SAME)
-                return f"a loose tolerance, SciPy's {solver.name} at rtol = {relative:g}, {about}atol = {absolute:g}"
+                told = f"{about if pair[0] in _TIGHT else ''}{pair[0]:g}, {about}atol = {pair[1]:g}"
+                return f"a loose tolerance, SciPy's {solver.name} at rtol = {told}"
     return None

@@ -13,7 +13,7 @@ from decimal import Decimal
 import numpy
 
 from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.diagnosis.flights import Array, states_at
+from tippedisk_verify.conformance.diagnosis.flights import Array, Orbits, states_at
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.grading import Grade, as_decimal
@@ -24,6 +24,9 @@ __all__ = ["events_of"]
 _ALIKE = 1e-6  # of states and times
 _LEVEL = 1e-4  # of an event's function, as a program locates events in time
 _LEAST = 4  # answers that have the same
+_NEAR = 1e-4  # s, between an answered crossing and a right one
+_FEW = 2  # conditions that tell the same crossings
+_GRIDS = tuple(f * 10.0**-k for k in (4, 3, 2) for f in (1.0, 2.0, 2.5, 4.0, 5.0))  # s
 _CRUDE = 0.005  # s; a smaller error is that of a crude location, which is looked for elsewhere
 
 
@@ -34,9 +37,11 @@ def events_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found |
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     here = [store[id_] for id_ in answers if store[id_].name.startswith("crossing_time#")]
     bad = [quantity for quantity in here if quantity.id in wrong]
+    if (text := _located(here, wrong, answers, store)) is not None:
+        return (("event", text),), frozenset(wrong)
     if not bad:
         return _flat([store[id_] for id_ in wrong if store[id_].name == "flat_time"], wrong, answers, store)
-    text = _section(bad, answers, store) or _left_out(here, answers, store)
+    text = _section(bad, answers, store) or _left_out(here, answers, store) or _chosen(here, answers, store)
     return ((("event", text),), frozenset(wrong)) if text else None
 
 
@@ -95,6 +100,94 @@ def _left_out(here: Sequence[Quantity], answers: Mapping[str, Decimal], store: S
     return (
         f"the first crossings are left out: those up to {latest:.3g} s; the ones from {earliest:.3g} s on are counted"
     )
+
+
+def _chosen(here: Sequence[Quantity], answers: Mapping[str, Decimal], store: Store) -> str | None:
+    """What tells the crossings that are counted from those that are not, or that each is counted twice."""
+    found: dict[str, tuple[list[float], list[float]]] = {}  # by what is held against a threshold: left out, counted
+    twice = True
+    for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in here):
+        given = {int(q.name.split("#")[1]): float(answers[q.id]) for q in here if q.id.startswith(entry + "/")}
+        right = sorted(store.matching(f"{entry}/crossing_time#"), key=lambda q: q.for_doubles)
+        times = [q.for_doubles for q in right]
+        place = {n: min(range(len(times)), key=lambda k: abs(times[k] - time)) for n, time in given.items()}
+        if any(abs(times[place[n]] - time) > _NEAR for n, time in given.items()):
+            return None
+        twice = twice and all(k == (n - 1) // 2 for n, k in place.items())
+        kept, before = set(place.values()), -math.inf
+        if sorted(given) != list(range(1, len(given) + 1)):
+            return None
+        for k in range(max(kept, default=-1) + 1):
+            gamma, v = (
+                store[f"{entry}/{name}#{right[k].name.split('#')[1]}"].for_doubles
+                for name in ("crossing_gamma", "crossing_v")
+            )
+            told = {
+                "abs(v)": abs(v), "v": v, "sin gamma": math.sin(gamma), "cos gamma": math.cos(gamma), "gamma": gamma,
+                "the time since the last one that was counted, in s,": times[k] - before,
+                "the time since the one before, in s,": times[k] - (times[k - 1] if k else -math.inf),
+            }  # fmt: skip
+            for name, value in told.items():
+                found.setdefault(name, ([], []))[k in kept].append(value)
+            before = times[k] if k in kept else before
+    if twice:
+        return "each crossing is counted twice"
+    texts = []
+    for name, (out, counted) in found.items():
+        if min(len(out), len(counted)) < _LEAST:
+            continue
+        if max(out) < min(counted):
+            texts.append(f"{name} is less than a number between {max(out):.4g} and {min(counted):.4g}")
+        elif min(out) > max(counted):
+            texts.append(f"{name} is more than a number between {max(counted):.4g} and {min(out):.4g}")
+    return f"crossings are left out where {', or '.join(texts)}" if 0 < len(texts) <= _FEW else None
+
+
+def _located(here: Sequence[Quantity], wrong: set[str], answers: Mapping[str, Decimal], store: Store) -> str | None:
+    """On which grid crossings are located: at its points, or on straight lines between them."""
+    entries = list(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in here))
+    if len(here) < _LEAST or any("crossing_" not in id_ for id_ in wrong):
+        return None
+    names = ("crossing_time", "crossing_gamma", "crossing_v")
+    rows = [[q.id.replace("crossing_time", name) for q in here] for name in names]
+    if any(id_ not in answers for row in rows for id_ in row):
+        return None
+    orbits, orbit = (
+        Orbits([store[f"{entry}/beta@0.5"] for entry in entries], store),
+        numpy.array([entries.index(q.id.rsplit("/", 1)[0]) for q in here]),
+    )
+    given = [numpy.array([float(answers[id_]) for id_ in row]) for row in rows]
+    right = [numpy.array([store[id_].for_doubles for id_ in row]) for row in rows]
+    bad = [name for name, row in zip(names, rows, strict=True) if not wrong.isdisjoint(row)]
+    if not bad or abs(given[0] - right[0]).max() > max(_GRIDS):
+        return None
+    for h in _GRIDS:
+        first = h * numpy.floor(right[0] / h)
+        y, z = orbits.at(orbit, first), orbits.at(orbit, first + h)
+        share = (math.pi / 2 - y[0]) / (z[0] - y[0])
+        late = right[0] - first > h / 2
+        ways = {
+            "at the point before": numpy.zeros_like(first), "at the point after": numpy.ones_like(first),
+            "at the nearest point in time": late * 1.0, "at the nearest point in beta": (share > 0.5) * 1.0,
+            "on the straight line": share,
+        }  # fmt: skip
+        made: dict[str, Array] = {}
+        for word, by in ways.items():
+            made[word] = numpy.stack([first + h * by, *(y + by * (z - y))[1:]])
+        made["a difference of beta over the step"] = numpy.stack([first, y[1], (z[0] - y[0]) / h])
+        said: dict[str, list[str]] = {}
+        for row, name in enumerate(names):
+            if name in bad:
+                fits = (word for word, x in made.items() if abs(x[row] - given[row]).max() < _ALIKE)
+                said.setdefault(next(fits, ""), []).append(name)
+        if "" not in said:
+            how = "; ".join(f"{' and '.join(some)} {word}" for word, some in said.items())
+            if "crossing_time" not in bad:
+                what = f"{' and '.join(bad)}: of another instant than the crossing, whose time is right"
+            else:
+                what = "crossings are located crudely, by straight lines or at steps"
+            return f"{what}: on a grid of {h:g} s, {how}"
+    return None
 
 
 def _flat(bad: Sequence[Quantity], wrong: set[str], answers: Mapping[str, Decimal], store: Store) -> Found | None:

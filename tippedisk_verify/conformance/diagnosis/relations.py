@@ -93,6 +93,11 @@ def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dic
         "counted from the previous crossing, an interval,",
         {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
     )
+    first = at(lambda id_: re.sub(r"(?<=#)\d+$", "1", id_) if "#" in id_ else "")
+    yield (
+        "counted from the first crossing,",
+        {q.id: q.for_doubles - first.get(q.id, q.for_doubles) for q in here if q.name.startswith("crossing_time#")},
+    )
     mine = stem(here[0])
     law = f"/{here[0].friction}/"
     laws = ("/both/", "/linear/", "/smooth/") if here[0].kind == "rhs" else ()  # some columns are common to both

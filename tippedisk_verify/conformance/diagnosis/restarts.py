@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
-from tippedisk_verify.conformance.diagnosis.flights import Array, flown
+from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
 from tippedisk_verify.conformance.diagnosis.pairs import Pairs, pairs_of
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.scans import plain
@@ -25,6 +25,9 @@ __all__ = ["restarts_of"]
 
 _PARTS = (2, 5, 10, 20, 25, 50, 100, 250, 500)  # of the time between samples
 _SAME = 1e-6  # rad/s; how well v lies on a manifold
+_PASSES = 4  # of Newton's method
+_TINY = 1e-6  # rad/s, of a difference quotient
+_FAR = 1.0  # rad/s
 _ALIKE = 0.1  # of a shift of time: how far that of half of the restarts may be off
 _FINE = 1e-3  # s, of a step
 _FEW = 8  # pairs
@@ -39,7 +42,7 @@ def restarts_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found
     samples = frozenset(id_ for id_ in wrong if "@" in id_)
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
     pairs = pairs_of([store[id_] for id_ in answers], answers) if samples else None
-    text = _reduced(pairs) or _changed(pairs) if pairs is not None else None
+    text = _reduced(pairs) or _changed(pairs) or _speeds(pairs) if pairs is not None else None
     return ((("restart", text),), samples) if text else None
 
 
@@ -64,6 +67,37 @@ def _reduced(pairs: Pairs) -> str | None:
             what = "" if on else "; the v that is answered does not enter"
             return f"the reduced equations are integrated: beta' = {text}{what}"
     return None
+
+
+def _speeds(pairs: Pairs) -> str | None:
+    """Each orbit has another constant speed than the one asked for; and by which rule, if one is known."""
+    asked, which = numpy.unique(pairs.speeds, return_inverse=True)
+    speeds = asked.copy()
+
+    def ends(speeds: Array) -> Array:
+        f = field(pairs.here.set, pairs.here.friction, speeds[which])
+        return flown(f, pairs.starts, pairs.between, round(pairs.between / _FINE))
+
+    for _ in range(_PASSES):
+        made = ends(speeds)
+        slope = (ends(speeds + _TINY) - made) / _TINY
+        along, size = (
+            numpy.bincount(which, numpy.nan_to_num(part).sum(axis=0))
+            for part in (slope * (pairs.ends - made), slope * slope)
+        )
+        speeds = speeds + along / numpy.maximum(size, _TINY)
+        if not abs(speeds - asked).max() < _FAR:
+            return None
+    if not pairs.explained(ends(speeds)):
+        return None
+    off = speeds - asked
+    text = f"orbits are those of other speeds than asked, by {off.min():.3g} to {off.max():.3g} rad/s"
+    for unit, size in (("turns per minute", 30 / math.pi), ("turns per second", 0.5 / math.pi), ("rad/s", 1.0)):
+        for decimals in range(7):
+            given = numpy.round(asked * size, decimals) / size
+            if abs(given - speeds).max() < _SAME and abs(given - asked).max() > _SAME:
+                return f"{text}: rounded to {decimals} decimals in {unit}"
+    return text
 
 
 def _changed(pairs: Pairs) -> str | None:

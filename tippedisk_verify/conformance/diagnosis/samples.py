@@ -40,6 +40,8 @@ _CURVED = 1e-3  # s, for second differences
 _ROUGHLY = 0.1  # of a grid's distance: how far times may be off its points before it is refined
 _NEARLY = 1e-6  # s, of a grid's points
 _ALIKE = 1e-7  # s, of times
+_COARSE = 2e-3  # s; far times are looked for at such distances before they are polished
+_SPACINGS = tuple(f * 10.0**-k for k in (1, 2, 3, 4) for f in (5.0, 4.0, 2.5, 2.0, 1.0))  # s, of the points of a grid
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,10 @@ def samples_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found 
     if samples is None or not abs(samples.errors).max() < _HUGE:
         return None
     text = _other_times(samples, answers, wrong) or _straight(samples, answers, wrong)
-    return ((("samples", text),), frozenset(id_ for id_ in wrong if "@" in id_)) if text else None
+    if text:
+        return (("samples", text),), frozenset(id_ for id_ in wrong if "@" in id_)
+    found = _far_times(samples, answers, wrong) or _one_part(samples, answers, wrong)
+    return ((("samples", found[0]),), found[1]) if found else None
 
 
 def _samples(
@@ -94,16 +99,80 @@ def _samples(
     )
 
 
-def _explain(samples: _Samples, expected: Array, answers: Mapping[str, Decimal], wrong: set[str]) -> bool:
-    """Whether each of the answers is as expected."""
-    left = numpy.linalg.norm(samples.given - expected)
-    if not left < _LEFT * numpy.linalg.norm(samples.errors):
+def _explain(
+    samples: _Samples, expected: Array, answers: Mapping[str, Decimal], wrong: set[str], some: Array | None = None
+) -> bool:
+    """Whether each of the answers, or some of them, is as expected."""
+    some = numpy.ones(len(samples.times), dtype=bool) if some is None else some
+    left = numpy.linalg.norm((samples.given - expected)[:, some])
+    if not left < _LEFT * numpy.linalg.norm(samples.errors[:, some]):
         return False
     return all(
-        borne_out(answers[quantity.id], float(x), quantity, quantity.id in wrong) is not None
-        for three, state in zip(samples.asked, expected.T, strict=True)
-        for quantity, x in zip(three, state, strict=True)
+        borne_out(answers[samples.asked[n][row].id], expected[row, n], samples.asked[n][row],
+                  samples.asked[n][row].id in wrong) is not None
+        for n in numpy.flatnonzero(some).tolist()
+        for row in range(len(_STATE))
+    )  # fmt: skip
+
+
+def _wrong_among(samples: _Samples, wrong: set[str], some: Array) -> frozenset[str]:
+    return frozenset(q.id for n in numpy.flatnonzero(some) for q in samples.asked[n] if q.id in wrong)
+
+
+def _far_times(samples: _Samples, answers: Mapping[str, Decimal], wrong: set[str]) -> tuple[str, frozenset[str]] | None:
+    """Right states at a multiple of the time asked for, as far as right orbits are known."""
+    first, end = samples.times.min(), samples.times.max()
+    early = samples.times == first
+    taken = numpy.linspace(0, end, round(end / _COARSE) + 1)
+    squares = ((samples.orbits.at(samples.orbit[early][:, None], taken) - samples.given[:, early, None]) ** 2).sum(
+        axis=0
     )
+    best = taken[numpy.nan_to_num(squares, nan=math.inf).sum(axis=0).argmin()] - first
+    group = numpy.where(early, 0, 1)
+    factor = plain(1 + float(_polished(samples, numpy.full(len(early), best), group)[early][0]) / first)
+    some = samples.times * factor <= end
+    if factor <= 0 or abs(factor - 1) < _COARSE or some.sum() < _LEAST * early.sum():
+        return None
+    if not _explain(samples, samples.orbits.at(samples.orbit, factor * samples.times), answers, wrong, some):
+        return None
+    return f"samples are taken at {factor:.9g} times the time asked for", _wrong_among(samples, wrong, some)
+
+
+def _one_part(samples: _Samples, answers: Mapping[str, Decimal], wrong: set[str]) -> tuple[str, frozenset[str]] | None:
+    """One part of the states is of another instant than the others, or a difference quotient."""
+    bad = [any(three[row].id in wrong for three in samples.asked) for row in range(len(_STATE))]
+    some = samples.times < samples.times.max()  # where the run ends there may be no next point
+    if sum(bad) != 1 or not some.any():
+        return None
+    row, times = bad.index(True), samples.times
+
+    def at(by: float) -> Array:
+        return samples.orbits.at(samples.orbit, times + by)
+
+    shift = 0.0
+    for _ in range(_PASSES):
+        state = at(shift)[row]
+        rate = (at(shift + _CURVED)[row] - state) / _CURVED
+        off = samples.given[row] - state
+        shift += float(numpy.nansum((rate * off)[some]) / max(numpy.nansum((rate**2)[some]), 1e-300))
+    shift = plain(shift)
+    late = f"{abs(shift):.6g} s {'after' if shift > 0 else 'before'} the others"
+    found = [(f"{_STATE[row]} of samples is that {late}; the others are right", at(shift)[row])]
+    for h in _SPACINGS if row == len(_STATE) - 1 else ():
+        beta = {by: at(by * h)[0] for by in (-1, 0, 1)}
+        for word, one, two in (("forward", 1, 0), ("backward", 0, -1), ("central", 1, -1)):
+            text = f"v of samples is a {word} difference of beta over {h * (one - two):.6g} s"
+            found.append((text, (beta[one] - beta[two]) / (h * (one - two))))
+
+    def left(one: tuple[str, Array]) -> float:
+        return float(numpy.linalg.norm(numpy.nan_to_num(one[1] - samples.given[row], nan=_HUGE)[some]))
+
+    text, values = min(found, key=left)
+    expected = samples.right.copy()
+    expected[row] = values
+    if not 0 < abs(shift) < _FARTHEST or not _explain(samples, expected, answers, wrong, some):
+        return None
+    return text, _wrong_among(samples, wrong, some)
 
 
 # ------------------------------------------------------------------------------------------ other times

@@ -310,6 +310,8 @@ def _shapes(
     turns = {id_: x + 2 * math.pi * round((given[id_] - x) / (2 * math.pi)) for id_, x in right.items()}
     if here[0].unit == "rad" and len(right) >= _FREE:
         yield "off by whole turns, an angle modulo 2 pi,", turns
+        halves = {id_: x + math.pi * round((given[id_] - x) / math.pi) for id_, x in right.items()}
+        yield "off by half turns, an angle modulo pi,", halves
     yield from relations(here, store)
     kept = {given[id_] for id_ in right if id_ in wrong}
     if len(kept) == 1 and 0 < sum(id_ in wrong for id_ in right) < len(right):

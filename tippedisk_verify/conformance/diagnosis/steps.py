@@ -91,13 +91,18 @@ def _by_parts(first: str, drifting: bool, stale: bool) -> Step:
     return step
 
 
-def _verlet(f: Field, y: Array, h: Any) -> Array:
-    """Beta to second order, then gamma and v by means of their rates."""
-    slope = f(y)
-    z = numpy.stack([y[0] + h * y[2] + h * h / 2 * slope[2], y[1], y[2]])
-    z[1] = y[1] + h / 2 * (slope[1] + f(z)[1])
-    z[2] = y[2] + h / 2 * (slope[2] + f(z)[2])
-    return z
+def _verlet(predicted: bool) -> Step:
+    """Beta to second order, then gamma and v by the mean of their rates; with Euler's gamma and v at the end or not."""
+
+    def step(f: Field, y: Array, h: Any) -> Array:
+        slope = f(y)
+        z = y + h * slope if predicted else y.copy()
+        z[0] = y[0] + h * y[2] + h * h / 2 * slope[2]
+        z[1] = y[1] + h / 2 * (slope[1] + f(z)[1])
+        z[2] = y[2] + h / 2 * (slope[2] + f(z)[2])
+        return z
+
+    return step
 
 
 def _leapfrog(first: str) -> Step:
@@ -152,7 +157,8 @@ METHODS: dict[str, Step] = {
     "the implicit midpoint rule": _midpoint,
     "the linearly implicit (Rosenbrock) Euler method": _linearly_implicit,
     "Euler's method with v's damping implicit": _friction_implicit,
-    "the velocity Verlet method": _verlet,
+    "the velocity Verlet method": _verlet(False),
+    "the velocity Verlet method with a predicted v": _verlet(True),
     **{f"the leapfrog method, half a step of {first} first": _leapfrog(first) for first in ("v", "beta")},
     **{
         f"semi-implicit Euler, {'v' if first == 'v' else 'beta'} first{', gamma from the old beta' * stale}":
