@@ -299,7 +299,8 @@ _AT_MANIFOLD = (
     ("epsilon * force", "epsilon * free + linear * total + quadratic * total**2"),
     ("n", "i"), ("total", "h[n]"), ("epsilon**n", "epsilon**(n + 1)", "epsilon"),
     ("range(n)", "range(n - 1)", "range(1, n)", "range(1)", "range(n // 2)", "range((n + 1) // 2)", "(0, n - 1)"),
-    ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])"),
+    ("h[n - 1 - i] * by_beta(h[i])", "h[i] * by_beta(h[n - 1 - i])", "h[n - 1] * by_beta(h[n - 1]) / n"),
+    ("quadratic * h[i] * h[n - 1 - i]", "quadratic * h[n - 1]**2 / n", "quadratic * h[0] * h[n - 1] / n"),
     *((name, f"value_of({name})") for name in ("M", "drag", "linear", "quadratic", "drift")),
 )  # fmt: skip
 
