@@ -106,9 +106,9 @@ def _flight(written: Written, pairs: Pairs, lane: int) -> Callable[[Slip], float
     def left(slip: Slip) -> float:
         for count, ends in right.items():
             moved = end(slip, count) - ends
-            if numpy.linalg.norm(moved) < _HUGE:
-                break
-        return float(numpy.linalg.norm(moved - missed) / numpy.linalg.norm(missed))
+            if abs(moved).max() < _HUGE:
+                return float(numpy.linalg.norm(moved - missed) / numpy.linalg.norm(missed))
+        return math.inf
 
     return left
 

@@ -81,23 +81,24 @@ def _speeds(pairs: Pairs) -> str | None:
     for _ in range(_PASSES):
         made = ends(speeds)
         slope = (ends(speeds + _TINY) - made) / _TINY
-        along, size = (
+        along, square = (
             numpy.bincount(which, numpy.nan_to_num(part).sum(axis=0))
             for part in (slope * (pairs.ends - made), slope * slope)
         )
-        speeds = speeds + along / numpy.maximum(size, _TINY)
+        speeds = speeds + along / numpy.maximum(square, _TINY)
         if not abs(speeds - asked).max() < _FAR:
             return None
     if not pairs.explained(ends(speeds)):
         return None
     off = speeds - asked
-    text = f"orbits are those of other speeds than asked, by {off.min():.3g} to {off.max():.3g} rad/s"
-    for unit, size in (("turns per minute", 30 / math.pi), ("turns per second", 0.5 / math.pi), ("rad/s", 1.0)):
+    for unit, turn in (("", 1.0), (" in turns per minute", 30 / math.pi), (" in turns per second", 0.5 / math.pi)):
         for decimals in range(7):
-            given = numpy.round(asked * size, decimals) / size
+            given = numpy.round(asked * turn, decimals) / turn
             if abs(given - speeds).max() < _SAME and abs(given - asked).max() > _SAME:
-                return f"{text}: rounded to {decimals} decimals in {unit}"
-    return text
+                return f"Omega rounded to {decimals} decimals{unit} at the start"
+    if min(numpy.ptp(off), numpy.ptp(off / asked)) < _SAME:  # one number, which is looked for elsewhere
+        return None
+    return f"orbits are those of other speeds than asked, by {off.min():.3g} to {off.max():.3g} rad/s"
 
 
 def _changed(pairs: Pairs) -> str | None:
