@@ -47,6 +47,7 @@ def events_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found |
 
 def _functions(states: Array, parts: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
     beta, gamma, v = states
+    yield "gamma = {}", gamma
     yield "gamma = {}, modulo 2 pi", numpy.mod(gamma, 2 * math.pi)
     yield "gamma = {}, modulo pi", numpy.mod(gamma, math.pi)
     yield "v = {}", v

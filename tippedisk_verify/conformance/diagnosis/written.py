@@ -204,6 +204,8 @@ MEANINGS = {
     "strong_friction": "A_33, and the roots of the characteristic polynomial without its cubic part",
     "to_decimals": "each entry rounded to so many", "to_digits": "each entry rounded to so many",
     "rolling": "+-Omega sqrt(-side e / rho), and friction's A_33",
+    "lower_triangle": "mirrored, which is what a solver for symmetric matrices reads",
+    "upper_triangle": "mirrored, which is what a solver for symmetric matrices reads",
     "down": "rounded down to so many decimals", "up": "rounded up to so many decimals",
     "scale": "the product of both eigenvectors", "size": "the eigenvector's norm",
 }  # fmt: skip
