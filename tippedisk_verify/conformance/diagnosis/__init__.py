@@ -6,8 +6,9 @@
   free number (`factors`),
 - in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), any single
   slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`), and a factor (`scaled`),
-- in orbits, which `flights` computes: `samples` (which instants), `integrators` and `defects` (of unknown ones),
-  `orbits` (events), `scans` (one number),
+- in orbits, which `flights` computes: `samples` (which instants), `integrators` (methods with `steps`, slips in their
+  `tableaus`, tolerances) and `defects` (of unknown ones), `orbits` (events), `scans` (one number), and from sample to
+  sample, in `pairs`: `restarts` (what is done to states) and `copies` (a slip in the orbits' own equations),
 - in cycles, which `shooting` computes: `cycles` (what is made of the half map), `closing` and `speeds` (what closes
   them), `quotients` (derivatives), `coarse` (approximations), and `connection` (the search for Omega_h).
 """
