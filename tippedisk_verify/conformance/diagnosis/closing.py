@@ -132,7 +132,8 @@ def _numbers(here: _Answered, right: tuple[Array, Array], set_name: str, frictio
             if not here.closed(changed_field(change, value, set_name, friction, here.omega), right):
                 continue
             rank = term, value == rough  # a number of few digits says more than another
-            if rank != (True, True):  # a coarse integrator's errors look like that
+            # A coarse integrator's errors look like a term's odd factor; small ones look like any odd number.
+            if rank != (True, True) and (rank == (False, False) or abs(error).max() > _SMALL):
                 found.setdefault(rank, []).append(f"{change.make(value).cause} (in the cycles' equations)")
             break
     return found[min(found)] if found else []
