@@ -109,7 +109,7 @@ def _changed(pairs: Pairs) -> str | None:
         return None
     if some == [0.0]:
         first = pairs.some(pairs.times == 0)
-        for text, change in (*_changes(first), *_begun(first)):
+        for text, change in (*_velocities(first), *_begun(first)):  # what is rounded is sought among the known mistakes
             if first.explained(first.on(change(first.starts), pairs.between)):
                 return f"orbits start in another state than asked: {text}"
         return None
@@ -152,6 +152,10 @@ def _changes(pairs: Pairs) -> Iterator[tuple[str, Change]]:
     for n in range(2, 9):
         yield f"the state is rounded to {n} significant digits", lambda y, n=n: _digits(y, n)  # type: ignore[misc]
     yield "the state is rounded to single precision", lambda y: y.astype(numpy.float32).astype(float)
+    yield from _velocities(pairs)
+
+
+def _velocities(pairs: Pairs) -> Iterator[tuple[str, Change]]:
     yield "v is set to 0", lambda y: numpy.stack([y[0], y[1], 0 * y[2]])
     yield "v has lost its sign", lambda y: numpy.stack([y[0], y[1], abs(y[2])])
     for order, text in _SHORT.items():
