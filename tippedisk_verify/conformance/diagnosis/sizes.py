@@ -19,6 +19,7 @@ __all__ = ["size_of"]
 
 _LEAST_DIGITS = 3.0  # of the worst answer, where all that is wrong with it is a difference's error
 _FREE = 4  # answers that have to be alike
+_WITHOUT_ORBITS = 5  # the last such level
 _SINGLE = 2.0**-24
 _LEFT = 0.15  # of the errors, where slopes of two or three digits explain them
 _NOISE = 16.0  # the spread of a logarithm that is rounding's
@@ -46,9 +47,10 @@ def size_of(usable: Sequence[Grade], wrong: set[str], store: Store, equations_ri
         if (text := difference_of([store[id_] for id_ in sorted(wrong)], given, store)) is not None:
             return (("differences", text),), frozenset(wrong)
     if failing == derivative and passing and several and min(digits) >= _LEAST_DIGITS:
-        return (
-            ("differences", "finite differences: only derivatives are off, by a few of their last digits"),
-        ), frozenset(wrong)
+        text = "finite differences: only derivatives are off, by a few of their last digits"
+        if level > _WITHOUT_ORBITS:
+            text = f"{text}; or the integrator's step or tolerance is too coarse for the variational equations"
+        return (("differences", text),), frozenset(wrong)
     if failing == {"log_multiplier_fast"}:
         logarithms = {grade.id: float(as_decimal(grade.answer)) for grade in usable}
         bad = [logarithms[id_] for id_ in wrong]
