@@ -64,7 +64,7 @@ def _near(written: Written, only: Sequence[str], pairs: Pairs, advance: Callable
     """The slips that move some samples by about their defects."""
     order = numpy.argsort(pairs.size)
     flights = [_flight(written, pairs, int(order[len(order) * part // 4])) for part in (2, 3, 1)]
-    rates = partial(_rates, written, REAL | set_parameters(pairs.here.set) | {"Omega": float(pairs.speeds[0])})
+    rates = partial(_rates, written, REAL | set_parameters(pairs.here.set) | _at(float(pairs.speeds[0])))
     right = _signature(rates, None)
     for n, slip in enumerate(written.slips(only)):
         if n % _STEPS == 0:
@@ -79,6 +79,10 @@ def _near(written: Written, only: Sequence[str], pairs: Pairs, advance: Callable
             continue
 
 
+def _at(speed: Any) -> Names:
+    return {"Omega": speed, "given_Omega": speed}
+
+
 def _rates(written: Written, names: Names, slip: Slip | None, y: Sequence[float]) -> tuple[float, float, float]:
     found = written.run(names | dict(zip(STATE, y, strict=True)), slip)
     return y[2], found["gamma_rate"], found["v_rate"]
@@ -87,7 +91,7 @@ def _rates(written: Written, names: Names, slip: Slip | None, y: Sequence[float]
 def _flight(written: Written, pairs: Pairs, lane: int) -> Callable[[Slip], float]:
     """What a slip leaves of one pair's defect, of its size."""
     start, missed, speed = pairs.starts[:, lane].tolist(), pairs.missed[:, lane], float(pairs.speeds[lane])
-    rates = partial(_rates, written, REAL | set_parameters(pairs.here.set) | {"Omega": speed})
+    rates = partial(_rates, written, REAL | set_parameters(pairs.here.set) | _at(speed))
 
     def end(slip: Slip | None, count: int) -> Array:
         y, h = start, pairs.between / count
@@ -118,7 +122,7 @@ def _signature(rates: Callable[..., tuple[float, float, float]], slip: Slip | No
 
 
 def _ends(written: Written, slip: Slip, pairs: Pairs) -> Array | None:
-    names = _ARRAYS | set_parameters(pairs.here.set) | {"Omega": pairs.speeds}
+    names = _ARRAYS | set_parameters(pairs.here.set) | _at(pairs.speeds)
 
     def field(y: Array) -> Array:
         found: dict[str, Any] = written.run(names | dict(zip(STATE, y, strict=True)), slip)

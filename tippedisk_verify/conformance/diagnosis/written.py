@@ -68,6 +68,7 @@ LINEARISED = (
 SINES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
 
 # ------------------------------------------------------------------------------------------ level 1
+_SPEED = "Omega = given_Omega\n"
 _PARTS = """\
 Bbar = B - m * e**2
 rho = r + e * sin(gamma)
@@ -144,7 +145,7 @@ _SMOOTHED = (
 )  # fmt: skip
 _AT_STATES = (
     (*FACTORS, "M", "w_y", "h", "gamma_y", "f_G", "lambda_Ty"), SINES, ("sb", "cb", "sg", "cg"), ("beta", "gamma"),
-    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"), *LINEARISED, ("v", "beta", "gamma"), TURNING,
+    _SMOOTHED, ("inertia", "A", "Bbar", "B", "M"), *LINEARISED, ("v", "beta", "gamma"), TURNING, INPUT[0],
     ("(h + f_G + w_y * lambda_Ty) / M", "(h + f_G) / Bbar + w_y * lambda_Ty / M", "(h + f_G) / M + w_y * lambda_Ty",
      "h + f_G + w_y * lambda_Ty / M"),
 )  # fmt: skip
@@ -359,7 +360,7 @@ def _spectrum(run: Run, here: Sequence[Quantity]) -> Iterator[Numbers]:
 def states(friction: str) -> tuple[Formula, ...]:
     """The texts of level 1 for a friction law; what is common to both laws is in each."""
     law = _LAW.get(friction, _LAW["linear"])
-    parts = _PARTS + law + _RATES
+    parts = _SPEED + _PARTS + law + _RATES
     derivatives = parts + _DERIVATIVES + _SLOPE.get(friction, _SLOPE["linear"]) + _CHAIN
     return (
         Formula(parts, _AT_STATES, ("",), _rhs),
