@@ -12,15 +12,18 @@ misleading, one traceback) and `blind_faults_third.jsonl` 106 (four false or mis
 fault touches first.
 
 At the first grading of `blind_faults_fourth.jsonl` 132 were called named by those who wrote the diagnosis; eight of
-these say less than the fault. The last three lists, of one author, say what a statement `must` say at least. They were
-judged by two readers each who did not know the diagnosis:
+these say less than the fault. The lists after it say what a statement `must` say at least. One author wrote the fifth to
+the seventh, another one the last two. They were judged by two readers each who did not know the diagnosis:
 
 - fifth: 123 and 124 of 150 named, 7 and 6 less than the fault, 1 wrong, 19 unexplained;
 - sixth: 120 and 118 of 150 named, 7 and 9 less than the fault, 2 wrong, 21 unexplained;
-- seventh: 112 of 139 named by both, 8 and 9 less than the fault, 1 and 0 wrong, 18 unexplained.
+- seventh: 112 of 139 named by both, 8 and 9 less than the fault, 1 and 0 wrong, 18 unexplained;
+- eighth: 133 and 136 of 150 named, 9 and 6 less than the fault, 1 wrong, 7 unexplained;
+- ninth: 132 and 133 of 150 named, 7 and 6 less than the fault, 2 wrong, 9 unexplained.
 
-The first failing level was right for all. What was wrong was mended, and the diagnosis was extended with the fifth and
-the sixth list in view.
+What was wrong was mended. The diagnosis was extended with the first seven lists in view before the eighth was graded, and
+mended in few places between the last two. Where the first failing level is not the one that an author expected, `first`
+has been put right: two faults fail at level 6 already, and one is no failure.
 """
 
 from __future__ import annotations
@@ -47,14 +50,14 @@ TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_progra
 NAMED = {
     "blind_faults.jsonl": 145, "blind_faults_second.jsonl": 145, "blind_faults_third.jsonl": 150,
     "blind_faults_fourth.jsonl": 135, "blind_faults_fifth.jsonl": 143, "blind_faults_sixth.jsonl": 138,
-    "blind_faults_seventh.jsonl": 122,
+    "blind_faults_seventh.jsonl": 122, "blind_faults_eighth.jsonl": 145, "blind_faults_ninth.jsonl": 139,
 }  # fmt: skip
 LISTS = {name: [json.loads(line) for line in (HERE / name).read_text().splitlines()] for name in NAMED}
 CASES = [case for cases in LISTS.values() for case in cases]
 FAULTS = {name: [case for case in cases if "words" in case] for name, cases in LISTS.items()}
 CORRECT = [case for case in CASES if "words" not in case]
 #: Within the four digits that level 6 asks for.
-PASSING = {"event-bisection", "samples-4-decimals"}
+PASSING = {"event-bisection", "samples-4-decimals", "flat-newton-divides-by-acceleration"}
 #: One of each kind that takes no orbit; the levels after the fault's own are left out.
 QUICK = (
     ("inertia-swapped", 1), ("derivatives-mass", 1), ("eigenvalues-ascending", 2), ("equilibrium-inverted-only", 2),

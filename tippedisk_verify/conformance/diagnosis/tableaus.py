@@ -96,7 +96,7 @@ def _slips(right: Table) -> Iterator[tuple[str, Table]]:
                 if row[k] != x:
                     moved = list(row)
                     moved[j], moved[k] = moved[k], moved[j]
-                    yield f"{what} k_{k + 1} and k_{j + 1} exchanged", [*right[:i], moved, *right[i + 1 :]]
+                    yield _exchange(i, row, (k, j), last), [*right[:i], moved, *right[i + 1 :]]
     if not long:
         usual = [int(x * total) for x in weights]
         for whole in (usual, *itertools.product(range(_MOST + 1), repeat=len(weights))):
@@ -104,6 +104,14 @@ def _slips(right: Table) -> Iterator[tuple[str, Table]]:
                 row = [Fraction(x, below) for x in whole] if below else weights
                 if row != weights:
                     yield f"weights {', '.join(map(str, whole))} over {below}", [*right[:-1], row]
+
+
+def _exchange(i: int, row: list[Fraction], pair: tuple[int, int], last: bool) -> str:
+    """What two exchanged coefficients are to somebody who wrote down one of them."""
+    old, new = pair if not row[pair[1]] else pair[::-1]
+    if not last and not row[new]:
+        return f"k_{i + 2} from {row[old]} k_{new + 1} for {row[old]} k_{old + 1}"
+    return f"{'weights' if last else f'k_{i + 2} from coefficients'} of k_{pair[0] + 1} and k_{pair[1] + 1} exchanged"
 
 
 def _digits(x: Fraction) -> Iterator[Fraction]:
