@@ -28,6 +28,7 @@ and mended in few places between the last two. Where the first failing level is 
 
 from __future__ import annotations
 
+import ast
 import csv
 import io
 import json
@@ -67,8 +68,7 @@ QUICK = (
     ("v-precedence", 1), ("smooth-saturated", 1), ("columns-rates", 1), ("derivatives-h3-two", 1),
     ("eigenvalues-symmetric", 2), ("jacobian-inverted-A_31", 2), ("crit-not-squared", 3), ("transversality-coarse", 3),
     ("hb-omega-2-decimals", 4), ("frequency-no-ratio", 4), ("h-free-always", 5), ("residual-no-epsilon", 5),
-    ("equilibrium-gamma-ninety", 2), ("cubic-coarse-step", 3), ("cubic-polarisation-sign", 3), ("adjoint-is-q", 3),
-    ("harmonic-kappas-as-printed", 4), ("series-factorial", 5), ("recursion-convolution-short", 5),
+    ("equilibrium-gamma-ninety", 2), ("cubic-coarse-step", 3), ("series-factorial", 5),
     ("h5-missing", 1), ("friction-times-epsilon", 1), ("eigenvalues-re-im", 2), ("chi-printed-value", 4),
 )  # fmt: skip
 
@@ -121,8 +121,8 @@ def test_each_patch_fits() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES)
     assert [len(faults) for faults in FAULTS.values()] == [150] * 6 + [139, 150, 150]
     for case in CASES:
-        for text in planted(case):
-            compile(text, case["name"], "exec")
+        for text in set(planted(case)) - set(TEXTS):
+            ast.parse(text, case["name"])
 
 
 @pytest.mark.parametrize(("name", "levels"), QUICK)

@@ -107,7 +107,7 @@ def _unevenly(time: float, y: Any, speeds: Any) -> Any:
     [
         (_each_second, "the integration starts anew every 1 s, and each time the state is rounded to 4 decimals"),
         (_at_the_start, "orbits start in another state than asked: v is set to h_0, on the critical manifold"),
-        (_unevenly, None),
+        pytest.param(_unevenly, None, marks=pytest.mark.slow),
     ],
 )
 def test_what_is_done_to_states_on_the_way_is_told(
@@ -117,6 +117,7 @@ def test_what_is_done_to_states_on_the_way_is_told(
     assert (found[0] if found is not None else None) == (None if said is None else (("restart", said),))
 
 
+@pytest.mark.slow
 def test_pure_rolling_and_rounded_speeds_are_told(store: Store) -> None:
     def rolling(speeds: Any) -> Rates:
         return lambda y: np.array([_rolling(speeds, y), -speeds * np.cos(y[0]), 0 * y[2]])
@@ -135,7 +136,7 @@ def test_pure_rolling_and_rounded_speeds_are_told(store: Store) -> None:
     ("weights", "said"),
     [
         ((1 / 5, 2 / 5, 1 / 5, 1 / 5), "RK4 with weights 1, 2, 1, 1 over 5, at a fixed step of 5 ms"),
-        ((0.2, 0.4, 0.21, 0.19), None),
+        pytest.param((0.2, 0.4, 0.21, 0.19), None, marks=pytest.mark.slow),
     ],
 )
 def test_a_slip_in_a_table_is_told(weights: tuple[float, ...], said: str | None, store: Store) -> None:
@@ -146,7 +147,7 @@ def test_a_slip_in_a_table_is_told(weights: tuple[float, ...], said: str | None,
     assert slipped_table(lambda some: _right(speeds[some]), starts, ends, right, 0.5) == said
 
 
-@pytest.mark.parametrize(("slip", "told"), [("gravity", True), ("damping", False)])
+@pytest.mark.parametrize(("slip", "told"), [("gravity", True), pytest.param("damping", False, marks=pytest.mark.slow)])
 def test_a_slip_in_the_orbits_own_equations_is_told(slip: str, told: bool, store: Store) -> None:
     def rates(speeds: Any) -> Rates:
         def slipped(y: Any) -> Any:
@@ -180,7 +181,7 @@ def _at(store: Store, times: Any) -> Any:
     [
         (lambda y, z: (z[0] - y[0]) / 2e-3, "v of samples is a forward difference of beta over 0.002 s"),
         (lambda y, z: z[2], "v of samples is that 0.002 s after the others; the others are right"),
-        (lambda y, z: z[2] + 1e-3, None),
+        pytest.param(lambda y, z: z[2] + 1e-3, None, marks=pytest.mark.slow),
     ],
 )
 def test_one_part_of_another_instant_is_told(v: Callable[[Any, Any], float], said: str | None, store: Store) -> None:

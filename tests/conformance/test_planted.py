@@ -76,7 +76,15 @@ def test_a_planted_fault_is_named(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == ("unexplained" if fault.name in UNNAMED else "named")
 
 
-@pytest.mark.parametrize("fault", OTHERS, ids=lambda fault: fault.name)
+#: All single slips are tried on orbits that nothing else explains.
+_LONG = ("orbits-of-another-disk",)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [pytest.param(fault, marks=pytest.mark.slow if fault.name in _LONG else ()) for fault in OTHERS],
+    ids=lambda fault: fault.name,
+)
 def test_what_only_looks_like_a_known_mistake_stays_unexplained(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == "unexplained"
 
