@@ -52,6 +52,7 @@ NAMED = {
     "blind_faults.jsonl": 145, "blind_faults_second.jsonl": 145, "blind_faults_third.jsonl": 150,
     "blind_faults_fourth.jsonl": 135, "blind_faults_fifth.jsonl": 143, "blind_faults_sixth.jsonl": 138,
     "blind_faults_seventh.jsonl": 122, "blind_faults_eighth.jsonl": 145, "blind_faults_ninth.jsonl": 139,
+    "blind_faults_tenth.jsonl": 124,
 }  # fmt: skip
 LISTS = {name: [json.loads(line) for line in (HERE / name).read_text().splitlines()] for name in NAMED}
 CASES = [case for cases in LISTS.values() for case in cases]
@@ -119,7 +120,7 @@ def graders(tmp_path_factory: pytest.TempPathFactory) -> Graders:
 
 def test_each_patch_fits() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES)
-    assert [len(faults) for faults in FAULTS.values()] == [150] * 6 + [139, 150, 150]
+    assert [len(faults) for faults in FAULTS.values()] == [150] * 6 + [139, 150, 150, 130]
     for case in CASES:
         for text in set(planted(case)) - set(TEXTS):
             ast.parse(text, case["name"])

@@ -125,7 +125,7 @@ def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: s
         entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)
     others = list(dict.fromkeys(q.id.rsplit("/", 1)[0] for q in store.matching(here[0].id.rsplit("/", 2)[0] + "/")))
     pairs: dict[str, str] = {}
-    tried: set[str] = set()
+    tried, differ = set[str](), set[str]()
     for entry, asked in entries.items():
         if wrong.isdisjoint(quantity.id for quantity in asked):
             continue
@@ -136,6 +136,9 @@ def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: s
             if len(explained) > 1:
                 pairs[entry.rsplit("/", 1)[1]] = other.rsplit("/", 1)[1]
                 tried |= explained
+                for id_, found in theirs.items():
+                    if found is not None and id_ in explained:
+                        differ |= {name for name, x in store[id_].inputs.items() if found.inputs.get(name) != x}
                 break
         else:
             return None
@@ -143,8 +146,8 @@ def _by_entry(here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: s
     if len(set(pairs.values())) == 1 < len(pairs):
         text = f"all have the same, those to {next(iter(pairs.values()))}"
     more = " and so on" if len(pairs) > _SOME and ";" in text else ""
-    starts = ", another start," if here[0].kind == "trajectory" else ""
-    return (("entries", f"the answers to another entry{starts} of the same kind: {text}{more}"),), frozenset(tried)
+    of = f", with another {' or '.join(sorted(differ))}" if here[0].kind == "trajectory" and differ else ""
+    return (("entries", f"the answers to another entry of the same kind{of}: {text}{more}"),), frozenset(tried)
 
 
 def _by_quantity(usable: Sequence[Grade], wrong: set[str], store: Store, by_place: bool) -> Found | None:
