@@ -226,7 +226,7 @@ def test_another_event_is_told_by_what_is_the_same_at_all_of_its_times(store: St
     found = events_of(*_grades(store, given), store)
     assert found is not None
     (cause,) = found[0]
-    assert cause[1].startswith("crossings are those of gamma = pi/2")
+    assert cause[1] == "crossings are those of gamma = pi/2 on the right orbits, not of beta = pi/2"
 
 
 def _cycles(store: Store, *entries: str) -> dict[str, float]:
