@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import doctest
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,52 +15,57 @@ import pytest
 import tippedisk_verify as tv
 
 ROOT = Path(tv.__file__).parent
-# Each room and the rooms it may import from.
-ALLOWED = {
-    "model": {"errors", "cache", "model"},  # compiled code is kept where results are
-    "theory": {"errors", "model", "theory"},
-    "flow": {"errors", "model", "flow"},
-    "orbits": {"errors", "model", "theory", "flow", "orbits"},
-    "checker": {"checker"},
-    "certified": {"errors", "model", "checker", "certified"},
-    "audit": {"errors", "model", "theory", "flow", "orbits", "audit"},
-    "reference_values": {
-        *("errors", "files", "checksums", "fingerprint", "parallel"),
-        *("model", "theory", "flow", "orbits", "certified", "reference_values"),
-    },
-    "conformance": {"errors", "files", "interrupts", "web", "model", "theory", "reference_values", "conformance"},
-    "bench": {
-        *("errors", "cache", "interrupts", "fingerprint", "parallel", "__version__"),
-        *("model", "theory", "flow", "orbits", "bench"),
-    },
-    "stress": {"errors", "model", "theory", "flow", "orbits", "stress"},
-    "figures": {"errors", "files", "model", "theory", "flow", "orbits", "certified", "audit", "bench", "figures"},
-    "report": {
-        *("errors", "files", "cache", "fingerprint", "web", "__version__"),
-        *("model", "theory", "flow", "orbits", "audit", "bench", "figures", "report"),
-    },
+#: The table in CONTRIBUTING.md: the most lines and statements of each room, and the rooms that it may import from.
+ROOMS = {
+    name.strip(" `"): (int(lines), int(statements), set(imports.replace("`", "").split()))
+    for name, lines, statements, imports in re.findall(
+        r"^\|(.+)\| *(\d+) *\| *(\d+) *\|(.*)\|$",
+        (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
 }
 
 
-@pytest.mark.parametrize("room", ALLOWED)
+def files_of(room: str) -> list[Path]:
+    if room == "tests":
+        return sorted((ROOT.parent / room).rglob("*.py"))
+    return sorted(ROOT.glob("*.py") if room == "single files" else (ROOT / room).rglob("*.py"))
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def test_every_room_has_its_row() -> None:
+    rooms = {path.parent.relative_to(ROOT).parts[0] for path in ROOT.rglob("*.py") if path.parent != ROOT}
+    assert rooms | {"single files", "tests"} == set(ROOMS)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_weighs_what_its_row_says(room: str) -> None:
+    texts = [path.read_text(encoding="utf-8") for path in files_of(room)]
+    lines = sum(len(text.splitlines()) for text in texts)
+    statements = sum(isinstance(node, ast.stmt) for text in texts for node in ast.walk(ast.parse(text)))
+    assert lines <= ROOMS[room][0], f"{room} has {lines} lines: make it lighter, or say in CONTRIBUTING.md what for"
+    assert statements <= ROOMS[room][1], f"{room} has {statements} statements: the same"
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room not in ("commands", "single files", "tests")])
 def test_rooms_import_only_from_rooms_before_them(room: str) -> None:
-    for path in (ROOT / room).rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = []
-            if isinstance(node, ast.ImportFrom) and node.module:
-                names = [node.module]
-            elif isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            for name in names:
-                parts = name.split(".")
-                if parts[0] == "tippedisk_verify" and len(parts) > 1:
-                    assert parts[1] in ALLOWED[room], f"{path.name} imports {name}"
-                if parts[0] in ("matplotlib", "mpl_toolkits"):
-                    # A limit cycle that is told to plot itself opens axes if it is given none.
-                    assert room == "figures" or path.name == "cycles.py", f"{path.name} imports {name}"
-                if parts[0] == "heyoka":
-                    # What starting is measured against is heyoka and nothing else.
-                    assert path.name in ("precision.py", "bare_builds.py"), f"{path.name} imports heyoka by itself"
+    for path in files_of(room):
+        for name in imported(ast.parse(path.read_text(encoding="utf-8"))):
+            parts = name.split(".")
+            if parts[0] == "tippedisk_verify" and len(parts) > 1:
+                assert parts[1] in ROOMS[room][2] | {room}, f"{path.name} imports {name}"
+            if parts[0] in ("matplotlib", "mpl_toolkits"):
+                # A limit cycle that is told to plot itself opens axes if it is given none.
+                assert room == "figures" or path.name == "cycles.py", f"{path.name} imports {name}"
+            if parts[0] == "heyoka":
+                assert path.name == "precision.py", f"{path.name} imports heyoka by itself"
 
 
 def test_importing_loads_nothing_heavy() -> None:
