@@ -14,7 +14,7 @@ from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PAPER_SETS, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 
 #: Speeds below, between and above the two critical ones, for the three sets that describe the paper's disk [rad/s].
 SPEEDS = ("29.9", "30.2", "30.4", "30.8", "31.4")
@@ -23,7 +23,7 @@ STARTS: tuple[tuple[Exact, Exact, Exact], ...] = (
     (exact("pi/2"), exact("-pi/2"), exact(2)),
     (exact("pi/2"), exact("pi/2 + 0.4"), exact(0)),
 )
-SETS = tuple(PAPER_SETS.values())
+SETS = tuple(NAMED_SETS.values())
 
 
 def decimals(low: str, high: str, places: int = 6) -> st.SearchStrategy[Fraction]:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.flow.taylor import Taylor
     from tippedisk_verify.model.exact import Exact, exact
     from tippedisk_verify.model.measured import Measured
-    from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, ROUNDED, Parameters
+    from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
@@ -82,7 +82,7 @@ _HOMES = {
     "flow.contract": ("Event", "Request", "Result", "Status"),
     "flow.lanes": ("BatchTaylor",),
     "flow.taylor": ("Taylor",),
-    "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "ROUNDED", "Parameters"),
+    "model.parameters": ("CALIBRATED", "GEOMETRY", "PRINTED", "Parameters"),
     "model.exact": ("Exact", "exact"),
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
@@ -109,7 +109,6 @@ __all__ = [
     "GEOMETRY",
     "PRINTED",
     "QUADRUPLE",
-    "ROUNDED",
     "SCENES",
     "Audit",
     "Baseline",

@@ -128,7 +128,7 @@ class Solution:
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry, rounded) or a TOML file, ``Disk(r="0.045", ...)``
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)``
     one of your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers.
     ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
 

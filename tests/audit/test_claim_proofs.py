@@ -20,7 +20,7 @@ from tippedisk_verify.audit.claims import Audit, Claim, Finding, examined, round
 from tippedisk_verify.cli import main
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PAPER_SETS, PRINTED, Friction, Parameters
+from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Friction, Parameters
 
 PAGE = Path(__file__).parents[2] / "docs" / "certified.md"
 PROVED: dict[Friction, set[str]] = {
@@ -236,7 +236,7 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
         assert _of(name, PRINTED.with_friction("smooth")) is None
     # An answer that was left open is not proved, nor is anything of a set that no command can name.
     assert set(_of("noninverted_unstable", PRINTED, printed=None).commands) == {"calibrated", "geometry"}
-    assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(PAPER_SETS)
+    assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(NAMED_SETS)
     posing = PRINTED.changed(mu="0.2", name="printed")
     assert set(_of("both_connections", posing).commands) == {"calibrated", "geometry"}
     assert _of("both_connections", posing).grade == "proved in part"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 
 import pytest
@@ -12,8 +11,7 @@ from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rou
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, ROUNDED
-from tippedisk_verify.orbits.bisection import unstable_branch
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 
 
 @pytest.mark.parametrize(
@@ -64,33 +62,6 @@ def test_all_claims_on_the_named_sets(taylor) -> None:
         elif name not in ("engines_agree", "omega_h_two_roads"):
             assert ("calibrated" in finding.sets) == (name not in wrong), name
     assert found["engines_agree"].verdict is found["omega_h_two_roads"].verdict is Verdict.HOLDS
-
-
-def test_a_rounded_rim_is_discussed_and_not_judged(taylor) -> None:
-    """The numbers in the notes against the paper's formulas, and Omega_h against the branch's fate on either side."""
-    audit = Audit(PRINTED, taylor)
-    table, connection = (examined(audit, claim) for claim in selected(["table_1", "omega_h"]))
-    assert "rounded" not in {*table.holds, *connection.holds}
-    p = ROUNDED
-    r, e, A, bbar, weight = (float(x) for x in (p.r, p.e, p.A, p.Bbar, p.m * p.g))
-    crit = (r + e) * math.sqrt(weight / (r * bbar))
-    wanted = {
-        "Omega_crit": crit,
-        "T_crit": 2 * math.pi / crit * math.sqrt((r + e) / e),
-        "lambda_3": -float(p.mu / p.epsilon) * weight / bbar * (r + e) ** 2,
-        "chi": A * (r - 2 * e) - bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e)),  # below Eq. Csol
-    }
-    for name, value in wanted.items():
-        told = float(table.note.partition(f"{name} = ")[2].split()[0])
-        assert told == pytest.approx(value, rel=1e-5), name  # six digits are told
-    assert A / bbar > r * (2 * r - e) / (2 * (r + e) * (r - 2 * e))
-    assert "a supercritical Hopf point" in table.note
-    told = Fraction(connection.note.partition("Omega_h would be ")[2].split()[0])
-    half_unit = Fraction(1, 20_000)
-    ends = [unstable_branch(ROUNDED, told + side * half_unit, taylor).events[-1].name for side in (-1, 1)]
-    assert ends == ["passes", "turns back"]
-    for finding in (table, connection):
-        assert "a sensitivity, not the paper's model" in finding.note
 
 
 def test_closed_forms_compile_nothing() -> None:

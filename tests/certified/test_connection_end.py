@@ -26,7 +26,7 @@ from tippedisk_verify.certified.proved_end import ProvedEnd, Status
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PAPER_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.reference_values.lookup import reference
@@ -206,6 +206,6 @@ def test_the_end_is_proved(taylor: Taylor) -> None:
 @pytest.mark.parametrize("name", ["calibrated", "geometry"])
 def test_the_end_of_the_other_disks_is_proved(taylor: Taylor, name: str) -> None:
     """85 CPU seconds each."""
-    omega_h = heteroclinic(PAPER_SETS[name], taylor, digits=14).omega_h.value
-    end = prove_end(prove_connection(PAPER_SETS[name], omega_h, 9))
+    omega_h = heteroclinic(NAMED_SETS[name], taylor, digits=14).omega_h.value
+    end = prove_end(prove_connection(NAMED_SETS[name], omega_h, 9))
     assert end.proved, end.statement

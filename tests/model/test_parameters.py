@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from fractions import Fraction
 from pathlib import Path
 
-import mpmath
 import pytest
 
-from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction, quotient
-from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, NAMED_SETS, PAPER_SETS, PRINTED, ROUNDED, Parameters
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 
 GOOD = (
@@ -46,67 +43,8 @@ def test_geometry_agrees_with_the_solid_integrated_numerically() -> None:
     assert density * (xx + yy) == pytest.approx(float(GEOMETRY.C or 0), rel=tolerance)
 
 
-@mpmath.workdps(60)
-def test_rounded_agrees_with_the_solid_integrated_numerically() -> None:
-    """Second derivation: the solid of revolution in cylindrical shells, the hole in strips, by quadrature."""
-    radius, thickness, hole, offset, rim = (mpmath.mpf(mm) / 1000 for mm in (45, 10, 15, 20, 5))
-
-    def height(x):
-        return thickness if x <= radius - rim else 2 * mpmath.sqrt(rim**2 - (x - radius + rim) ** 2)
-
-    def shells(integrand):
-        return 2 * mpmath.pi * mpmath.quad(integrand, [0, radius - rim, radius])
-
-    def strips(integrand):
-        return thickness * mpmath.quad(lambda x: integrand(x, 2 * mpmath.sqrt(hole**2 - x**2)), [-hole, 0, hole])
-
-    volume = shells(lambda x: x * height(x)) - strips(lambda x, chord: chord)
-    first = -strips(lambda x, chord: (x - offset) * chord)  # the hole lies on the negative side
-    across_hole = shells(lambda x: x**3 * height(x)) / 2 - strips(lambda x, chord: (x - offset) ** 2 * chord)
-    along_hole = shells(lambda x: x**3 * height(x)) / 2 - strips(lambda x, chord: chord**3 / 12)
-    normal = shells(lambda x: x * height(x) ** 3 / 12) - strips(lambda x, chord: chord * thickness**2 / 12)
-    density = mpmath.mpf("0.435") / (mpmath.pi * (radius**2 - hole**2) * thickness)
-    solid = {
-        "r": radius,
-        "e": first / volume,
-        "m": density * volume,
-        "A": density * (along_hole + normal),
-        "B": density * (across_hole + normal),
-        "C": density * (along_hole + across_hole),
-    }
-    for name, value in solid.items():
-        # 40 significant digits: at most 5e-40 of the value; the quadrature is good to some 1e-55.
-        assert abs(quotient(mpmath.mp, getattr(ROUNDED, name)) / value - 1) < mpmath.mpf("5.001e-40"), name
-    assert Disk("rounded") == ROUNDED
-    assert all(len(text.removeprefix("0.").lstrip("0")) <= 40 for text in ROUNDED.decimals().values())
-
-
-def test_a_published_drawing_of_the_rounded_disk_has_flat_facets() -> None:
-    """The drawing's e = 2.628 mm and m = 0.4117 kg are those of its facets, whose corners lie on the set's surface.
-
-    It has 88 facets round the rim, 18 across it and 36 in the hole; the density is that of the sharp-edged disk.
-    """
-
-    def polygon(corners: int) -> float:
-        """The area in a circle of radius 1."""
-        return corners / 2 * math.sin(2 * math.pi / corners)
-
-    corners = [math.pi * (k / 18 - 0.5) for k in range(19)]
-    z, rho = [0.005 * math.sin(angle) for angle in corners], [0.04 + 0.005 * math.cos(angle) for angle in corners]
-    stumps = [
-        (z[k + 1] - z[k]) * (rho[k] ** 2 + rho[k] * rho[k + 1] + rho[k + 1] ** 2) / 3 for k in range(len(corners) - 1)
-    ]
-    hole = polygon(36) * 0.015**2 * 0.010
-    volume = polygon(88) * sum(stumps) - hole
-    mass = 0.435 * volume / (math.pi * (0.045**2 - 0.015**2) * 0.010)
-    assert round(hole * 0.020 / volume, 6) == 2.628e-3
-    assert round(mass, 4) == 0.4117
-    # The solid itself: corners take 0.2 % off the body and close 0.5 % of the hole.
-    assert (round(float(ROUNDED.e), 6), round(float(ROUNDED.m), 4)) == (2.638e-3, 0.4122)
-
-
 def test_named_sets_are_as_documented() -> None:
-    assert set(NAMED_SETS) == {*PAPER_SETS, "rounded"}
+    assert set(NAMED_SETS) == {"printed", "calibrated", "geometry"}
     assert (GEOMETRY.e, GEOMETRY.A, GEOMETRY.B) == (
         Fraction("0.0025"),
         Fraction("0.2483125e-3"),

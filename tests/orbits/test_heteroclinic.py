@@ -15,7 +15,7 @@ from tests.problems import SETS
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, ROUNDED
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.bisection import bisect_omega_h, unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
@@ -24,7 +24,7 @@ from tippedisk_verify.theory.equilibria import equilibrium
 
 @pytest.mark.slow
 @pytest.mark.honest
-@pytest.mark.parametrize("parameters", [*SETS, pytest.param(ROUNDED, marks=pytest.mark.slow)], ids=lambda p: p.name)
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
 def test_fewer_digits_hold_more(taylor, parameters) -> None:
     few, more = (heteroclinic(parameters, taylor, digits=digits) for digits in (12, 32))
     assert few.omega_h.holds(more.omega_h.value)

@@ -230,7 +230,7 @@ CALLS: list[tuple[str, Callable[[Any], object], tuple[Any, ...], bool]] = [
     ),
 ]
 #: Nothing to be called with anything: an outcome, a verdict, an error.
-_PLAIN = {"ROUNDED", "InputError", "Shortfall", "Result", "Status", "Verdict"}
+_PLAIN = {"InputError", "Shortfall", "Result", "Status", "Verdict"}
 
 
 def test_every_public_name_is_spoiled() -> None:

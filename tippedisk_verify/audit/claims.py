@@ -19,7 +19,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import PAPER_SETS, Friction, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.folds import fold_in_double
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
@@ -202,9 +202,9 @@ class Audit:
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
-    """The audited sets, all under one friction law: the selected one first, then `PAPER_SETS`."""
+    """The audited sets, all under one friction law: the selected one first, then `NAMED_SETS`."""
     chosen = {parameters.name: parameters}
-    return chosen | {name: one.with_friction(parameters.friction) for name, one in PAPER_SETS.items()} | chosen
+    return chosen | {name: one.with_friction(parameters.friction) for name, one in NAMED_SETS.items()} | chosen
 
 
 def rounds_to(measured: Measured, printed: str) -> bool | None:

@@ -11,7 +11,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import ROUNDED, Constants, Friction
+from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -134,15 +134,6 @@ _WHERE = (
 )
 
 
-def _where(audit: Audit, printed: str) -> str:
-    """Where the periodic solution ends, and where it would with the rim of the set `rounded`."""
-    connection = heteroclinic(ROUNDED.with_friction(audit.parameters.friction), audit.engine)
-    return (
-        f"{_WHERE}. With a rim rounded by 5 mm (set rounded) Omega_h would be {float(connection.omega_h):#.6g} rad/s:"
-        " a sensitivity, not the paper's model (claim table_1)"
-    )
-
-
 def _theorems_6_and_7(theorem: str, proves: str, law: Friction | None = "linear") -> ProofOffer:
     """Theorem 7 is about the linear law only."""
     return ProofOffer(theorem, ("certify heteroclinic",), proves, law=law)
@@ -155,7 +146,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "text below Figure Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
-        number(Audit.omega_h, _where, ("manifolds",)),
+        number(Audit.omega_h, _WHERE, ("manifolds",)),
         unit="rad/s",
         formula=r"\Omega_\text{h}:\quad W^u(\pi/2,\,-\pi/2,\,0) \cap W^s(\pi/2,\,3\pi/2,\,0) \neq \emptyset",
         proof=ProofOffer(

@@ -99,7 +99,7 @@ def _with(command: F, *options: Callable[[F], F]) -> F:
 
 _QUESTION_OPTIONS = (
     click.option("--parameters", default="printed", show_default=True, metavar="NAME|FILE.toml",
-                 help="printed, calibrated, geometry, rounded, or a TOML file of quoted decimals."),
+                 help="printed, calibrated, geometry, or a TOML file of quoted decimals."),
     click.option("--friction", default="linear", show_default=True, metavar="linear|smooth",
                  help="The friction law."),
     click.option("--digits", type=int, default=12, show_default=True, metavar="N",

@@ -2,15 +2,13 @@
 
 Three named sets describe the paper's disk: ``printed`` (the paper's Table 1 as it stands), ``calibrated`` (inside
 Table 1's rounding, and reproducing the paper's five printed results) and ``geometry`` (derived from a disk's
-dimensions). A fourth is a sensitivity: ``rounded`` is the disk of ``geometry`` with a rounded rim. Others come from a
-TOML file of quoted decimals.
+dimensions). Others come from a TOML file of quoted decimals.
 """
 
 from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field, fields, replace
-from decimal import Context, Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
@@ -24,16 +22,13 @@ __all__ = [
     "CALIBRATED",
     "GEOMETRY",
     "NAMED_SETS",
-    "PAPER_SETS",
     "PRINTED",
-    "ROUNDED",
     "SYMBOLS",
     "Constants",
     "Friction",
     "Parameters",
     "checked_friction",
     "disk_with_hole",
-    "disk_with_hole_and_rounded_rim",
 ]
 
 Friction = Literal["linear", "smooth"]
@@ -315,44 +310,7 @@ def disk_with_hole(
     }
 
 
-def disk_with_hole_and_rounded_rim(
-    mass: Fraction, radius: Fraction, thickness: Fraction, hole_radius: Fraction, hole_offset: Fraction
-) -> dict[str, Fraction]:
-    """r, e, m, A, B and C of the disk of `disk_with_hole` when its rim is turned to a half circle across.
-
-    The arguments are those of the sharp-edged disk, ``mass`` too: it fixes the density. The hole must lie inside the
-    flat part, hole_offset + hole_radius <= radius - thickness / 2. Turning takes away a ring about the geometric
-    centre. The ring lies between the radii R = c + b and c + sqrt(b^2 - z^2) for -b < z < b, with b half the thickness;
-    its volume and moments are integrals over z of differences of powers of these two. All but e are linear in pi, which
-    enters as 50 decimals; each value is rounded to 40 significant digits.
-    """
-    sharp = disk_with_hole(mass, radius, thickness, hole_radius, hole_offset)
-    density = mass / (thickness * (radius**2 - hole_radius**2))  # times pi
-    b = thickness / 2
-    c = radius - b
-    ring = density * ((4 - _PI) * c * b**2 + 2 * b**3 / 3)
-    # The ring's moments about the disk's normal and about a diameter.
-    axial = density * ((4 - _PI) * c**3 * b**2 + 2 * c**2 * b**3 + (4 - 3 * _PI / 4) * c * b**4 + 7 * b**5 / 15)
-    across = axial / 2 + density * ((4 / _F(3) - _PI / 4) * c * b**4 + 2 * b**5 / 5)
-    m = mass - ring
-    turned = {
-        "r": radius,
-        "e": sharp["e"] * mass / m,
-        "m": m,
-        "A": sharp["A"] - across,
-        "B": sharp["B"] - across,
-        "C": sharp["C"] - axial,
-    }
-    return {name: _rounded(value) for name, value in turned.items()}
-
-
-def _rounded(value: Fraction) -> Fraction:
-    """To 40 significant digits."""
-    return Fraction(Context(prec=40).divide(Decimal(value.numerator), Decimal(value.denominator)))
-
-
 _F = Fraction
-_PI = _F("3.14159265358979323846264338327950288419716939937511")
 _COMMON: dict[str, Any] = {"g": _F("9.81"), "mu": _F("0.3"), "epsilon": _F("0.1")}
 _DISK: dict[str, Any] = {"r": _F("0.045"), "e": _F("2.5e-3"), "m": _F("0.435"), **_COMMON}
 
@@ -363,10 +321,5 @@ CALIBRATED = Parameters(**_DISK, A=_F("0.24884e-3"), B=_F("0.22656e-3"), name="c
 _DIMENSIONS = tuple(_F(text) for text in ("0.435", "0.045", "0.010", "0.015", "0.020"))
 #: A disk of radius 45 mm, 10 mm thick, with a hole of radius 15 mm whose centre lies 20 mm from the disk's.
 GEOMETRY = Parameters(**{**disk_with_hole(*_DIMENSIONS), **_COMMON}, name="geometry")
-#: The same disk, its rim rounded with a radius of 5 mm. A sensitivity, not the paper's model: the contact point moves
-#: on a rounded rim, while the equations keep it at the radius r. A published drawing of this disk is made of flat
-#: facets, which have e = 2.628 mm and m = 0.4117 kg; the solid itself has e = 2.638 mm and m = 0.4122 kg.
-ROUNDED = Parameters(**{**disk_with_hole_and_rounded_rim(*_DIMENSIONS), **_COMMON}, name="rounded")
 #: The sets that describe the paper's disk: what the paper claims is judged on these.
-PAPER_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}
-NAMED_SETS = {**PAPER_SETS, ROUNDED.name: ROUNDED}
+NAMED_SETS = {parameters.name: parameters for parameters in (PRINTED, CALIBRATED, GEOMETRY)}

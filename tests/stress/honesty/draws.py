@@ -13,7 +13,7 @@ from random import Random
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import PI, Exact, exact
-from tippedisk_verify.model.parameters import NAMED_SETS, PAPER_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = [
@@ -64,7 +64,7 @@ def disk(random: Random, family: str) -> Parameters:
 
 def _disk(random: Random, family: str) -> Parameters:
     if family == "named":
-        return PAPER_SETS[random.choice(sorted(PAPER_SETS))]
+        return NAMED_SETS[random.choice(sorted(NAMED_SETS))]
     if family == "friction":
         return PRINTED.changed(
             mu=decimal(log_uniform(random, 0.01, 3.0)), epsilon=decimal(log_uniform(random, 0.001, 3.0))
