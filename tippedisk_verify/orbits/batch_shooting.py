@@ -37,7 +37,6 @@ __all__ = [
     "Guess",
     "RotatingCycles",
     "corrected",
-    "flight_errors",
     "measured_cycles",
 ]
 
@@ -47,7 +46,7 @@ _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6
 _SMALL_STEP = 1e-11
 _UNIT = 2.0**-53
 #: What a run keeps of its last step, and the shape of it.
-_LAST = {"step": (3,), "inverse": (3, 3), "by_omega": (3,), "map": (2, 2), "residual": (), "trivial": ()}
+_LAST = {"step": (3,), "by_omega": (3,), "map": (2, 2), "residual": (), "trivial": ()}
 _FIRST, _OMEGA = 0, 3  # which of the two coordinates, the flight time and Omega is given
 
 
@@ -77,7 +76,6 @@ class BatchCycles:
     converged: Any  #: whether Newton's iteration ended
     residual: Array  #: |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
     last_step: Array  #: (n, 3) the last Newton step, of the unknowns: derivatives were taken before it
-    sensitivity: Array  #: (n, 3, 3) d(the unknowns) / d(end of the flight), what an error in the flow does
 
     @property
     def log_multipliers(self) -> Any:
@@ -226,7 +224,6 @@ def corrected(
         converged=converged,
         residual=last["residual"],
         last_step=last["step"],
-        sensitivity=last["inverse"],
         **numbers,
     )
 
@@ -315,13 +312,6 @@ def _errors(flights: BatchResult, starts: Array, section: BatchSection) -> Array
     return errors
 
 
-def flight_errors(constants: Array, omegas: Array, unknowns: Array, lanes: BatchTaylor) -> Array:
-    """(n, 3) errors at the end of half a period from (gamma_bar_0, v_0, T / 2), as `Cycles.sensitivity` takes them."""
-    starts = _starts(unknowns, LIBRATING)
-    flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True)
-    return _errors(flights, starts, LIBRATING) * LIBRATING.image
-
-
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """(n, 3): the field at shifted states."""
     beta, gamma, v = states.T
@@ -357,10 +347,10 @@ class _Step:
         along = [direction[:, k, None] for k in range(3)]
         images = rows[:, :, 0] * along[0] + rows[:, :, 1] * along[1] + rows[:, :, 2] * along[2]
         self.trivial = section.image * _summed(images * direction) / _summed(direction**2)
-        self.inverse = _inverse(matrix[:, :, free]) * section.image
-        self.step = -(self.inverse @ (errors * section.image)[:, :, None])[:, :, 0]
+        inverse = _inverse(matrix[:, :, free]) * section.image
+        self.step = -(inverse @ (errors * section.image)[:, :, None])[:, :, 0]
         by_given = numpy.ones_like(unknowns)
-        by_given[:, free] = -(self.inverse @ (section.image * matrix[:, :, given])[:, :, None])[:, :, 0]
+        by_given[:, free] = -(inverse @ (section.image * matrix[:, :, given])[:, :, None])[:, :, 0]
         with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
             self.by_omega = by_given[:, :3] / by_given[:, 3:]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])

@@ -24,7 +24,6 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, Solver, amplitude
-from tippedisk_verify.orbits.averaged import averaged
 from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
 from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths
 from tippedisk_verify.orbits.periodic import LimitCycle
@@ -253,7 +252,7 @@ class BranchInterpolant:
         other = slope * cycles.dgamma_bar_0_domega < 0
         if other.any():
             cycles.converged[other] = False
-        return averaged(self.parameters, cycles, self._lanes)
+        return cycles
 
     def limit_cycles(self, omegas: Sequence[float]) -> list[LimitCycle]:
         """`cycles` as the result objects that single speeds give.
