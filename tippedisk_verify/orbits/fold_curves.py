@@ -79,6 +79,12 @@ class Trace:
         first = max(0, min(int(numpy.searchsorted(self.s, where)) - 3, len(self.s) - 6))
         return interpolated(self.s[first : first + 6], self.points[first : first + 6], where)
 
+    @property
+    def cut_short(self) -> list[float]:
+        """The shares at which it was followed no further: its ends inside the range that are no Bautin point."""
+        ends = (self.points[-1], *((self.points[0],) if self.s[0] > _LEAST else ()))
+        return [float(point[2]) for point in ends if 0 < point[2] < 1]
+
     def passes(self, s: float, point: Any) -> bool:
         return bool(self.s[0] <= s <= self.s[-1] and numpy.abs(self(s) - point).max() < _SAME)
 
