@@ -247,7 +247,8 @@ class BranchInterpolant:
         # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
         flat = numpy.abs(slope) * numpy.cosh(s) ** 2 / numpy.pi
         resolved = 1e-11 * numpy.maximum(1.0, 1e-4 / numpy.minimum(numpy.abs(speeds - self.omega_h), flat))
-        cycles: Cycles = corrected(self._constants, speeds, Guess(a, ratio * a, half), self._lanes, tolerance=resolved)
+        guess = Guess(a, ratio * a, half)
+        cycles: Cycles = corrected(self._constants, speeds, guess, self._lanes, tolerance=resolved)
         # Next to a fold the iteration may have gone beyond it.
         other = slope * cycles.dgamma_bar_0_domega < 0
         if other.any():
