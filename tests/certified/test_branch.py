@@ -409,7 +409,7 @@ def test_what_is_left_to_prove() -> None:
 def test_an_interval_that_fails_is_halved_and_nothing_beyond_is_tried(monkeypatch) -> None:
     tried = []
 
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object, width: Fraction) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
         tried.append(interval)
         if interval.high > 2:
             return Status.NOT_STABLE
@@ -434,7 +434,7 @@ def test_an_interval_that_fails_is_halved_and_nothing_beyond_is_tried(monkeypatc
 
 
 def test_at_the_hopf_point_only_the_lower_half_is_tried(monkeypatch) -> None:
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object, width: Fraction) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
         fits = interval.high <= Fraction("0.3")
         return _flat(str(interval.low), str(interval.high), True) if fits else Status.NOT_INCLUDED
 
@@ -456,7 +456,7 @@ def _run(capsys, *arguments: str, status: int) -> str:
 def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> None:
     made = []
 
-    def attempt(parameters: Parameters, interval: cover.Interval, guess: object, width: Fraction) -> Piece | Status:
+    def attempt(parameters: Parameters, interval: cover.Interval, guess: object) -> Piece | Status:
         made.append(interval)
         return first(parameters) if not interval.low else second()
 

@@ -41,11 +41,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.certified.curve_flow import Curve, CurveFlight, fly, glide
-from tippedisk_verify.certified.disk_box import SHAPE
 from tippedisk_verify.certified.jets import Jet, inside, negative, positive
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["GAMMA_BAR", "OMEGA", "Arc", "family_polynomials", "followed_disks", "krawczyk_test"]
+__all__ = ["GAMMA_BAR", "OMEGA", "Arc", "family_polynomials", "krawczyk_test"]
 
 GAMMA_BAR, OMEGA = 0, 2  #: which of (gamma_bar, v, Omega) is the parameter
 _TINY = 2.0**-20  # of a number's step, for a derivative of points
@@ -70,10 +69,9 @@ class Arc:
 
     def period(self) -> Jet:
         """T [s]."""
-        by, off = self.flight.time_by, self.curve.deviation[3:]
         half: Jet = self.flight.own_time
-        for slope, part in zip((*(by[k] for k in self.unknowns), *by[3:]), (*self.within, *off), strict=True):
-            half = half + slope * part
+        for k, part in zip(self.unknowns, self.within, strict=True):
+            half = half + self.flight.time_by[k] * part
         return 2 * half
 
     def period_slope(self) -> Jet:
@@ -133,7 +131,7 @@ def krawczyk_test(constants: Constants, curve: Curve, total: Jet, over: int = OM
         radii = [curve.deviation[k] for k in (first, second)]
         value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
         jacobian = [[entry - own for entry, own in zip(*rows, strict=True)]
-                    for rows in zip(flight.matrix, curve.start_by, strict=True)]  # fmt: skip
+                    for rows in zip(flight.matrix, curve.unit, strict=True)]  # fmt: skip
         by_unknowns = [[row[first], row[second]] for row in jacobian]
         inverse = [[entry.mid() for entry in row] for row in _inverse([[x.mid() for x in row] for row in by_unknowns])]
         within, proved = [], flight.proved
@@ -143,8 +141,6 @@ def krawczyk_test(constants: Constants, curve: Curve, total: Jet, over: int = OM
             for j in range(2):
                 rest = int(i == j) - (inverse[i][0] * by_unknowns[0][j] + inverse[i][1] * by_unknowns[1][j])
                 image = image + rest.range() * radii[j]
-            for first_by, second_by, d in zip(jacobian[0][3:], jacobian[1][3:], curve.deviation[3:], strict=True):
-                image = image + (inverse[i][0] * first_by + inverse[i][1] * second_by).range() * d
             within.append(image)
             proved = proved & inside(image, radii[i])
         (a, b), (c, d) = by_unknowns
@@ -153,44 +149,12 @@ def krawczyk_test(constants: Constants, curve: Curve, total: Jet, over: int = OM
         return Arc(proved, over, curve, flight, within, slopes, a * d - b * c)
 
 
-def followed_disks(constants: Constants, curve: Curve, total: Jet, over: int = OMEGA) -> list[tuple[Jet, Jet, Jet]]:
-    """How the two unknowns move with each of the disks' numbers along the curve: points; a guess.
-
-    d(unknowns)/dd = -(dF/d(unknowns))^-1 dF/dd, a parabola through its values at s = -1, 0, 1; and so for the time of
-    flight, relatively.
-    """
-    kind, values = type(curve), []
-    for s in (-1, 0, 1):
-        point, half = [jet.at(s).mid() for jet in (curve.gamma_bar, curve.v, curve.omega)], total.at(s).mid()
-        first, second, *moved = (_slope(constants, kind, point, half, moving) for moving in (*_unknowns(over), *SHAPE))
-        inverse = _inverse([list(row) for row in zip(first[:2], second[:2], strict=True)])
-        found = []
-        for a, b, time in moved:
-            x, y = (-(row[0] * a + row[1] * b).mid() for row in inverse)
-            found.append([x, y, ((time + first[2] * x + second[2] * y) / half).mid()])
-        values.append(found)
-    zero, top = 0 * point[0], curve.v.degree
-
-    def through(before: Any, here: Any, after: Any) -> Jet:
-        parabola = [here, ((after - before) / 2).mid(), ((after + before) / 2 - here).mid()]
-        return Jet([*parabola, *[zero] * top][: top + 1])
-
-    rows = (zip(*three, strict=True) for three in zip(*values, strict=True))
-    return [(through(*v), through(*omega), through(*pace)) for v, omega, pace in rows]
-
-
-def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int | str) -> list[Any]:
-    """Roughly dF and the time's derivative by one of the three numbers, or, relatively, by one of the constants."""
-    zero, own = 0 * point[0], (0, 0)
+def _slope(constants: Constants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int) -> list[Any]:
+    """Roughly dF by one of the three numbers."""
+    zero = 0 * point[0]
     moved = [Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point)]
-    if isinstance(moving, str):
-        value = getattr(constants, moving)
-        constants = constants._replace(**{moving: Jet([value, value * _TINY])})
-    else:
-        own = (kind.unit[0][moving], kind.unit[1][moving])
-    image, time = glide(constants, kind(moved[0], moved[1], moved[2], [zero] * 3), Jet.constant(half, 1))
-    first, second, third = ((part.c[1] / _TINY).mid() for part in (*image, time))
-    return [first - own[0], second - own[1], third]
+    image, _ = glide(constants, kind(moved[0], moved[1], moved[2], [zero] * 3), Jet.constant(half, 1))
+    return [(part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)]
 
 
 def _inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
@@ -217,7 +181,7 @@ def family_polynomials(
     point = [part.mid() for part in start]
     free = _unknowns(over)
     nothing = [zero, zero, zero]
-    (a, c, _), (b, d, _) = (_slope(constants, kind, point, total, k) for k in free)
+    (a, c), (b, d) = (_slope(constants, kind, point, total, k) for k in free)
     determinant = a * d - b * c
     inverse = ((d / determinant, -b / determinant), (-c / determinant, a / determinant))
     polynomials = [[part] for part in point]

@@ -16,11 +16,6 @@ which they have the same cycle form a closed set, and an open one because P' - 1
 the part next to the connection gamma_bar_0 falls with a derivative that is not zero as Omega grows, so a = gamma_bar_0
 is a parameter there as well, up to pi.
 
-**A box of disks** (`disk_box`). All of this holds of each disk of the box by itself. The last piece's cycle at a_end
-lies in Q, at a speed between Omega_0 and Omega_1, which move with the disk; there are no fixed points in Q at speeds up
-to the disk's own Omega_h, so its speed is above Omega_h. At the Hopf point Omega is the Omega_crit of each disk. The
-closed form is held against the enclosure for the middle disk only, which the proof does not need.
-
 Where a ball becomes a point or a float: nowhere.
 """
 
@@ -33,7 +28,6 @@ from itertools import pairwise
 
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
 from tippedisk_verify.certified.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.certified.disk_box import each_within
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.certified.pieces import Piece, Status, joined
 from tippedisk_verify.certified.proved_end import ProvedEnd
@@ -55,29 +49,22 @@ class BranchProof:
     stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
-    width: Fraction = Fraction(0)  #: of the box of disks about the given one; 0: of this disk alone
 
     @property
     def hopf_closed(self) -> bool:
         """Whether the pieces are one curve that is proved to begin at the Hopf point."""
         glued = all(a.high == b.low and joined(a, b, b.low) for a, b in pairwise(self.pieces))
-        alike = all(piece.width == self.width for piece in self.pieces)
-        return bool(self.pieces) and alike and glued and hopf_closed(self.parameters, self.pieces[0])
+        return bool(self.pieces) and glued and hopf_closed(self.parameters, self.pieces[0])
 
     @cached_property
     def end_closed(self) -> bool:
         """Whether the last piece runs into what is proved next to the connection."""
         if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
             return False
-        last, box = self.pieces[-1], self.end.box
-        if not box.width == last.width == self.width:
-            return False
-        # The end's speeds move with the disk, and the cycle's is seen from there.
-        (v, omega), (near_v, near_omega) = last.at(last.high), last.scaled_to(last.high, last.within)
-        apart = (abs(mine[1] - theirs) for mine, theirs in zip(last.slopes(last.high), box.along, strict=True))
-        off = near_v + last.moved(last.high)[0], near_omega + self.width * sum(apart, Fraction(0))
+        last = self.pieces[-1]
+        cycle, off = last.at(last.high), last.scaled_to(last.high, last.within)
         with working_precision(_BITS):
-            found = [ball(middle) + arb(0, 1) * ball(part) for middle, part in zip((v, omega), off, strict=True)]
+            found = [ball(middle) + arb(0, 1) * ball(part) for middle, part in zip(cycle, off, strict=True)]
             return self.end.meets(found[1], ball(last.high), found[0])
 
     @property
@@ -95,14 +82,11 @@ class BranchProof:
 
     @property
     def covered(self) -> Fraction | None:
-        """The share of (Omega_h, Omega_crit) that belongs to the curve, or less; None if Omega_h is not proved.
-
-        Of a box of disks it is 1 or not told.
-        """
+        """The share of (Omega_h, Omega_crit) that belongs to the curve, or less; None if Omega_h is not proved."""
         if self.proved:
             return Fraction(1)
         known = self.connection.omega_h if self.connection is not None and self.connection.proved else None
-        if self.omega_end is None or known is None or self.width:
+        if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
         top, bottom = _least(omega_crit(self.parameters)), _least(known)
@@ -127,7 +111,7 @@ class BranchProof:
             return f"nothing is proved: {self._reason}."
         last, first = exact_text(self.pieces[-1].high), exact_text(self.pieces[0].high)
         ratio, v, speed = (rounded_down(part) for part in self.unique_within())
-        crit, end = self._critical, exact_text(self.omega_end or Fraction(0))
+        crit, end = omega_crit(self.parameters), exact_text(self.omega_end or Fraction(0))
         if self.proved:
             amplitudes = "(0, pi)"
             other = f"as a tends to pi {self._connected}; each Omega with Omega_h < Omega < Omega_crit"
@@ -138,14 +122,14 @@ class BranchProof:
                 "Omega_crit"
             )
         return (
-            f"for {self._disks}, gamma being a real "
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a real "
             f"number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} such "
             "that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
             "asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to "
             "itself, which crosses beta = "
             "pi/2 exactly twice a period, and on which |beta - pi/2| is less than pi/2; as a grows Omega falls "
             "strictly, and the period and the largest |beta - pi/2| grow strictly; as a tends to 0 the cycle "
-            f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit}, where a pair of eigenvalues "
+            f"shrinks to inverted spinning, Omega tends to Omega_crit = {crit} rad/s, where a pair of eigenvalues "
             f"crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; {other} is the "
             "speed of exactly one of these cycles. Let P be the half-period map, along the flow at the speed Omega "
             "from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, and then "
@@ -156,39 +140,13 @@ class BranchProof:
         )
 
     @property
-    def _disks(self) -> str:
-        """Of which disks this is proved."""
-        disk = self.parameters
-        if not self.width:
-            return f"the tippedisk with {disk.definition()} under the linear friction law"
-        r, g = exact_text(disk.r), exact_text(disk.g)
-        return (
-            "every tippedisk under the linear friction law of which each of the four numbers e / r, A / (m r^2), "
-            f"(B - m e^2) / (m r^2) and mu sqrt(g r) / epsilon is 1 + d, |d| <= {exact_text(self.width)}, times that "
-            f"of the tippedisk with {disk.definition()} (among these are all disks of which each of the eight numbers "
-            f"r, e, m, A, B, g, mu and epsilon is 1 + d, |d| <= {each_within(disk, self.width)}, times that disk's), "
-            f"each number in rad/s or 1/s being that of the disks with r = {r} m and g = {g} m/s^2, and for others "
-            f"sqrt((g / r) / ({g} / {r} s^-2)) times as large"
-        )
-
-    @property
-    def _critical(self) -> str:
-        if self.width:
-            return "sqrt((r + e)^2 m g / (r (B - m e^2)))"
-        return f"{omega_crit(self.parameters)} rad/s"
-
-    @property
     def _connected(self) -> str:
         """How the curve ends at the connection."""
         assert self.end is not None
         assert self.end.connection.omega_h is not None
         middle, half_width = self.end.connection.omega_h.decimals()
-        where = f"|Omega_h - {middle} rad/s| <= {half_width} rad/s"
-        if self.width:
-            low, high = map(exact_text, self.end.speeds())
-            where = f"{low} rad/s < Omega_h < {high} rad/s"
         return (
-            f"Omega tends to Omega_h, {where}, at which (pi/2, -pi/2, 0) and "
+            f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) and "
             "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends to "
             "infinity, and v_0 to 0"
         )
@@ -198,7 +156,7 @@ class BranchProof:
         """What is proved of other cycles next to the connection."""
         if not self.proved or self.end is None:
             return ""
-        low, high, gamma, v = map(exact_text, (*self.end.common_speeds(), self.end.gamma, self.end.v))
+        low, high, gamma, v = map(exact_text, (self.end.low, self.end.high, self.end.gamma, self.end.v))
         return (
             f" P has no fixed point with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0 for any Omega from "
             f"{low} rad/s to Omega_h, and none but these cycles' for any Omega from there to {high} rad/s."
@@ -232,18 +190,9 @@ class BranchProof:
             "statement": self.statement,
             "ends": ends,
         }
-        numbers: dict[str, object] = {"omega_crit": omega_crit(self.parameters).json()}
+        entries["omega_crit"] = omega_crit(self.parameters).json()
         if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
-            numbers["omega_h"] = self.connection.omega_h.json()
-        if not self.width:
-            entries |= numbers
-        else:
-            entries["box"] = {
-                "width": exact_text(self.width),
-                "of": ["e / r", "A / (m r^2)", "(B - m e^2) / (m r^2)", "mu sqrt(g r) / epsilon"],
-                "each_of_eight_within": each_within(self.parameters, self.width),
-                "middle_disk": numbers,
-            }
+            entries["omega_h"] = self.connection.omega_h.json()
         if hopf:
             names = ("v_0_per_gamma_bar_0", "v_0", "omega")
             entries["amplitude_end"] = exact_text(self.pieces[-1].high)
@@ -253,13 +202,11 @@ class BranchProof:
 
 
 def hopf_closed(parameters: Parameters, piece: Piece) -> bool:
-    """Whether a piece begins at the Hopf point, of disks with the closed forms' hypotheses.
+    """Whether a piece begins at the Hopf point.
 
-    Raises InputError for a disk without them.
+    Raises InputError for a disk without the closed forms' hypotheses.
     """
-    disk = parameters.rational()
-    for e in (disk.e, disk.e * (1 + piece.width)):
-        check_linearization(disk._replace(e=e))
+    check_linearization(parameters.rational())
     known, middle, off = omega_crit(parameters), piece.at(Fraction(0))[1], piece.within[1]
     return piece.scaled and piece.low == 0 and abs(known.value - middle) + known.uncertainty <= off
 

@@ -63,18 +63,6 @@ the orbit of c has been in N for ever, so c is on the unstable manifold's branch
 along -(l, Omega, l^2), l = lambda_u, into the inside of K, and beta_bar < 0 on it from then on in N. So c is the
 saddle.
 
-**A box of disks** (`disk_box`). J moves with the disk, Omega = sigma + sum of `along` times d with sigma in the same
-interval for all of them, and d/d(Omega) at one disk is d/d(sigma). The coordinates z are the middle disk's; every
-enclosure above holds for all disks and their speeds at once, so every inequality holds for each disk by itself.
-
-*Theorem 6 is not needed.* It only says that the connection known from there is at the speed where h(p) = 0. Of any disk
-the following is proved here. h(p(Omega)) is continuous and grows strictly in J, and has either sign at its ends: it
-vanishes at exactly one speed, Omega_h. There p is on the graph, so the orbit from p stays in N for ever, and the cones
-of weights (`lipschitz`, 1, 1), with the saddle for the second orbit, make it converge to the saddle. p is where the
-branch of the unstable manifold arrives that leaves the first saddle with growing gamma (the entries of P for gamma are
-positive), and gamma grows in the flight. So at Omega_h the saddles are connected; at any other speed of J the branch
-leaves N again. The rest of the proof uses of Omega_h only that h(p) vanishes there.
-
 Where a ball becomes a point or a float: eta, t_0, w, t*, c, d and the cells of the exit set are chosen.
 
 Sources: L. P. Shilnikov, Mat. Sb. 61 (1963); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Section 6.4.
@@ -93,7 +81,6 @@ from flint import arb
 
 from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, positive, working_precision
 from tippedisk_verify.certified.connection_flight import Landing, fly_over, joined
-from tippedisk_verify.certified.disk_box import ALONE, MovingBox
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.certified.local_manifolds import FAST, SLOW, UNSTABLE, Frame
@@ -120,14 +107,11 @@ def prove_end(
     reach: object = "0.008",
     below: object = "0.0015",
     watch: Callable[[float], None] | None = None,
-    box: MovingBox | None = None,
 ) -> ProvedEnd:
     """Prove the cycles from the ``connection`` that is proved up to ``reach`` above it, and that ``below`` it is none.
 
     Both [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the flights that is
-    done. With a ``box`` the same is proved of each of its disks, at speeds that move with the disk; the ``connection``
-    is that of the middle one. Raises InputError for the smooth law and for numbers that make no sense,
-    NoConnectionError as `Frame`.
+    done. Raises InputError for the smooth law and for numbers that make no sense, NoConnectionError as `Frame`.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
@@ -140,7 +124,7 @@ def prove_end(
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     with working_precision(_BITS):
-        return _End(parameters, connection, low, high, watch, box or ALONE).prove()
+        return _End(parameters, connection, low, high, watch).prove()
 
 
 def checked_distance(number: object) -> Fraction:
@@ -167,19 +151,13 @@ class _End:
     """One proof, at the working precision."""
 
     def __init__(
-        self,
-        parameters: Parameters,
-        connection: ProvedConnection,
-        low: Fraction,
-        high: Fraction,
-        watch: Any,
-        box: MovingBox = ALONE,
+        self, parameters: Parameters, connection: ProvedConnection, low: Fraction, high: Fraction, watch: Any
     ) -> None:
         self.parameters, self.connection, self.low, self.high, self.watch = parameters, connection, low, high, watch
-        self.constants, self.box, self.disks = ball_constants(parameters), box, box.disks()
+        self.constants = ball_constants(parameters)
         assert connection.omega_h is not None
-        self.frame = Frame(parameters, connection.omega_h.value, self.disks)
-        self.passage: Passage = enclosed_passage(self.frame, self.disks.speed(hull(low, high)))
+        self.frame = Frame(parameters, connection.omega_h.value)
+        self.passage: Passage = enclosed_passage(self.frame, hull(low, high))
         self.u, self.s, _ = self.passage.extents
         self.t_0, self.weight = ball(_FAST), ball(_WEIGHT)
 
@@ -204,18 +182,15 @@ class _End:
         failing = _failing(self._ends(bounds, landing, numbers)) or _failing(self._sides())
         if failing:
             return self._failed(Status.INEQUALITY, failing)
-        # Of a box no Theorem 6 is known; see the module.
-        if not (self.box.width or self._connected()):
+        if not self._connected():
             return self._failed(Status.APART)
-        return ProvedEnd(
-            Status.PROVED, self.connection, self.low, self.high, bounds.gamma, bounds.v, numbers, box=self.box
-        )
+        return ProvedEnd(Status.PROVED, self.connection, self.low, self.high, bounds.gamma, bounds.v, numbers)
 
     def _failed(self, status: Status, detail: str = "") -> ProvedEnd:
-        return ProvedEnd(status, self.connection, self.low, self.high, detail=detail, box=self.box)
+        return ProvedEnd(status, self.connection, self.low, self.high, detail=detail)
 
     def _fly(self, omega: Any, slow: Any, fast: Any) -> Landing | None:
-        flown = fly_over(self.frame, Model(self.constants, omega, disks=self.disks), (self.u, self.s), slow, fast)
+        flown = fly_over(self.frame, Model(self.constants, omega), (self.u, self.s), slow, fast)
         return flown[0] if flown else None
 
     def _lid(self, guess: Landing) -> Any:

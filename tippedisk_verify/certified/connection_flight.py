@@ -13,9 +13,6 @@ Of each step it is proved that 0 < beta_bar < 1.5707, so that gamma grows, and t
 throughout. So v has at most one zero, where beta_bar is largest; its derivatives there are those at a fixed time,
 because beta_bar' = 0.
 
-Of a box of disks the flights of all disks are enclosed, each at the speed that moves with the disk (`disk_box`).
-Derivatives are those of each disk by itself.
-
 Where a ball becomes a point or a float: the guess of a moment.
 """
 
@@ -102,8 +99,8 @@ def _departing(frame: Frame, model: Model, z: Sequence[Any]) -> Path:
     start = (beta, gamma - arb.pi(), v)
     box.middle = [part.mid() for part in start]
     box.rest = [part - point for part, point in zip(start, box.middle, strict=True)]
-    box.lead = [[*(frame.directions[row, k] for k in range(3)), *box.lead[row][3:]] for row in range(3)]
-    box.deviation = [*(part - part.mid() for part in z), *box.deviation[3:]]
+    box.lead = [[*(frame.directions[row, k] for k in range(3)), box.lead[row][3]] for row in range(3)]
+    box.deviation = [*(part - part.mid() for part in z), box.deviation[3]]
     path.box = box.box()
     return path
 
@@ -125,7 +122,7 @@ def _overall(frame: Frame, model: Model, step: Step) -> tuple[list[Any], bool]:
     """z about the second saddle throughout a step, and whether F_s > 0 there."""
     beta, gamma, v = step.enclosure
     z = frame.coordinates((beta, gamma - arb.pi(), v))
-    return z, bool(positive(frame.rates(model.speeds, z)[SLOW]))
+    return z, bool(positive(frame.rates(model.omega, z)[SLOW]))
 
 
 def _climbs(model: Model, step: Step, tops: list[tuple[Any, tuple[Any, ...]]]) -> bool:
@@ -151,7 +148,7 @@ def _landed(
         return seen(frame, step.carried(time))[SLOW] + s
 
     def slope(time: Any) -> Any:
-        return frame.rates(model.speeds, seen(frame, step.carried(time)))[SLOW]
+        return frame.rates(model.omega, seen(frame, step.carried(time)))[SLOW]
 
     if not (negative(level(arb(0))) and tops):
         return None
@@ -160,13 +157,13 @@ def _landed(
         middle = (low + high) / 2
         low, high = (middle, high) if level(ball(middle)).mid() < 0 else (low, middle)
     z, _ = _overall(frame, model, step)
-    moment, proved = enclosed_moment(step, ball(low), level, frame.rates(model.speeds, z)[SLOW], slope)
+    moment, proved = enclosed_moment(step, ball(low), level, frame.rates(model.omega, z)[SLOW], slope)
     if not proved:
         return None
     path.take(step, moment)
     z = seen(frame, path.frame)
     z[SLOW] = -s
-    rates = frame.rates(model.speeds, z)
+    rates = frame.rates(model.omega, z)
     rows = frame.inverse * arb_mat([list(row) for row in path.matrix])
     time_by = tuple(-rows[SLOW, k] / rates[SLOW] for k in (1, 2, 3))
     by = [tuple(rows[row, k] + rates[row] * t for k, t in zip((1, 2, 3), time_by, strict=True)) for row in (0, 2)]

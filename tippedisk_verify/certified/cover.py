@@ -15,12 +15,8 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.certified.arc import GAMMA_BAR, followed_disks
-from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
+from tippedisk_verify.certified.balls import arb, ball_constants, measured, working_precision
 from tippedisk_verify.certified.closed_forms import hopf_balls
-from tippedisk_verify.certified.curve_flow import Curve
-from tippedisk_verify.certified.disk_box import ALONE, MovingBox
-from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.pieces import Guess, Piece, Status, joined, prove_piece
 from tippedisk_verify.model.parameters import Parameters
 
@@ -31,7 +27,6 @@ __all__ = [
     "chain",
     "guess_at",
     "hopf_guess",
-    "moving_box",
     "open_intervals",
     "prove_intervals",
 ]
@@ -40,7 +35,6 @@ HOPF_END = Fraction(4, 5)  #: rad: up to where the piece at the Hopf point is tr
 _LONGEST, _SHARE = Fraction(3, 10), Fraction(1, 7)  # of an interval [rad], and of how far pi is from its beginning
 _MOST_HALVINGS = 5
 _NEAREST = 5  # known cycles that a guess is made of
-_PLACES = 4  # decimals of how speeds move with the disk
 _HOPELESS = (Status.RISING, Status.UNSTABLE)
 
 Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
@@ -112,17 +106,6 @@ def hopf_guess(parameters: Parameters) -> Guess:
         return first, second, third
 
 
-def moving_box(parameters: Parameters, width: Fraction, near: Known) -> MovingBox:
-    """The box of disks with speeds that move with them as those of a known cycle do at its amplitude; a guess."""
-    if not width:
-        return ALONE
-    with working_precision(64):
-        first, v, speed, half = (Jet([ball(part).mid()]) for part in near)
-        moves = followed_disks(ball_constants(parameters), Curve(first, v, speed, [arb(0)] * 3), half, GAMMA_BAR)
-        slopes = [omega.c[0] if omega.c[0].is_finite() else arb(0) for _, omega, _ in moves]
-        return MovingBox(width, tuple(round(measured(slope).value, _PLACES) for slope in slopes))
-
-
 def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
     """The cycle of an amplitude, interpolated between known ones; no proof depends on it."""
     nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
@@ -144,14 +127,13 @@ def prove_intervals(
     known: Sequence[Known],
     executor: Executor | None = None,
     watch: Callable[[Piece | Status, Interval], None] = lambda found, interval: None,
-    width: Fraction = Fraction(0),
 ) -> Status | None:
-    """Why the first interval that was given up could not be proved, of every disk of a box; None if all were.
+    """Why the first interval that was given up could not be proved; None if all were.
 
     ``watch`` is told of each interval that is proved or given up, with the piece or the reason.
     """
     given_up: list[tuple[Fraction, Status]] = []
-    jobs = _Jobs(parameters, known, executor, intervals, width)
+    jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
         if isinstance(found, Status):
             if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
@@ -172,9 +154,8 @@ class _Jobs:
         known: Sequence[Known],
         executor: Executor | None,
         intervals: Iterable[Interval],
-        width: Fraction,
     ) -> None:
-        self.parameters, self.known, self.executor, self.width = parameters, known, executor, width
+        self.parameters, self.known, self.executor = parameters, known, executor
         self.waiting: list[Interval] = []
         self.running: dict[Future[Piece | Status], Interval] = {}
         self.add(intervals)
@@ -202,11 +183,11 @@ class _Jobs:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
-    def _job(self, interval: Interval) -> tuple[Parameters, Interval, Guess, Fraction]:
+    def _job(self, interval: Interval) -> tuple[Parameters, Interval, Guess]:
         if not interval.low:
-            return self.parameters, interval, hopf_guess(self.parameters), self.width
-        return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2), self.width
+            return self.parameters, interval, hopf_guess(self.parameters)
+        return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
 
 
-def _attempt(parameters: Parameters, interval: Interval, guess: Guess, width: Fraction) -> Piece | Status:
-    return prove_piece(parameters, interval.low, interval.high, guess, scaled=not interval.low, width=width)
+def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | Status:
+    return prove_piece(parameters, interval.low, interval.high, guess, scaled=not interval.low)

@@ -10,9 +10,6 @@ where middle and lead are polynomials of s with points for coefficients and axes
 `frame`, with everything that depends on s in a polynomial (`jets`). What is linear in d is never wrapped into a box,
 and what depends on s is neither, up to s^D.
 
-Of a box of disks d has more entries, what the disks differ by, and the start and the speed may move with these
-(`disk_box`). Then the derivatives have more columns, and the rest is as it was.
-
 **One step.** The Taylor coefficients of the orbits from middle(s) come as jets, and so do those of the derivatives
 M(s) by state and Omega, whose starts are all states of the set at that s. *For each s by itself* the argument is that
 of `flow`: polynomials in time and the next coefficient over a box E that holds the polynomials' ranges for all s; if
@@ -61,7 +58,6 @@ from tippedisk_verify.certified.curve_axes import (
     left_over,
     product,
 )
-from tippedisk_verify.certified.disk_box import Disks
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.jets import Jet, inside, negative, positive, symmetric
 from tippedisk_verify.certified.section import UPRIGHT
@@ -87,9 +83,7 @@ class Curve:
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]
     omega: Jet  #: [rad/s]
-    deviation: Sequence[Any]  #: of the three and of the disks' numbers, balls about zero
-    #: of each of the disks' numbers: how v, Omega and the pace of time (`disk_box`) move with it; points
-    along: Sequence[tuple[Jet, Jet, Jet]] = ()
+    deviation: Sequence[Any]  #: of the three, balls about zero
 
     unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: derivatives of `start` by the three numbers
     columns: ClassVar[tuple[int, ...]] = (2,)  #: of which of the three the equations depend
@@ -102,19 +96,8 @@ class Curve:
 
     @property
     def numbers(self) -> tuple[Jet, ...]:
-        """The values of `columns`, with the deviation; of the middle disk."""
+        """The values of `columns`, with the deviation."""
         return (self.omega + self.deviation[2],)
-
-    @property
-    def disks(self) -> Disks:
-        """All disks, and how the speed and the pace move with them."""
-        return Disks(self.deviation[3:], [omega for _, omega, _ in self.along], [pace for *_, pace in self.along])
-
-    @property
-    def start_by(self) -> Matrix:
-        """Derivatives of `start` by all that has a deviation."""
-        first, second = self.unit
-        return (*first, *(0 for _ in self.along)), (*second, *(v for v, *_ in self.along))
 
     def trace(self, matrix: Matrix) -> Jet:
         """Of the half map's derivative by gamma_bar and v at a fixed point, from that by the three numbers."""
@@ -131,16 +114,15 @@ class CurveFlight:
     """What is proved of the orbits from a curve of starts. Only where ``proved`` the rest means anything.
 
     Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
-    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers,
-    and by the disks'.
+    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
     """
 
     proved: Any  #: bool, or one for each lane
     image: Sequence[Jet]
     own_time: Jet  #: of the curve's own orbits [s]
     time: Jet  #: [s]
-    matrix: Sequence[Sequence[Jet]]  #: (2, 3), or more with the disks' numbers: of the half map
-    time_by: Sequence[Jet]  #: (3,), or more
+    matrix: Sequence[Sequence[Jet]]  #: (2, 3): of the half map
+    time_by: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
     #: beta_bar, and its derivatives by the three numbers at a fixed time, in times that hold all moments with v = 0
@@ -153,19 +135,15 @@ class _Systems:
     """The equations of motion for the curve's speeds."""
 
     def __init__(self, constants: Constants, curve: Curve) -> None:
-        disks = curve.disks
-        model = curve.equations(constants, *curve.numbers, disks=disks)
-        self.rates, self.pace = model.rates, disks.pace
-        (self.faster,) = disks.paced([1])
+        model = curve.equations(constants, *curve.numbers)
+        self.rates = model.rates
         self.orbit, self.derivatives = model.orbit_at(curve.omega), model.with_divergence
-        slopes = ([part.range() for part in row] for row in (disks.along, disks.pace))
-        disks = Disks(disks.off, *slopes)
-        bound = curve.equations(constants, *(part.range() for part in curve.numbers), disks=disks)
+        bound = curve.equations(constants, *(part.range() for part in curve.numbers))
         self.orbit_bound, self.derivatives_bound = bound.orbit_at(bound.omega), bound.with_divergence
 
 
 class _Tube:
-    """The set, and the derivatives (3, 3) of its states by the curve's three numbers, or more with the disks'."""
+    """The set, and the derivatives (3, 3) of its states by the curve's three numbers."""
 
     __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")
 
@@ -173,13 +151,12 @@ class _Tube:
         zero = 0 * curve.v.mid()
         nothing = zero.c[0]
         self.middle: list[Jet] = [zero, *curve.start]
-        count = len(curve.deviation)
-        self.deviation, self.columns = curve.deviation, (*curve.columns, *range(3, count))
-        self.lead: Matrix = [[zero] * count, *([zero + part for part in row] for row in curve.start_by)]
+        self.deviation, self.columns = curve.deviation, curve.columns
+        self.lead: Matrix = [[zero] * 3, *([zero + part for part in row] for row in curve.unit)]
         self.axes: Matrix = [[nothing + int(i == j) for j in range(3)] for i in range(3)]
         self.rest: list[Any] = [nothing] * 3
         self.own: list[Any] = [nothing] * 3
-        self.spread: Matrix = [[nothing] * count for _ in range(3)]
+        self.spread: Matrix = [[nothing] * 3 for _ in range(3)]
 
     def box(self) -> list[Jet]:
         """All states, and the middle."""
@@ -198,7 +175,7 @@ class _Tube:
         return [a + b for a, b in zip(centre, applied(self._mapped(rows)[1], self.own), strict=True)]
 
     def derivatives(self, rows: Matrix) -> Matrix:
-        """(3, 3) jets, or more: those of the images by the three numbers and the disks'."""
+        """(3, 3) jets: those of the images by the three numbers."""
         lead, turned = self._mapped(rows)
         return added(lead, product(turned, self.spread))
 
@@ -380,12 +357,11 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]
     tau = _moment(step.polynomials, length / 2)
     centre, rows = step.centre(tau), step.rows(tau)
     beta = tube.image(centre, rows)[0]
-    faster = systems.faster
-    slowest = step.enclosure[2] * (faster.range() if systems.pace else 1)
+    slowest = step.enclosure[2]
     early = tau + symmetric(beta.range() / slowest)
     within = positive(early.range()) & positive((length - early).range())
     v = tube.image(step.centre(early), step.rows(early))[2]
-    moment = tau - beta / (v * faster)
+    moment = tau - beta / v
     time, divergence, least, turning, shares = so_far
     own_time = tau - tube.own_image(centre, rows)[0] / v
     own = tube.own_image(step.centre(own_time), step.rows(own_time))
@@ -393,16 +369,13 @@ def _landed(systems: _Systems, step: _Step, proved: Any, so_far: tuple[Any, ...]
     _, gamma_bar, v = tube.image(step.centre(moment), rows)
     acceleration = systems.rates((0 * v, gamma_bar, v))[2]
     by_start = tube.derivatives(rows)
-    # A disk's pace is in the rates of both, and leaves the quotient.
     time_by = [-entry / v for entry in by_start[0]]
     v_row = [-(entry + acceleration * t) for entry, t in zip(by_start[2], time_by, strict=True)]
-    for k, pace in enumerate(systems.pace, 3):
-        time_by[k] = time_by[k] + pace * (moment + time)
     return CurveFlight(
         proved & passed & within & positive(v.range()) & positive(slowest),
         (-own[1], -own[2]),
         own_time + time,
-        (moment + time) * faster,
+        moment + time,
         ([-entry for entry in by_start[1]], v_row),
         time_by,
         divergence + _polynomial(step.derivatives[-1], moment),

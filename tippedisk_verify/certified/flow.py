@@ -50,7 +50,6 @@ from tippedisk_verify.certified.balls import (
     upper,
     working_precision,
 )
-from tippedisk_verify.certified.disk_box import ONE_DISK, Disks
 from tippedisk_verify.certified.frame import Frame
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.lanes import Lanes
@@ -94,12 +93,11 @@ class Model:
 
     ``constants`` as from `balls.ball_constants`; ``omega`` [rad/s], a ball of any radius or a `Jet` of such; or `Lanes`
     for both. Built once, used for any number of runs; every enclosure holds for all constants and speeds in their
-    balls. ``law`` replaces the equations, for tests with exact answers. With ``disks`` the systems with derivatives are
-    about all of these disks and have columns for what they differ by.
+    balls. ``law`` replaces the equations, for tests with exact answers.
     """
 
-    def __init__(self, constants: Constants, omega: Any, law: Law | None = None, disks: Disks = ONE_DISK) -> None:
-        self.constants, self.disks = constants, disks
+    def __init__(self, constants: Constants, omega: Any, law: Law | None = None) -> None:
+        self.constants = constants
         self.omega: Any = omega if isinstance(omega, Lanes | Jet) else ball(omega)
         self.law = law or _tippedisk
         # The speed's radius goes with the box, in mean-value form.
@@ -107,10 +105,9 @@ class Model:
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         speed = graph.number(self.omega, active=True)
-        moved = disks.recorded(graph)
-        rates = self._rates(graph, moved.speed(speed), variables, moved)
-        #: state (3), derivatives by beta, gamma, v, Omega and d (3 each); the other has the divergence's integral too
-        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed, *moved.off], rates)
+        rates = self._rates(graph, speed, variables)
+        #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
+        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def at_middle(self) -> Model:
         """The model at the midpoint of the speeds."""
@@ -126,18 +123,13 @@ class Model:
         """All orbits from a box of states, to be followed; see `Path`."""
         return Path(self, start, derivatives=derivatives, along=along)
 
-    def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node], disks: Disks = ONE_DISK) -> tuple[Node, ...]:
-        constants = disks.constants(Constants(*(graph.number(value) for value in self.constants)))
-        return tuple(graph.number(rate) for rate in disks.paced(self.law(graph, constants, omega)(*variables)))
+    def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
+        constants = Constants(*(graph.number(value) for value in self.constants))
+        return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls, for all disks, by the time in seconds."""
-        return self.law(BallOps, self.disks.constants(self.constants), self.speeds)(*state)
-
-    @property
-    def speeds(self) -> Any:
-        """Those of all disks [rad/s]."""
-        return self.disks.speed(self.omega)
+        """``(beta', gamma', v')`` [rad/s, rad/s, rad/s^2] on balls."""
+        return self.law(BallOps, self.constants, self.omega)(*state)
 
 
 def _tippedisk(ops: Ops, constants: Constants, omega: Any) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
@@ -156,7 +148,7 @@ class Step:
     derivatives: list[list[Any]]  #: of the derivatives, 3 to a column (and the divergence's integral), likewise
 
     def rows_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
-        """d(state at ``time``)/d(state at the start, Omega, d) for every orbit from the box; ``time`` in the step."""
+        """d(state at ``time``)/d(state at the start, Omega) for every orbit from the box; ``time`` in the step."""
         count = len(self.derivatives)
         entries = [polynomial(series, time) for series in self.derivatives[: count - count % 3]]
         return tuple(tuple(entries[row::3]) for row in range(3))
@@ -213,7 +205,7 @@ class Path:
         if len(start) != 3:
             raise InputError("a state has three components: beta_bar, gamma_bar, v")
         self.model, self.time, self.sharp = model, ball(0), derivatives
-        self.frame = Frame([ball(part) for part in start], model.omega, along, model.disks.off)
+        self.frame = Frame([ball(part) for part in start], model.omega, along)
         self.box = self.frame.box()
         self.divergence = ball(0)
         self.steps = 0
@@ -223,7 +215,7 @@ class Path:
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4), or wider by a column for each of the disks' numbers: d(state)/d(start, Omega, d)."""
+        """(3, 4): d(state)/d(start, Omega)."""
         return self.frame.matrix()
 
     def step(self, longest: float | None = None) -> Step | None:
@@ -300,8 +292,7 @@ class Path:
     def _wide_series(self, order: int, bits: int) -> tuple[System, list[list[Any]]]:
         """The system of all orbits from the box with their derivatives, and its Taylor coefficients."""
         system = self.model.with_divergence if self.sharp else self.model.variational
-        columns = 4 + len(self.model.disks.off)
-        start = [*self.box, *(ball(int(row == column)) for column in range(columns) for row in range(3))]
+        start = [*self.box, *(ball(int(row == column)) for column in range(4) for row in range(3))]
         if self.sharp:
             start.append(ball(0))
         with working_precision(bits if self.sharp else _MEAN_VALUE_BITS):

@@ -36,29 +36,23 @@ Array = NDArray[np.float64]
 class Frame:
     """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
 
-    Each of ``off``, balls about zero by which the disks of a box differ (`disk_box`), adds a column.
-
     ``along`` is how the start moves with Omega [rad s, rad s, rad]: three numbers that are taken as points. The fourth
     column of the derivatives is then by Omega along that line.
     """
 
     __slots__ = ("axes", "deviation", "lead", "middle", "rest", "spread")
 
-    def __init__(
-        self, start: Sequence[Any], omega: Any, along: Sequence[Any] = (0, 0, 0), off: Sequence[Any] = ()
-    ) -> None:
+    def __init__(self, start: Sequence[Any], omega: Any, along: Sequence[Any] = (0, 0, 0)) -> None:
         self.middle: list[Any] = [part.mid() for part in start]
-        #: d: four balls about zero, or more
+        #: d: four balls about zero
         away = (part - mid for part, mid in zip(start, self.middle, strict=True))
-        self.deviation = [*away, omega - omega.mid(), *off]
+        self.deviation = [*away, omega - omega.mid()]
         zero, one = (alike(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
-        self.lead: Matrix = [
-            [*unit[row], alike(self.middle[0], along[row]).mid(), *(zero for _ in off)] for row in range(3)
-        ]
+        self.lead: Matrix = [[*unit[row], alike(self.middle[0], along[row]).mid()] for row in range(3)]
         self.axes: Matrix = unit
         self.rest: list[Any] = [zero] * 3
-        self.spread: Matrix = [[zero] * len(self.deviation) for _ in range(3)]
+        self.spread: Matrix = [[zero] * 4 for _ in range(3)]
 
     def box(self) -> tuple[Any, ...]:
         """Balls that hold all states, and the middle."""
@@ -67,7 +61,7 @@ class Frame:
         return tuple(middle + (a + b).union(zero) for middle, a, b in zip(self.middle, lead, rest, strict=True))
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """(3, 4) balls, or more: the derivatives of all states by the start and by Omega."""
+        """(3, 4) balls: the derivatives of all states by the start and by Omega."""
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
@@ -102,10 +96,9 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Balls: the images of the lead, with the own parts of the speed and the disks, and of the axes."""
+        """Balls: the images of the lead, with the speed's own part, and of the axes."""
         lead = [
-            [*entries[:3], *(part + own for part, own in zip(entries[3:], row[3:], strict=True))]
-            for entries, row in zip(_product(rows, self.lead), rows, strict=True)
+            [*entries[:3], entries[3] + row[3]] for entries, row in zip(_product(rows, self.lead), rows, strict=True)
         ]
         return lead, _product(rows, self.axes)
 

@@ -70,7 +70,6 @@ from flint import arb, arb_mat, arb_series, fmpq, fmpq_poly
 from tippedisk_verify.certified.angles import NONINVERTED, OPS, Turned, rates
 from tippedisk_verify.certified.balls import ball, ball_constants, coefficient, positive, series_length
 from tippedisk_verify.certified.closed_forms import characteristic_polynomial
-from tippedisk_verify.certified.disk_box import ONE_DISK, Disks
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Parameters
@@ -84,12 +83,11 @@ _GUESSES = 12  # doublings of a guessed weight before it is given up
 class Frame:
     """The linear coordinates at noninverted spinning, chosen at one exact speed; see the module.
 
-    With ``disks`` everything enclosed holds for all of these; the coordinates are those of the given one.
     Raises NoConnectionError where the equilibrium is no saddle with one unstable and two real stable directions.
     """
 
-    def __init__(self, parameters: Parameters, speed: Fraction, disks: Disks = ONE_DISK) -> None:
-        self.constants, self.friction = disks.constants(ball_constants(parameters)), parameters.friction
+    def __init__(self, parameters: Parameters, speed: Fraction) -> None:
+        self.constants, self.friction = ball_constants(parameters), parameters.friction
         a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed, NONINVERTED))
         polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
         roots = [root for root, count in polynomial.complex_roots() if count == 1 and root.imag.is_zero()]

@@ -13,15 +13,6 @@ of uniqueness. Then both have the same cycle at that value. Each one's curve sat
 with a regular derivative by (v_0, Omega), so by the implicit function theorem they agree near that value: the pieces
 are parts of one analytic curve. The comparison is one of rational numbers (`joined`).
 
-**A box of disks** (`disk_box`). The flight's deviations hold what the disks differ by, d, and the box of (v_0, Omega)
-moves with it, along C(s) d for polynomials C. For each s and d by itself Krawczyk's operator for this disk is
-
-    - Y F(m; 0)  -  Y (dF/dd along C) d  +  (1 - Y F') [-r, r]
-
-seen from m + C d, by the mean value theorem from the middle disk's m to m + C d. So all of the above is proved of each
-disk, with (v_0, Omega) ``within`` of its own polynomials. Pieces are glued disk by disk: what C d of the two differ by
-counts as well.
-
 The numbers of a piece are decimals, and are what was tested: it can be written down and read back without loss.
 
 Where a ball becomes a point or a float: polynomials and boxes are chosen, and any choice that passes the test is right.
@@ -36,11 +27,10 @@ from fractions import Fraction
 from operator import sub
 from typing import Any
 
-from tippedisk_verify.certified.arc import GAMMA_BAR, Arc, family_polynomials, followed_disks, krawczyk_test
+from tippedisk_verify.certified.arc import GAMMA_BAR, Arc, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.certified.curve_flow import Curve
 from tippedisk_verify.certified.cycle_interval import decimal_above, rounded_jet, two_digits
-from tippedisk_verify.certified.disk_box import SHAPE, disks_off
 from tippedisk_verify.certified.jets import Jet, negative, positive
 from tippedisk_verify.certified.scaled import ScaledCurve
 from tippedisk_verify.model.exact import exact
@@ -90,29 +80,13 @@ class Piece:
     curve: Rows
     unique_within: Pair  #: of the polynomials
     within: Pair  #: of the polynomials lie the true values
-    width: Fraction = Fraction(0)  #: of the box of disks (`disk_box`); 0: one disk
-    #: of a box: how the polynomials move with each of its disks' numbers, polynomials of s too
-    along: tuple[Rows, ...] = ()
 
     def at(self, amplitude: Fraction) -> Pair:
-        """The polynomials' v_0 [rad/s] and Omega [rad/s], of the middle disk."""
-        return self._values(self.curve, amplitude)
-
-    def slopes(self, amplitude: Fraction) -> list[Pair]:
-        """How these two move with each of the disks' numbers."""
-        return [self._values(rows, amplitude) for rows in self.along]
-
-    def moved(self, amplitude: Fraction) -> Pair:
-        """By how much they differ, at most, from disk to disk."""
-        slopes = self.slopes(amplitude)
-        first, second = (self.width * sum((abs(slope[k]) for slope in slopes), Fraction(0)) for k in range(2))
-        return first, second
-
-    def _values(self, rows: Rows, amplitude: Fraction) -> Pair:
+        """The polynomials' v_0 [rad/s] and Omega [rad/s]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
-        first, second = (sum((part * s**k for k, part in enumerate(row)), Fraction(0)) for row in rows)
+        first, second = (sum((part * s**k for k, part in enumerate(row)), Fraction(0)) for row in self.curve)
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
@@ -120,9 +94,9 @@ class Piece:
         return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
-        """Numbers between which Omega lies [rad/s], of all disks."""
-        middle, off = self.at(amplitude)[1], self.within[1] + self.moved(amplitude)[1]
-        return middle - off, middle + off
+        """Numbers between which Omega lies [rad/s]."""
+        middle = self.at(amplitude)[1]
+        return middle - self.within[1], middle + self.within[1]
 
     def json(self) -> dict[str, object]:
         """Exact decimals."""
@@ -133,23 +107,14 @@ class Piece:
             "curve": [[exact_text(part) for part in row] for row in self.curve],
             "unique_within": [exact_text(part) for part in self.unique_within],
             "within": [exact_text(part) for part in self.within],
-        } | self._of_box()
-
-    def _of_box(self) -> dict[str, object]:
-        if not self.width:
-            return {}
-        along = [[[exact_text(part) for part in row] for row in rows] for rows in self.along]
-        return {"width": exact_text(self.width), "along": along}
+        }
 
     @classmethod
     def read(cls, entry: Mapping[str, Any]) -> Piece:
         """What `json` gave. Raises KeyError, TypeError, ValueError or InputError for anything else."""
         unique, near = ((_decimal(x), _decimal(y)) for x, y in (entry["unique_within"], entry["within"]))
         low, high, scaled = _decimal(entry["low"]), _decimal(entry["high"]), entry["scaled"] is True
-        width, along = _decimal(entry.get("width", 0)), tuple(map(_rows, entry.get("along", ())))
-        if len(along) != (len(SHAPE) if width else 0):
-            raise ValueError("a box of disks has other numbers")
-        return cls(low, high, scaled, _rows(entry["curve"]), unique, near, width, along)
+        return cls(low, high, scaled, _rows(entry["curve"]), unique, near)
 
 
 def _rows(entry: Sequence[Any]) -> Rows:
@@ -162,16 +127,14 @@ def _decimal(text: object) -> Fraction:
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Whether both pieces hold this positive amplitude and are proved to have the same cycle there, of each disk."""
+    """Whether both pieces hold this positive amplitude and are proved to have the same cycle there."""
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
-        return False
-    if first.width != second.width:
         return False
     return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Whether what encloses the first one's cycle lies in the second one's box of uniqueness, of each disk."""
+    """Whether what encloses the first one's cycle lies in the second one's box of uniqueness."""
     parts = zip(
         first.at(amplitude),
         first.scaled_to(amplitude, first.within),
@@ -179,11 +142,7 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
         second.scaled_to(amplitude, second.unique_within),
         strict=True,
     )
-    pairs = list(zip(first.slopes(amplitude), second.slopes(amplitude), strict=True))
-    off = [first.width * sum((abs(mine[k] - theirs[k]) for mine, theirs in pairs), Fraction(0)) for k in range(2)]
-    return all(
-        abs(mine - theirs) + apart + near <= room for (mine, near, theirs, room), apart in zip(parts, off, strict=True)
-    )
+    return all(abs(mine - theirs) + near <= room for mine, near, theirs, room in parts)
 
 
 def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
@@ -210,9 +169,8 @@ def prove_piece(
     guess: Guess,
     *,
     scaled: bool = False,
-    width: Fraction = Fraction(0),
 ) -> Piece | Status:
-    """Prove the family from one amplitude to another [rad], of every disk of the box with this ``width``, or of one.
+    """Prove the family from one amplitude to another [rad].
 
     ``guess`` belongs to the middle, of a or (``scaled``) of a^2.
     """
@@ -231,19 +189,10 @@ def prove_piece(
         amplitudes = Jet([ball(middle), ball(length), *[arb(0)] * (_DEGREE - 1)])
         v, speeds = (Jet([ball(part) for part in row]) for row in rows)
         radii = [two_digits(max(abs(row[1]) * share, _LEAST)) for row, share in zip(rows, SHARES, strict=True)]
-        moves = followed_disks(constants, kind(amplitudes, v, speeds, [arb(0)] * 3), half, GAMMA_BAR) if width else []
-        if not all(part.is_finite() for pair in moves for jet in pair for part in jet.c):
-            return Status.NOT_FOLLOWED
-        along = tuple((rounded_jet(pair[0]), rounded_jet(pair[1])) for pair in moves)
-        off = disks_off(width)
-        following = [
-            (Jet([ball(x) for x in pair[0]]), Jet([ball(x) for x in pair[1]]), move[2])
-            for pair, move in zip(along, moves, strict=True)
-        ]
 
         def test(radii: Sequence[Fraction]) -> Arc:
-            deviation = [arb(0), *(arb(0, ball(part)) for part in radii), *off]
-            return krawczyk_test(constants, kind(amplitudes, v, speeds, deviation, following), half, GAMMA_BAR)
+            deviation = [arb(0), *(arb(0, ball(part)) for part in radii)]
+            return krawczyk_test(constants, kind(amplitudes, v, speeds, deviation), half, GAMMA_BAR)
 
         for _ in range(_MOST_ATTEMPTS):
             arc = test(radii)
@@ -258,14 +207,13 @@ def prove_piece(
                         break
                     radii = smaller
                     continue
-                # The box of uniqueness may be wider than that which shows the signs; of a box of disks it hardly is.
+                # The box of uniqueness may be wider than that which shows the signs.
                 room = Fraction(1) if scaled else max(Fraction(22, 7) - high, _LEAST)
                 slopes = [max(abs(row[1]) / length, _LEAST) for row in rows]
-                shares = () if width else _WIDE_SHARES
-                wider = ([two_digits(slope * room * share) for slope in slopes] for share in shares)
+                wider = ([two_digits(slope * room * share) for slope in slopes] for share in _WIDE_SHARES)
                 around = next((wide for wide in wider if min(map(sub, wide, radii)) > 0 and test(wide).proved), radii)
                 held_within, unique = (held[0], held[1]), (around[0], around[1])
-                return Piece(low, high, scaled, rows, unique, held_within, width, along)
+                return Piece(low, high, scaled, rows, unique, held_within)
             failed, radii = Status.NOT_INCLUDED, [two_digits(2 * part) for part in held]
         return failed
 

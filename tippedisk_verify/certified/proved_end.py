@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.certified.balls import arb, ball, positive
-from tippedisk_verify.certified.disk_box import ALONE, MovingBox
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.model.measured import exact_text
 
@@ -38,9 +37,6 @@ class ProvedEnd:
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
     detail: str = ""
-    box: MovingBox = (
-        ALONE  #: disks of which it is proved, each at speeds that move with it; the others are the middle's
-    )
 
     @property
     def proved(self) -> bool:
@@ -50,8 +46,6 @@ class ProvedEnd:
     def statement(self) -> str:
         if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
             return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        if self.box.width:
-            return "of the disks of a box: the statement of the whole family says what is proved."
         parameters = self.connection.parameters
         middle, half_width = self.connection.omega_h.decimals()
         low, high, gamma, v = map(exact_text, (self.low, self.high, self.gamma, self.v))
@@ -72,16 +66,12 @@ class ProvedEnd:
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of
         the ball ``omega``: then a curve of cycles that is proved there is the same curve.
-
-        Of a box: for each of its disks, at the speeds that are moved with it from those of the ball.
         """
         if not self.proved or self.connection.omega_h is None:
             return False
         middle, half_width = self.connection.omega_h.value, self.connection.omega_h.uncertainty
-        # Of a box Omega_h is known to be between the ends; but where there is a fixed point, Omega is above Omega_h.
-        above = self.low if self.box.width else middle + half_width
         inside = (
-            ball(omega) - ball(above),
+            ball(omega) - ball(middle + half_width),
             ball(self.high) - omega,
             ball(gamma_bar) - arb.pi() + ball(self.gamma),
             arb.pi() - gamma_bar,
@@ -90,22 +80,14 @@ class ProvedEnd:
         )
         return all(map(positive, inside))
 
-    def speeds(self) -> tuple[Fraction, Fraction]:
-        """Numbers between which Omega_h lies, of each disk [rad/s]."""
-        return self.low - self.box.moved(), self.high + self.box.moved()
-
-    def common_speeds(self) -> tuple[Fraction, Fraction]:
-        """The interval of speeds of which the statement holds for each disk [rad/s]."""
-        return self.low + self.box.moved(), self.high - self.box.moved()
-
     def json(self) -> dict[str, object]:
         return {
             "proved": self.proved,
             "status": self.status.name.lower(),
             "statement": self.statement,
             "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.json(),
-            "from": exact_text(self.common_speeds()[0]),
-            "to": exact_text(self.common_speeds()[1]),
+            "from": exact_text(self.low),
+            "to": exact_text(self.high),
             "gamma": exact_text(self.gamma),
             "v": exact_text(self.v),
             "numbers": self.numbers,

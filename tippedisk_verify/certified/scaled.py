@@ -37,7 +37,6 @@ from typing import Any
 from tippedisk_verify.certified.balls import positive
 from tippedisk_verify.certified.curve_axes import Matrix
 from tippedisk_verify.certified.curve_flow import Curve
-from tippedisk_verify.certified.disk_box import ONE_DISK, Disks
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.scaled_sine import scaled_sine
 from tippedisk_verify.certified.series import Graph, Node, System, with_derivatives
@@ -109,15 +108,14 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
 class ScaledModel:
     """The equations of motion of (b, g, w), as `flow.Model`; ``square`` is q, ``omega`` in rad/s, jets or balls."""
 
-    def __init__(self, constants: Constants, omega: Any, square: Any, disks: Disks = ONE_DISK) -> None:
-        self.constants, self.omega, self.square, self.disks = constants, omega, square, disks
+    def __init__(self, constants: Constants, omega: Any, square: Any) -> None:
+        self.constants, self.omega, self.square = constants, omega, square
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         speed, q = (graph.number(part, active=True) for part in (omega, square))
-        moved = disks.recorded(graph)
-        rates = self._recorded(graph, variables, moved.speed(speed), q, moved)
-        #: state (3), derivatives by b, g, w, Omega, q and d (3 each), and the integral of the divergence d(w')/d(w)
-        self.with_divergence = with_derivatives(graph, variables, [speed, q, *moved.off], rates)[1]
+        rates = self._recorded(graph, variables, speed, q)
+        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the divergence d(w')/d(w)
+        self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
         """The states alone, at another speed."""
@@ -128,15 +126,11 @@ class ScaledModel:
         )
 
     def rates(self, state: Any) -> tuple[Any, ...]:
-        """``(b', g', w')``, for all disks, by the time in seconds."""
-        constants, speeds = self.disks.constants(self.constants), self.disks.speed(self.omega)
-        return _rates(constants, state, speeds, self.square)
+        """``(b', g', w')``."""
+        return _rates(self.constants, state, self.omega, self.square)
 
-    def _recorded(
-        self, graph: Graph, variables: list[Node], omega: Node, square: Node, disks: Disks = ONE_DISK
-    ) -> tuple[Any, ...]:
-        constants = disks.constants(Constants(*map(graph.number, self.constants)))
-        return disks.paced(_rates(constants, variables, omega, square))
+    def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:
+        return _rates(Constants(*map(graph.number, self.constants)), variables, omega, square)
 
 
 def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
@@ -169,8 +163,6 @@ class ScaledCurve(Curve):
 
     def trace(self, matrix: Matrix) -> Jet:
         fixed = self.v + self.deviation[1]
-        for (slope, *_), d in zip(self.along, self.deviation[3:], strict=True):
-            fixed = fixed + slope * d
         trace: Jet = 1 - fixed * matrix[0][1] + 2 * (self.gamma_bar * matrix[0][0]) + matrix[1][1]
         return trace
 

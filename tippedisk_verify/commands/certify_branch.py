@@ -45,7 +45,6 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
 @click.option(
     "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
 )
-@click.option("--box", metavar="R", help="As one curve: of every disk whose four numbers are within R, relatively.")
 @click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
 @certificate_option
 @executor_option
@@ -56,7 +55,6 @@ def branch(
     where: str | None,
     until: str | None,
     arcs: str | None,
-    box: str | None,
     out: str | None,
     certificate: str | None,
     executor: str,
@@ -67,15 +65,12 @@ def branch(
     It takes some 20 minutes of CPU. Every worker of a cluster needs this version of the package. With --at the cycles
     at many speeds are proved one by one instead: the period to DIGITS digits, stability, and the rest of `orbit`. A^in
     and A^de are the paper's sets, each with Omega_0 = Omega_crit - 0.5.
-
-    With --box the curve is proved of all disks at once of which e / r, A / (m r^2), (B - m e^2) / (m r^2) and
-    mu sqrt(g r) / epsilon differ by no more than R, relatively, from those of the parameters.
     """
     if where is None:
-        return family_as_a_curve(common, jobs, arcs, until, out, box, certificate, executor)
-    if (until, arcs, box, out, certificate, executor) != (*(None,) * 5, "local"):
+        return family_as_a_curve(common, jobs, arcs, until, out, certificate, executor)
+    if (until, arcs, out, certificate, executor) != (*(None,) * 4, "local"):
         raise InputError(
-            "--to, --arcs, --box, --out, --certificate and --executor belong to the family as one curve: leave out --at"
+            "--to, --arcs, --out, --certificate and --executor belong to the family as one curve: leave out --at"
         )
     if common.digits > MOST_DIGITS:
         raise InputError(f"a branch is proved to at most {MOST_DIGITS} digits, not {common.digits}: ask orbit for more")

@@ -40,7 +40,6 @@ _UNITS = 1000  # of the bar, for each rad
 _KNOWN, _NEARER = 60, Fraction(4, 5)  # known cycles; how much nearer to Omega_h each of the last ones is
 _NEAREST = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
-_NARROWEST, _WIDEST = Fraction(1, 10**30), Fraction(1, 100)  # boxes of disks
 
 
 def family_as_a_curve(
@@ -49,7 +48,6 @@ def family_as_a_curve(
     arcs: str | None,
     until: str | None,
     out: str | None,
-    box: str | None,
     certificate: str | None,
     executor: str,
 ) -> int:
@@ -62,15 +60,12 @@ def family_as_a_curve(
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
     wanted = _amplitude(_DEFAULT_END if until is None else until)
-    width = Fraction(0) if box is None else _width(box)
     checked_executor(executor)
     checked_jobs(jobs)
     folder = alone_in(out)
     if certificate is not None:
-        if width:
-            raise InputError("a certificate is written of one disk: leave out --box")
         output_file(certificate)
-    pieces = [] if arcs is None else read_pieces(arcs, parameters, width)
+    pieces = [] if arcs is None else read_pieces(arcs, parameters)
     with workers_of(executor, jobs, needed=False):
         pass  # a cluster that is not there is told at once
     stopped = None
@@ -90,22 +85,22 @@ def family_as_a_curve(
         if not chain(pieces):
             advance("the Hopf point", 0)
             first = open_intervals(pieces, min(wanted, HOPF_END))
-            stopped = prove_intervals(parameters, first, [], watch=keep, width=width)
+            stopped = prove_intervals(parameters, first, [], watch=keep)
         if chain(pieces):
             advance("the connection", 0)
             connection = _connection(parameters)
             known = _known(parameters, connection)
             if until is None and connection is not None:
                 advance("the cycles next to the connection", 0)
-                near = _next_to(connection, known, width)
+                near = _next_to(connection)
                 wanted = _end_for(near, known) or wanted
             if stopped is None and (left := open_intervals(pieces, wanted)):
                 with _answers(executor, jobs, len(left)) as pool:
-                    stopped = prove_intervals(parameters, left, known, pool, keep, width)
+                    stopped = prove_intervals(parameters, left, known, pool, keep)
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    proof = BranchProof(parameters, tuple(found), stopped, connection, near, width)
+    proof = BranchProof(parameters, tuple(found), stopped, connection, near)
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save
@@ -140,17 +135,13 @@ def _answers(executor: str, jobs: int | None, count: int) -> Iterator[Executor |
                 yield compared
 
 
-def _next_to(connection: ProvedConnection, known: list[Known], width: Fraction) -> ProvedEnd | None:
+def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
     """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
     from tippedisk_verify.certified.connection_end import prove_end
-    from tippedisk_verify.certified.cover import moving_box
 
     end = None
-    for reach in _REACHES if connection.proved and connection.parameters is not None else ():
-        box = None
-        if width and connection.parameters is not None:
-            box = moving_box(connection.parameters, width, _inside(connection, Fraction(reach), known))
-        end = prove_end(connection, reach, box=box)
+    for reach in _REACHES if connection.proved else ():
+        end = prove_end(connection, reach)
         if end.proved:
             break
     return end
@@ -169,15 +160,6 @@ def _inside(connection: ProvedConnection, reach: Fraction, known: list[Known]) -
     low = connection.omega_h.value
     inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * reach]
     return min(inside) if inside else known[-1]
-
-
-def _width(text: str) -> Fraction:
-    from tippedisk_verify.model.exact import exact
-
-    number = exact(text)
-    if number.pi_multiple or not _NARROWEST <= number.rational <= _WIDEST:
-        raise InputError(f"--box must be a decimal between 1e-30 and 0.01, not {text[:40]}")
-    return number.rational
 
 
 def _amplitude(text: str) -> Fraction:

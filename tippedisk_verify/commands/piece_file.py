@@ -8,7 +8,6 @@ changes a number can make a new checksum.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from fractions import Fraction
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,11 +27,10 @@ _MOST_BYTES = 64 * 2**20
 _PROVES = "of each amplitude: exactly one cycle in the box, stable; Omega falls, the period and beta_max grow with it"
 
 
-def read_pieces(name: str, parameters: Parameters, width: Fraction = Fraction(0)) -> list[Piece]:
+def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
     """The pieces in the file; none if there is no such file.
 
-    Raises InputError for a file that cannot be written again, is damaged, or belongs to another disk, another box of
-    disks (``width``; 0: one disk) or other code.
+    Raises InputError for a file that cannot be written again, is damaged, or belongs to another disk or other code.
     """
     from tippedisk_verify.certified.pieces import Piece
 
@@ -46,15 +44,15 @@ def read_pieces(name: str, parameters: Parameters, width: Fraction = Fraction(0)
         pieces = [Piece.read(entry) for entry in entries]
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"--arcs {path.name}: this is no file of proved arcs, or it is damaged") from None
-    if disk != parameters.definition() or any(piece.width != width for piece in pieces):
-        raise InputError(f"--arcs {path.name}: its arcs were proved for another disk or box: give another file")
+    if disk != parameters.definition():
+        raise InputError(f"--arcs {path.name}: its arcs were proved for another disk: give another file")
     if difference:
         raise InputError(f"--arcs {path.name}: its arcs were proved by {difference}: give another file")
     return pieces
 
 
 def write_pieces(name: str, parameters: Parameters, pieces: Sequence[Piece]) -> None:
-    """Replace the file by one with these pieces, which know their box. Raises InputError if it cannot be written."""
+    """Replace the file by one with these pieces. Raises InputError if it cannot be written."""
     entries = [piece.json() for piece in sorted(pieces, key=lambda piece: piece.low)]
     head = {"disk": parameters.definition(), "origin": _origin(), "proves": _PROVES}
     write_checked(Path(name), head | {"pieces": entries})
