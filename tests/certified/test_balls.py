@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import random
 from fractions import Fraction
 
 import pytest
@@ -19,8 +21,10 @@ from tippedisk_verify.certified.balls import (
     measured,
     negative,
     positive,
+    within,
     working_precision,
 )
+from tippedisk_verify.certified.lanes import Lanes
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 
@@ -78,12 +82,29 @@ def test_a_hull_holds_both_ends_and_what_lies_between(first, second, bits) -> No
 @given(physical_parameters())
 def test_constants_hold_the_exact_ones(parameters) -> None:
     with working_precision(60):
-        direct = ball_constants(parameters)
-        names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-        boxed = ball_constants({name: hull(getattr(parameters, name), getattr(parameters, name)) for name in names})
+        found = ball_constants(parameters)
     for name, value in parameters.rational()._asdict().items():
-        assert measured(getattr(direct, name)).holds(value), name
-        assert measured(getattr(boxed, name)).holds(value), name
+        assert measured(getattr(found, name)).holds(value), name
+
+
+def test_what_a_ball_shares_with_an_interval_is_held() -> None:
+    draw = random.Random(5)
+    for _ in range(300):
+        mid, rad, length = draw.uniform(-2, 3), draw.choice([0.0, 1e-17, 0.3, 2.0]), draw.uniform(0.1, 2)
+        low, high = (Fraction(mid) + sign * Fraction(rad) for sign in (-1, 1))
+        low, high = max(low, Fraction(0)), min(high, Fraction(length))
+        found = [within(arb(mid, rad), length), within(Lanes([mid], [rad]), Lanes([length])).arb(0)]
+        for shared in found:
+            if low > high:
+                assert not shared.is_finite() or shared.contains(arb(0)) or shared.contains(arb(length))
+            else:
+                assert all(shared.contains(arb(float(end))) for end in (low, high) if Fraction(float(end)) == end)
+                number = measured(shared)
+                # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of doubles.
+                assert number.uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(1, 2**50)
+    assert within(arb.nan(), 1.0).contains(hull(0, 1))
+    assert within(Lanes([math.nan]), Lanes([1.0])).arb(0).contains(hull(0, 1))
+    assert not within(Lanes([5.0]), Lanes([1.0])).is_finite().any()
 
 
 def test_the_precision_is_restored() -> None:

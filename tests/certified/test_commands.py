@@ -1,4 +1,4 @@
-"""`certify equilibria|hopf|table|heteroclinic` as a user meets them."""
+"""`certify equilibria|hopf|heteroclinic` as a user meets them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.certified import connection_end, no_connection, table
-from tippedisk_verify.certified.heteroclinic import ProvedConnection, Status
-from tippedisk_verify.certified.no_connection import ProvedAbsence
+from tippedisk_verify.certified import connection_end
+from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.certified.proved_end import ProvedEnd
 from tippedisk_verify.certified.proved_end import Status as EndStatus
 from tippedisk_verify.cli import main
-from tippedisk_verify.commands import certify
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.parameters import PRINTED
 
 
 def _json(capsys, *arguments: str, status: int = 0) -> dict:
@@ -51,42 +48,6 @@ def test_hopf(capsys) -> None:
     assert "branch of stable limit cycles" in result["statement"]
 
 
-def test_table(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # proved in test_table
-    result = _json(capsys, "certify", "table")
-    assert [number["printed"] for number in result["numbers"]] == ["30.92", "0.886", "-129.04", "1.31e-7"]
-    assert main(["certify", "table"]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == 7
-
-
-def test_omega_h_of_another_g_is_proved_with_that_g(capsys, monkeypatch, tmp_path) -> None:
-    """The table's numbers and Omega_h are of the same disks. Of Table 1 the whole rounding interval is asked about."""
-    monkeypatch.setattr(table, "_cover_supercritical", lambda box, fixed: 0)  # proved in test_table
-    asked = []
-
-    def connection(common, parameters, digits, near):
-        asked.append(parameters)
-        return ProvedConnection(Status.PROVED, Measured(Fraction(30), Fraction(1, 10**6)), True, (), None, True, 64)
-
-    def absence(common, parameters, low, high):
-        asked.append(parameters)
-        assert (low, high) == (Fraction("30.065"), Fraction("30.075"))
-        return ProvedAbsence(parameters, low, high, high, ("turns back",), 1)
-
-    monkeypatch.setattr(certify, "_connection", connection)
-    monkeypatch.setattr(certify, "_absence", absence)
-    disk = tmp_path / "elsewhere.toml"
-    disk.write_text(
-        'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
-        'g = "9.8"\nmu = "0.3"\nepsilon = "0.1"\n'
-    )
-    result = _json(capsys, "certify", "table", "--omega-h", "--parameters", str(disk))
-    assert {parameters.g for parameters in asked} == {Fraction(result["g"])} == {Fraction("9.8")}
-    assert [parameters.A for parameters in asked] == [PRINTED.A, CALIBRATED.A, PRINTED.A]
-    assert list(result["omega_h"]) == ["printed with g = 9.8", "calibrated with g = 9.8"]
-    assert any("no speed that does has a connection" in line for line in result["statements"])
-
-
 def test_heteroclinic_about_a_given_speed(capsys) -> None:
     result = _json(capsys, "certify", "heteroclinic", "--near", "30.2", "--digits", "4", status=1)
     assert (result["proved"], result["status"]) == (False, "not_near")
@@ -110,27 +71,11 @@ def test_the_cycles_next_to_it(capsys, monkeypatch) -> None:
     assert (result["cycles"]["from"], result["cycles"]["to"]) == ("30", "31")
 
 
-def test_no_connection_in_an_interval(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(no_connection, "_FIRST_SHARE", Fraction(1))
-    result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0500", "30.05001")
-    assert (result["proved"], result["outcomes"]) == (True, ["turns back"])
-    assert "from 30.05 to 30.05001 rad/s" in result["statement"]
-    assert PRINTED.definition() in result["statement"]
-    monkeypatch.setattr(no_connection, "_SMALLEST_SHARE", Fraction(1))
-    result = _json(capsys, "certify", "heteroclinic", "--none-between", "30.0488", "30.0489", status=1)
-    assert result["statement"].startswith("nothing is proved")
-
-
 @pytest.mark.slow
-def test_heteroclinic_and_table_by_the_ordinary_road(capsys) -> None:
+def test_heteroclinic_by_the_ordinary_road(capsys) -> None:
     result = _json(capsys, "certify", "heteroclinic", "--digits", "30")
     assert (result["proved"], result["unique"]) == (True, True)
     assert 2 * Fraction(result["omega_h"]["uncertainty"]) <= Fraction(1, 10**30)
-    result = _json(capsys, "certify", "table", "--omega-h")
-    assert any("'calibrated'" in line and "rounds to 30.07" in line for line in result["statements"])
-    assert any("'printed'" in line and "does not round to 30.07" in line for line in result["statements"])
-    assert any("'printed'" in line and "no speed that does has a connection" in line for line in result["statements"])
-    assert result["proved"] is True
 
 
 def test_without_a_saddle_nothing_is_proved(capsys, tmp_path) -> None:
@@ -164,21 +109,14 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
         (["certify", "equilibria", "--omega", "fast"], "not a finite decimal"),
         (["certify", "equilibria", "--omega", "30", "--every-speed"], "--every-speed takes the place"),
         (["certify", "hopf", "--friction", "smooth"], "smooth"),
-        (["certify", "table", "--friction", "smooth"], "linear friction law"),
         (["certify", "heteroclinic", "--digits", "301"], "300 digits"),
         (["certify", "heteroclinic", "--digits", "0"], "digits"),
         (["certify", "heteroclinic", "--near", "-1"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--near", "pi"], "between 1e-6 and 1e6"),
         (["certify", "heteroclinic", "--near", "soon"], "not a finite decimal"),
-        (["certify", "heteroclinic", "--none-between", "30", "soon"], "not a finite decimal"),
-        (["certify", "heteroclinic", "--none-between", "30", "30"], "less than the second"),
-        (["certify", "heteroclinic", "--none-between", "0", "30"], "between 1e-6 and 1e6"),
-        (["certify", "heteroclinic", "--none-between", "30", "pi"], "between 1e-6 and 1e6"),
-        (["certify", "heteroclinic", "--none-between", "30", "31", "--near", "30"], "give one"),
         (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
         (["certify", "heteroclinic", "--cycles", "soon"], "not a finite decimal"),
         (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
-        (["certify", "heteroclinic", "--cycles", "0.001", "--none-between", "30", "31"], "not with --none-between"),
         (["certify", "hopf", "--parameters", "unheard"], "not known"),
         (["certify", "proof"], "proof"),
     ],
@@ -208,5 +146,5 @@ def test_the_help_loads_no_flint(capsys) -> None:
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ran.returncode == 0
-    for command in ("orbit", "hopf", "equilibria", "heteroclinic", "table"):
+    for command in ("orbit", "hopf", "equilibria", "heteroclinic"):
         assert command in ran.stdout

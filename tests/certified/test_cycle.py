@@ -300,16 +300,12 @@ def test_every_reference_cycle_of_the_linear_law_is_proved(place) -> None:
 
 
 @pytest.mark.slow
-def test_all_speeds_of_an_interval_and_all_disks_of_a_box_at_once() -> None:
-    """Each speed within 1e-5 rad/s, and each disk within 1e-8 of Table 1, has exactly one fixed point in the box."""
+def test_all_speeds_of_an_interval_at_once() -> None:
+    """Each speed within 1e-5 rad/s has exactly one fixed point in the box."""
     middle, radii = box("2e-4")
     with working_precision(64):
         speeds = hull(OMEGA - Fraction(1, 10**5), OMEGA + Fraction(1, 10**5))
         assert inclusion(model(omega=speeds), middle, radii).included
-        apart = Fraction(1, 10**8)
-        names = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-        disks = {n: hull(getattr(PRINTED, n) * (1 - apart), getattr(PRINTED, n) * (1 + apart)) for n in names}
-        assert inclusion(Model(ball_constants(disks), ball(OMEGA)), middle, radii).included
 
 
 @pytest.mark.slow

@@ -20,7 +20,6 @@ from tippedisk_verify.certified.heteroclinic import ProvedConnection, prove_conn
 from tippedisk_verify.certified.heteroclinic import Status as ConnectionStatus
 from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.certified.local_manifolds import SLOW, UNSTABLE, Block, Curve, Frame
-from tippedisk_verify.certified.no_connection import prove_absence
 from tippedisk_verify.certified.rotation import prove_rotation
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
@@ -484,16 +483,6 @@ def test_omega_h_to_many_digits(name: str, digits: int) -> None:
     assert proof.unique
     assert proof.omega_h.holds(truth.value)
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**digits)
-
-
-@pytest.mark.parametrize(("low", "high", "outcome"), [("30.087", "30.08701", "turns"), ("30.07", "30.07001", "past")])
-def test_on_either_side_there_is_no_connection(low: str, high: str, outcome: str, monkeypatch) -> None:
-    monkeypatch.setattr("tippedisk_verify.certified.no_connection._FIRST_SHARE", Fraction(1))
-    absence = prove_absence(SMOOTH, low, high)
-    assert absence.proved
-    assert len(absence.outcomes) == 1
-    assert outcome in absence.outcomes[0]
-    assert "smooth Coulomb" in absence.statement
 
 
 def saddle_curve(along: int, width: str = "0") -> tuple[Curve, Saddle]:

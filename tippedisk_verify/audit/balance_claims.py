@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import chi, critical_period
+from tippedisk_verify.audit.table_rounding import noted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.theory import harmonic_balance, hopf
 from tippedisk_verify.theory.expansion import derived, printed
@@ -176,7 +177,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "below Eq. Csol",
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
-        number(chi, "the printed formula", ("closed form",)),
+        number(chi, noted("chi", "the printed formula"), ("closed form",)),
         unit="kg m^3",
         formula=r"\chi = A(r-2e) - \bar{B}\,\frac{2r^2+e(r+e)}{2(r+e)}",
         proof=ProofOffer("Theorem 3", ("certify hopf",), "an enclosure of the number", law="linear"),
@@ -229,7 +230,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "text below Eq. omega_sol",
         "the period at the Hopf point is 0.886 s",
         "0.886",
-        number(critical_period, "0.8867 for Table 1 as rounded", ("closed form",)),
+        number(critical_period, noted("period_crit", "0.8867 for Table 1 as rounded"), ("closed form",)),
         unit="s",
         formula=r"T_\text{crit} = \frac{2\pi}{\Omega_\text{crit}}\sqrt{\frac{r+e}{e}}",
         proof=ProofOffer(

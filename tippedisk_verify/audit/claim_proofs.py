@@ -52,9 +52,8 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
     for name, answer in finding.holds.items():
         if answer is None or not _covered(offer, sets[name]) or not _decides(finding.computed[name], claim.printed):
             continue
-        parts = (*offer.commands, offer.against) if offer.against and not answer else offer.commands
         chosen = f"--parameters {quote(name)}" + " --friction smooth" * (sets[name].friction == "smooth")
-        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in parts)
+        commands[name] = " && ".join(f"tippedisk-verify {part} {chosen}" for part in offer.commands)
     if not commands:
         return None
     rests = [offer.rest] if offer.rest else []

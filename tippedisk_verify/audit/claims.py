@@ -118,7 +118,6 @@ class ProofOffer(NamedTuple):
     rest: str = ""  #: what of the claim it leaves unproved
     law: Friction | None = None  #: the only one that it covers; None: both
     every_disk: bool = False
-    against: str = ""  #: a further command, for the sets of which the claim does not hold
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from tippedisk_verify.audit.claims import EXACT, Audit, Claim, Examination, ProofOffer, compared, number, per_set
 from tippedisk_verify.audit.table_claims import critical_speed, stiff_eigenvalue
+from tippedisk_verify.audit.table_rounding import noted
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -140,7 +141,11 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "Eq. approx_omega_crit",
         "Omega_crit = sqrt((r+e)^2/r * m g/Bbar) = 30.92 rad/s",
         "30.92",
-        number(critical_speed, "Table 1 as rounded gives less; a set inside its rounding gives it", ("closed form",)),
+        number(
+            critical_speed,
+            noted("omega_crit", "Table 1 as rounded gives less", "a set inside its rounding gives it"),
+            ("closed form",),
+        ),
         unit="rad/s",
         formula=r"\Omega_\text{crit} = \sqrt{\frac{(r+e)^2}{r}\,\frac{m g}{\bar{B}}}",
         proof=_theorem_1("the formula, and an enclosure of the number"),
@@ -169,7 +174,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "-129.04",
         number(
             stiff_eigenvalue,
-            "the number is A_33, the leading term; the eigenvalue itself depends on Omega",
+            noted("lambda_3", "the number is A_33, the leading term; the eigenvalue itself depends on Omega"),
             ("closed form",),
         ),
         unit="1/s",

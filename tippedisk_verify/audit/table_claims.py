@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from decimal import Decimal
 from fractions import Fraction
 
 from tippedisk_verify.audit.claims import EXACT, Audit, Claim, ProofOffer, compared, rounds_to
+from tippedisk_verify.audit.table_rounding import inside_table
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory import harmonic_balance
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
 __all__ = ["TABLE_CLAIMS", "chi", "critical_period", "critical_speed", "stiff_eigenvalue"]
-
-_TABLE = {"r": "0.045", "e": "2.5e-3", "m": "0.435", "A": "0.249e-3", "B": "0.227e-3"}
 
 
 def critical_speed(audit: Audit, name: str) -> Measured:
@@ -37,20 +34,11 @@ def chi(audit: Audit, name: str) -> Measured:
     return Measured(harmonic_balance.chi(audit.sets[name].rational(), "printed"), Fraction(0))
 
 
-def _inside_table(parameters: Parameters) -> bool:
-    """Whether each tabled quantity rounds to what the table prints, and g lies in [9.80, 9.82]."""
-    inside = Fraction("9.80") <= parameters.g <= Fraction("9.82")
-    for name, text in _TABLE.items():
-        half = Fraction(10) ** int(Decimal(text).as_tuple().exponent) / 2
-        inside = inside and abs(getattr(parameters, name) - Fraction(text)) <= half
-    return inside
-
-
 def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Whether the set lies inside Table 1's rounding and reproduces all printed closed-form numbers at once."""
     pairs = zip(printed.split(", "), (critical_speed, critical_period, stiff_eigenvalue, chi), strict=True)
     missed = [text for text, compute in pairs if not rounds_to(compute(audit, name), text)]
-    inside = _inside_table(audit.sets[name])
+    inside = inside_table(audit.sets[name])
     where = "inside" if inside else "outside"
     return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
 
@@ -65,9 +53,9 @@ TABLE_CLAIMS: tuple[Claim, ...] = (
         compared(_joint, "yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)", EXACT),
         formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; A_{33},\; \chi",
         proof=ProofOffer(
-            "Theorem 4",
-            ("certify table",),
-            "whether the disk rounds to Table 1, and which of the four printed numbers it gives",
+            "Theorem 3",
+            ("certify hopf",),
+            "enclosures of the four numbers; whether the disk rounds to Table 1 is seen from its decimals",
             law="linear",
         ),
     ),

@@ -18,7 +18,7 @@ Where a ball becomes a point here: `measured` takes a ball's midpoint and radius
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
@@ -28,7 +28,7 @@ from flint import acb_series, arb, arb_series, ctx, fmpq
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import SYMBOLS, Constants, Parameters
+from tippedisk_verify.model.parameters import Constants, Parameters
 
 __all__ = [
     "BallOps",
@@ -134,18 +134,9 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def ball_constants(parameters: Parameters | Mapping[str, Any]) -> Constants:
-    """The field's constants as balls: of exact parameters, or of a mapping r, e, m, A, B, g, mu, epsilon of balls.
-
-    Quotients and Bbar = B - m e^2 are formed on balls, so for a box of parameters they hold all that the box gives.
-    """
-    if isinstance(parameters, Parameters):
-        return Constants(*(_rational(value) for value in parameters.rational()))
-    r, e, m, A, B, g, mu, epsilon = (ball(parameters[name]) for name in SYMBOLS)
-    Bbar = B - m * (e * e)
-    traction = mu * g
-    # Bbar / m = B / m - e^2 names the mass once: no wider than it must be.
-    return Constants(r, e, m, A, B, Bbar, g, mu, epsilon, A / m, B / m - e * e, traction / epsilon, traction)
+def ball_constants(parameters: Parameters) -> Constants:
+    """The field's constants as balls that hold the exact ones, at the working precision."""
+    return Constants(*(_rational(value) for value in parameters.rational()))
 
 
 def positive(x: Any) -> Any:

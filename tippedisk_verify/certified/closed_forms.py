@@ -313,7 +313,7 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
 
 
 def hopf_balls(constants: Constants) -> dict[str, Any]:
-    """The numbers of `ProvedHopf` as balls, for constants that are balls (of one disk, or of a box of disks).
+    """The numbers of `ProvedHopf` as balls, for constants that are balls.
 
     With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega); with z' = lambda z + c_1 z |z|^2 on
     the centre manifold, |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
-    from tippedisk_verify.certified.no_connection import ProvedAbsence
     from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
 
@@ -75,43 +74,7 @@ def hopf(common: Common) -> int:
 
 
 @certify.command()
-@click.option("--omega-h", is_flag=True, help="Omega_h too, of Table 1 as it stands and of `calibrated` (a minute).")
-@common_options
-def table(common: Common, omega_h: bool) -> int:
-    """Prove which of the paper's printed numbers can follow from its Table 1, as it is rounded.
-
-    The parameters give g, of which the paper prints no value, and a disk that is compared with the table.
-    """
-    from tippedisk_verify.certified.rounding import rounding_interval
-    from tippedisk_verify.certified.table import OMEGA_H, omega_h_statements, study_table, with_gravity
-    from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-
-    common.parameters.refuse_smooth("the paper's printed numbers are")
-    study = study_table(common.parameters)
-    result, statements = {"proved": True, **study.json()}, list(study.statements)
-    if omega_h:
-        disks = [with_gravity(known, study.gravity) for known in (PRINTED, CALIBRATED)]
-        proofs = {disk.name: _connection(common, disk, 6, None) for disk in disks}
-        # Only what is proved has an Omega_h.
-        given = [(disk, omega) for disk in disks if (omega := proofs[disk.name].omega_h) is not None]
-        low, high = rounding_interval(OMEGA_H)
-        # Of Table 1 as it stands more is asked than that the connection found is another one.
-        table_1, first = disks[0], proofs[disks[0].name].omega_h
-        missed = first is not None and not low <= first.value <= high
-        absences = {table_1.name: _absence(common, table_1, low, high)} if missed else {}
-        result["omega_h"] = {name: proof.json() for name, proof in proofs.items()}
-        result["no_omega_h"] = {name: absence.json() for name, absence in absences.items()}
-        result["proved"] = all(p.proved for p in proofs.values()) and all(p.proved for p in absences.values())
-        excluded = [name for name, absence in absences.items() if absence.proved]
-        statements += omega_h_statements(given, study.witness, excluded=excluded)
-        result["statements"] = statements
-    print_result(common, result, statements)
-    return 0 if result["proved"] else 1
-
-
-@certify.command()
 @click.option("--near", metavar="X", help="Prove it about this speed [rad/s]; about the computed Omega_h if not given.")
-@click.option("--none-between", nargs=2, metavar="X Y", help="Prove instead that no speed from X to Y [rad/s] is one.")
 @click.option(
     "--cycles",
     metavar="D",
@@ -119,13 +82,7 @@ def table(common: Common, omega_h: bool) -> int:
 )
 @certificate_option
 @common_options
-def heteroclinic(
-    common: Common,
-    near: str | None,
-    none_between: tuple[str, str] | None,
-    cycles: str | None,
-    certificate: str | None,
-) -> int:
+def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: str | None) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
     from tippedisk_verify.files import output_file, write_text
@@ -138,16 +95,8 @@ def heteroclinic(
         from tippedisk_verify.certified.connection_end import checked_distance
 
         checked_distance(cycles)
-        if none_between is not None or common.parameters.friction != "linear":
-            raise InputError("--cycles goes with Omega_h under the linear friction law, not with --none-between")
-    if none_between is not None:
-        if near is not None:
-            raise InputError(
-                "--near is about a speed that is Omega_h, --none-between about speeds that are not: give one"
-            )
-        absence = _absence(common, common.parameters, *none_between)
-        print_result(common, absence.json())
-        return 0 if absence.proved else 1
+        if common.parameters.friction != "linear":
+            raise InputError("--cycles goes with Omega_h under the linear friction law")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
@@ -219,32 +168,19 @@ def _connection(common: Common, parameters: Parameters, digits: int, near: str |
     return proof
 
 
-def _absence(common: Common, parameters: Parameters, low: object, high: object) -> ProvedAbsence:
-    """The proof that no speed of an interval has a connection."""
-    from tippedisk_verify.certified.no_connection import prove_absence
-
-    with progress(common, 100) as advance:
-        return prove_absence(parameters, low, high, _shares(advance, "no connection"))
-
-
 def _end(common: Common, connection: ProvedConnection, reach: object) -> ProvedEnd:
     """The proof of the limit cycles next to a connection."""
     from tippedisk_verify.certified.connection_end import prove_end
 
     with progress(common, 100) as advance:
-        return prove_end(connection, reach, watch=_shares(advance, "limit cycles"))
+        done = 0
 
+        def watch(share: float) -> None:
+            nonlocal done
+            advance("limit cycles", int(100 * share) - done)
+            done = int(100 * share)
 
-def _shares(advance: Callable[[str, int], None], name: str) -> Callable[[float], None]:
-    """Tells a bar of a hundred steps which share is done."""
-    done = 0
-
-    def watch(share: float) -> None:
-        nonlocal done
-        advance(name, int(100 * share) - done)
-        done = int(100 * share)
-
-    return watch
+        return prove_end(connection, reach, watch=watch)
 
 
 _EQUILIBRIA = ("inverted", "noninverted")
