@@ -179,7 +179,6 @@ SHAPES: dict[str, Shape] = {
     "stress": Shape(("stress",), {**_JOBS, "--only": ("flat", NOT_NAMES)}),
     "certify equilibria": Shape(("certify", "equilibria"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS)}),
     "certify hopf": Shape(("certify", "hopf"), _COMMON),
-    "certify table": Shape(("certify", "table"), _COMMON),
     "certify orbit": Shape(
         ("certify", "orbit"), {**_COMMON, "--omega": ("30.4", NOT_SPEEDS), "--certificate": ("c.json", NOT_TARGETS)}
     ),
@@ -199,7 +198,6 @@ SHAPES: dict[str, Shape] = {
             **_JOBS,
             "--to": ("3", st.one_of(NOT_ANGLES, st.sampled_from(["0", "-1", "3.1416"]))),
             "--arcs": ("arcs", NOT_TARGETS),
-            "--box": ("1e-6", st.one_of(NOT_DISTANCES, st.sampled_from(["0.02", "1", "1e-31"]))),
             "--out": ("out", NOT_FOLDERS),
             "--executor": ("serial", NOT_EXECUTORS),
         },

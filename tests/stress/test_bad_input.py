@@ -36,7 +36,7 @@ def test_every_command_and_every_option_is_spoiled_somewhere() -> None:
         names = tuple(word for word in shape.words if not word.startswith("--"))
         spoiled.setdefault(names, set()).update(shape.options)
     # --below-crit is of the same kind as --omega (test_speeds_below_omega_crit); the others take two values.
-    elsewhere = {"--below-crit", "--guess", "--none-between", "--range"}
+    elsewhere = {"--below-crit", "--guess", "--range"}
     for words, command in _leaves(cli):
         options = [option for option in command.params if isinstance(option, click.Option) and not option.is_flag]
         taken = {name for option in options for name in option.opts if name.startswith("--")}

@@ -36,8 +36,6 @@ from tippedisk_verify.certified.section import (
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
-    "MOST_TRIALS",
-    "SHORTEST_STEP",
     "Block",
     "HalfFlights",
     "guess",
@@ -62,8 +60,8 @@ _DAMPED = 1.0  # how often the series over a box decays along v in a step
 _TOLERANCE = 1 / 16  # remainders, in units of a box's radius
 _LEAST_ROUGH = 2.0**-34  # remainders of derivatives, which multiply radii: as small as this or as the radius
 _WIDEST = 2.0**-3  # as in `flow`
-SHORTEST_STEP = 2.0**-40
-MOST_TRIALS = 40
+_SHORTEST_STEP = 2.0**-40
+_MOST_TRIALS = 40
 _FIRST_SHARE = 0.75
 _U, _TINY = 2.0**-53, 2.0**-1000
 
@@ -170,10 +168,10 @@ class Block(Path):
         proved = followed & upright & np.where(self.turned, case.rises | case.crosses, case.falls | case.turns)
         self._turn(step, case, proved)
         landings = self._land(step, case, proved)
-        short = ~(step.length.midpoints >= SHORTEST_STEP)
+        short = ~(step.length.midpoints >= _SHORTEST_STEP)
         self.go_on(step, proved, crossing)
         status = np.full(len(self.lanes), None)
-        stuck = ~proved & (short | (self.failures >= MOST_TRIALS))
+        stuck = ~proved & (short | (self.failures >= _MOST_TRIALS))
         status[stuck] = Status.NO_ENCLOSURE
         status[stuck & accepted] = Status.UNRESOLVED
         status[stuck & accepted & ~upright] = Status.FLAT

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -22,9 +21,7 @@ from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, Shortfall
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from fractions import Fraction
-    from typing import Any
 
     from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.orbits.basin_boundary import BasinBoundary
@@ -39,7 +36,6 @@ __all__ = ["COMMANDS"]
 @click.option("--seconds", type=float, default=20.0, show_default=True, metavar="T", help="How long each runs [s].")
 @click.option("--velocity", type=float, default=0.0, show_default=True, metavar="V", help="d(beta)/dt at the start.")
 @click.option("--margin", metavar="BETA,GAMMA,V", help="Only how far this start is from the boundary, in beta [rad].")
-@click.option("--proved", "is_proved", is_flag=True, help="Call decided only what a proof decides.")
 @click.option("--jobs", type=int, metavar="N", help="Processes; as many as there are cores if not given.")
 @click.option("--out", metavar="DIR", help="Write picture and CSV there.")
 @common_options
@@ -51,7 +47,6 @@ def basin(
     seconds: float,
     velocity: float,
     margin: str | None,
-    is_proved: bool,
     jobs: int | None,
     out: str | None,
 ) -> int:
@@ -62,10 +57,8 @@ def basin(
     if margin is not None:
         print_result(common, _margin(common, value, margin))
         return 0
-    if is_proved:
-        common.parameters.refuse_smooth("basins are proved")
     folder = alone_in(out)
-    with progress(common, count) as advance, processes(jobs, needed=count >= (1_000 if is_proved else 10_000)) as pool:
+    with progress(common, count) as advance, processes(jobs, needed=count >= 10_000) as pool:
         plane = basins(
             common.parameters,
             value,
@@ -74,7 +67,6 @@ def basin(
             v=velocity,
             advance=advance,
             executor=pool,
-            prepare=partial(_proof, common.parameters, value, seconds) if is_proved else None,
         )
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins, draw_boundary
@@ -88,18 +80,8 @@ def basin(
         write_basins(plane, folder)
     shares = plane.fractions().items()
     lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)
-    print_result(common, {**plane.json(), "proved": is_proved}, lines)
+    print_result(common, plane.json(), lines)
     return 0
-
-
-def _proof(parameters: Parameters, omega: Fraction, duration: float) -> Callable[[Any], Any]:
-    """A function that decides states by proofs."""
-    from tippedisk_verify.certified.attraction import strip
-    from tippedisk_verify.certified.basins import proved_outcomes
-    from tippedisk_verify.orbits.basins import OUTCOMES
-
-    cells = strip(parameters, omega)
-    return partial(proved_outcomes, names=OUTCOMES, strip=cells, parameters=parameters, omega=omega, duration=duration)
 
 
 def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:

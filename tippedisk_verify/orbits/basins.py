@@ -91,12 +91,10 @@ def basins(
     seed: int = 1,
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
-    prepare: Callable[[], Callable[[Any], Any]] | None = None,
 ) -> Basins:
     """Run ``count`` states (rounded up to a full grid) for ``duration`` [s] and say what each ends on.
 
-    What is undecided then runs on, up to eight times as long. What ``prepare`` returns replaces the runs: a
-    function of states (n, 3) that gives indices into `OUTCOMES`, such as a proof.
+    What is undecided then runs on, up to eight times as long.
 
     With an ``executor`` portions run on it, in any order; the result does not depend on it. Raises InputError for a
     count, duration, seed or speed that makes no sense.
@@ -117,20 +115,15 @@ def basins(
     beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi
     gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
     states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
-    portion = _PORTION
-    classify: Callable[[Any], Any]
-    if prepare is not None:
-        portion, classify = _PORTION // 4, prepare()
-    else:
-        classify = partial(
-            classified_lanes,
-            parameters=parameters,
-            omega=speed,
-            duration=duration,
-            attractors=Attractors.at(parameters, speed),
-        )
+    classify = partial(
+        classified_lanes,
+        parameters=parameters,
+        omega=speed,
+        duration=duration,
+        attractors=Attractors.at(parameters, speed),
+    )
     outcome = numpy.empty(len(states), dtype=numpy.int8)
-    portions = [(first, states[first : first + portion]) for first in range(0, len(states), portion)]
+    portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
     for first, outcomes in _run(portions, classify, executor):
         outcome[first : first + len(outcomes)] = outcomes
         advance("states", len(outcomes))
