@@ -13,7 +13,7 @@ import pytest
 from flint import acb_series, arb_series, ctx
 
 from tests.certified.trajectory import proved_state
-from tippedisk_verify.certified import closed_forms, table
+from tippedisk_verify.certified import closed_forms
 from tippedisk_verify.certified.angles import rates
 from tippedisk_verify.certified.balls import (
     arb,
@@ -26,6 +26,7 @@ from tippedisk_verify.certified.balls import (
 )
 from tippedisk_verify.certified.closed_forms import hopf_balls, proved_equilibrium, proved_hopf
 from tippedisk_verify.certified.heteroclinic import prove_connection
+from tippedisk_verify.certified.local_manifolds import Frame
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
@@ -95,10 +96,10 @@ def test_a_thread_that_cuts_series_short_falsifies_no_proof() -> None:
 
 def slope_of_chi() -> Measured:
     """By e, of the disk printed; series of two coefficients in 100 bits."""
-    box = {name: (Fraction(text), Fraction(text)) for name, text in table.TABLE.items()}
-    fixed = {"g": PRINTED.g, "mu": PRINTED.mu, "epsilon": PRINTED.epsilon}
-    with working_precision(100):
-        return measured(table._slope(table._chi, "e", box, fixed))
+    with working_precision(100), series_length(2):
+        e, constants = arb_series([ball(PRINTED.e), 1], prec=2), ball_constants(PRINTED)
+        moved = constants._replace(e=e, Bbar=constants.B - constants.m * e * e)
+        return measured(coefficient(closed_forms.chi(moved), 1))
 
 
 @pytest.mark.parametrize(
@@ -160,14 +161,12 @@ def test_a_series_cut_short_in_a_proof_ends_it(meddled: Callable[[str, int], Non
             prove()
 
 
-def test_a_slope_cut_short_is_not_taken_for_zero() -> None:
-    def cut(p: Any) -> Any:
-        ctx.cap = 1
-        return p.r * p.e
-
-    box = {name: (Fraction(text), Fraction(text)) for name, text in table.TABLE.items()}
+def test_a_slope_cut_short_is_not_taken_for_zero(meddled: Callable[[str, int], None]) -> None:
+    frame, z = Frame(PRINTED, Fraction(30)), [arb(0), arb("0.1"), arb(0)]
+    assert any(not slope.contains(arb(0)) for slope in frame.derivative_by_speed(ball(30), z))
+    meddled("cap", 1)
     with pytest.raises(Shortfall, match=r"ctx\.cap"):
-        table._slope(cut, "r", box, {})
+        frame.derivative_by_speed(ball(30), z)
 
 
 @pytest.mark.parametrize("bits", [2, 24, 500])
