@@ -122,9 +122,9 @@ class BranchProof:
                 "Omega_crit"
             )
         return (
-            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a real "
-            f"number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} such "
-            "that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
+            f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a "
+            f"real number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} "
+            "such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
             "asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), maps to "
             "itself, which crosses beta = "
             "pi/2 exactly twice a period, and on which |beta - pi/2| is less than pi/2; as a grows Omega falls "
@@ -146,9 +146,9 @@ class BranchProof:
         assert self.end.connection.omega_h is not None
         middle, half_width = self.end.connection.omega_h.decimals()
         return (
-            f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) and "
-            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends to "
-            "infinity, and v_0 to 0"
+            f"Omega tends to Omega_h, |Omega_h - {middle} rad/s| <= {half_width} rad/s, at which (pi/2, -pi/2, 0) "
+            "and (pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends "
+            "to infinity, and v_0 to 0"
         )
 
     @property

@@ -114,7 +114,8 @@ class CurveFlight:
     """What is proved of the orbits from a curve of starts. Only where ``proved`` the rest means anything.
 
     Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
-    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
+    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three
+    numbers.
     """
 
     proved: Any  #: bool, or one for each lane
