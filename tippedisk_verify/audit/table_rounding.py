@@ -5,8 +5,8 @@ mu and epsilon are choices and exact. Such disks are the points of a box. A clos
 arithmetic (mpmath's ``iv``, which rounds outwards), so its interval over a box holds the numbers of all disks there.
 
 Let [c, d] be the numbers that round to a decimal. Some disk gives it if one corner of the box has a number of at
-least c and one a number of at most d: closed forms are continuous on the box, where B > m e^2. No disk gives it if the
-box can be cut into parts whose intervals all miss [c, d].
+least c and one a number of at most d: closed forms are continuous on the box, where B > m e^2. No disk gives it if
+the box can be cut into parts whose intervals all miss [c, d].
 """
 
 from __future__ import annotations
