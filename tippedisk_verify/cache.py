@@ -4,6 +4,8 @@ In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` the
 the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file
 is written whole with its checksum (`checksums`), so runs may use the cache at the same time. A cache that is damaged or
 cannot be used is no error: what is not found in it is computed.
+
+No library does it: the entries of joblib and diskcache are pickles, which are code, and have no checksums.
 """
 
 from __future__ import annotations

@@ -17,33 +17,28 @@ from tippedisk_verify.audit import (
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
 
-__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "home_of", "selected"]
+__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "group_of", "selected"]
 
-_HOMES = {
+_GROUPS = {
     "Model, linear analysis and harmonic balance": (
-        (table_claims.__name__, table_claims.TABLE_CLAIMS),
-        (linear_claims.__name__, linear_claims.LINEAR_CLAIMS),
-        (balance_claims.__name__, balance_claims.BALANCE_CLAIMS),
+        *table_claims.TABLE_CLAIMS,
+        *linear_claims.LINEAR_CLAIMS,
+        *balance_claims.BALANCE_CLAIMS,
     ),
-    "Slow manifold": ((manifold_claims.__name__, manifold_claims.MANIFOLD_CLAIMS),),
-    "Heteroclinic connection": ((connection_claims.__name__, connection_claims.CONNECTION_CLAIMS),),
-    "Limit cycles and trajectories": ((global_claims.__name__, global_claims.GLOBAL_CLAIMS),),
-    "Friction laws and attraction": ((friction_claims.__name__, friction_claims.FRICTION_CLAIMS),),
+    "Slow manifold": manifold_claims.MANIFOLD_CLAIMS,
+    "Heteroclinic connection": connection_claims.CONNECTION_CLAIMS,
+    "Limit cycles and trajectories": global_claims.GLOBAL_CLAIMS,
+    "Friction laws and attraction": friction_claims.FRICTION_CLAIMS,
 }
 #: What the claims are about, in the order of the paper.
-GROUPS: tuple[str, ...] = tuple(_HOMES)
-_PLACE = {claim.name: (group, home) for group, homes in _HOMES.items() for home, claims in homes for claim in claims}
-CLAIMS: tuple[Claim, ...] = tuple(claim for homes in _HOMES.values() for _, claims in homes for claim in claims)
+GROUPS: tuple[str, ...] = tuple(_GROUPS)
+CLAIMS: tuple[Claim, ...] = tuple(claim for claims in _GROUPS.values() for claim in claims)
+_GROUP_OF = {claim.name: group for group, claims in _GROUPS.items() for claim in claims}
 
 
 def group_of(name: str) -> str:
     """What the claim is about."""
-    return _PLACE[name][0]
-
-
-def home_of(name: str) -> str:
-    """The module that examines the claim."""
-    return _PLACE[name][1]
+    return _GROUP_OF[name]
 
 
 def claims_drawn_in(figure: str) -> tuple[str, ...]:

@@ -8,14 +8,13 @@ changes a number can make a new checksum.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tippedisk_verify.checksums import read_checked, write_checked
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file
-from tippedisk_verify.fingerprint import origin, unlike
+from tippedisk_verify.provenance import code_version
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.pieces import Piece
@@ -40,23 +39,18 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
     content = read_checked(path, _MOST_BYTES)
     try:
         disk, theirs, entries = content["disk"], content["origin"], content["pieces"]
-        difference = unlike(theirs, _origin())
         pieces = [Piece.read(entry) for entry in entries]
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"--arcs {path.name}: this is no file of proved arcs, or it is damaged") from None
     if disk != parameters.definition():
         raise InputError(f"--arcs {path.name}: its arcs were proved for another disk: give another file")
-    if difference:
-        raise InputError(f"--arcs {path.name}: its arcs were proved by {difference}: give another file")
+    if theirs != code_version():
+        raise InputError(f"--arcs {path.name}: its arcs were proved by {str(theirs)[:200]}: give another file")
     return pieces
 
 
 def write_pieces(name: str, parameters: Parameters, pieces: Sequence[Piece]) -> None:
     """Replace the file by one with these pieces. Raises InputError if it cannot be written."""
     entries = [piece.json() for piece in sorted(pieces, key=lambda piece: piece.low)]
-    head = {"disk": parameters.definition(), "origin": _origin(), "proves": _PROVES}
+    head = {"disk": parameters.definition(), "origin": code_version(), "proves": _PROVES}
     write_checked(Path(name), head | {"pieces": entries})
-
-
-def _origin() -> dict[str, str]:
-    return origin("tippedisk_verify.certified.cover") | {"python-flint": version("python-flint")}

@@ -8,16 +8,14 @@ from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.figures import accuracy, disk, family, local, race, state_space
 from tippedisk_verify.figures.exhibit import Exhibit
 
-__all__ = ["EXHIBITS", "exhibits_for", "home_of"]
+__all__ = ["EXHIBITS", "exhibits_for"]
 
-_HOMES = (disk, local, family, state_space, accuracy, race)
-_ALL = {exhibit.name: (exhibit, module.__name__) for module in _HOMES for exhibit in module.EXHIBITS}
+_MODULES = (disk, local, family, state_space, accuracy, race)
 _ORDER = ("inversion", "model", "eigenvalues", "harmonic_balance", "branch", "scenes_3d", "sketch", "scenes_2d")
-
 EXHIBITS: tuple[Exhibit, ...] = tuple(
-    exhibit
-    for _, (exhibit, _) in sorted(
-        _ALL.items(), key=lambda item: _ORDER.index(item[0]) if item[0] in _ORDER else len(_ORDER)
+    sorted(
+        (exhibit for module in _MODULES for exhibit in module.EXHIBITS),
+        key=lambda exhibit: _ORDER.index(exhibit.name) if exhibit.name in _ORDER else len(_ORDER),
     )
 )
 
@@ -29,8 +27,3 @@ def exhibits_for(claims: Sequence[str], friction: str) -> tuple[Exhibit, ...]:
         for exhibit in EXHIBITS
         if friction in exhibit.laws and not set(claims_drawn_in(exhibit.name)).isdisjoint(claims)
     )
-
-
-def home_of(name: str) -> str:
-    """The module that computes and draws the exhibit."""
-    return _ALL[name][1]

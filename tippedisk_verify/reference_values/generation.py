@@ -19,10 +19,10 @@ from typing import Any
 from tippedisk_verify.checksums import digest, read_checked, write_checked
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, output_folder, read_text, remains_of
-from tippedisk_verify.fingerprint import origin
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.parallel import as_done
+from tippedisk_verify.provenance import code_version
 from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
@@ -46,7 +46,7 @@ class Piece:
     def key(self) -> str:
         """A name made from everything that the result depends on."""
         asked = [[item.id, dict(item.inputs), list(item.readings)] for item in self.items]
-        everything = [origin(kind_named.__module__), FORMAT, self.kind, self.set, asked]
+        everything = [code_version(), FORMAT, self.kind, self.set, asked]
         return f"{self.kind}-{self.set}-{digest(everything)[:24]}"
 
 

@@ -10,11 +10,11 @@ from functools import lru_cache
 from typing import Any, Literal
 
 from tippedisk_verify.audit.catalogue import GROUPS, claims_drawn_in, group_of, selected
-from tippedisk_verify.audit.catalogue import home_of as home_of_claim
 from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import Cache
-from tippedisk_verify.fingerprint import DRAWING, fingerprint
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.provenance import DRAWING
+from tippedisk_verify.provenance import key as named_by
 
 __all__ = ["AuditJob", "Outcome", "Task", "compute", "key", "run", "tasks_for"]
 
@@ -68,12 +68,10 @@ def key(order: AuditJob, task: Task) -> str:
         "digits": order.digits,
     }
     if task.kind == "claim":
-        return fingerprint(home_of_claim(task.name), inputs)
+        return named_by(inputs)
     if task.kind == "formulas":
-        return fingerprint("tippedisk_verify.figures.formula", {"latex": _formulas(order)}, DRAWING)
-    from tippedisk_verify.figures.catalogue import home_of
-
-    return fingerprint(home_of(task.name), inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
+        return named_by({"latex": _formulas(order)}, DRAWING)
+    return named_by(inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
 
 
 def _formulas(order: AuditJob) -> list[str]:
