@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from tippedisk_verify.commands.common import (
     Common,
     alone_in,
-    checked_executor,
     checked_jobs,
     print_result,
     progress,
@@ -21,8 +19,6 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 from tippedisk_verify.files import output_file, write_text
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     from tippedisk_verify.certified.branch import BranchProof
     from tippedisk_verify.certified.cover import Interval, Known
     from tippedisk_verify.certified.heteroclinic import ProvedConnection
@@ -60,7 +56,6 @@ def family_as_a_curve(
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
     wanted = _amplitude(_DEFAULT_END if until is None else until)
-    checked_executor(executor)
     checked_jobs(jobs)
     folder = alone_in(out)
     if certificate is not None:
@@ -95,7 +90,7 @@ def family_as_a_curve(
                 near = _next_to(connection)
                 wanted = _end_for(near, known) or wanted
             if stopped is None and (left := open_intervals(pieces, wanted)):
-                with _answers(executor, jobs, len(left)) as pool:
+                with workers_of(executor, jobs, needed=len(left) > 1) as pool:
                     stopped = prove_intervals(parameters, left, known, pool, keep)
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
@@ -116,23 +111,13 @@ def _certify(common: Common, proof: BranchProof, name: str, executor: str, jobs:
     """Write the certificate of the arcs."""
     from tippedisk_verify.certified.family_certificate import family_certificate
 
-    with progress(common, len(proof.pieces)) as advance, _answers(executor, jobs, len(proof.pieces)) as pool:
+    with (
+        progress(common, len(proof.pieces)) as advance,
+        workers_of(executor, jobs, needed=len(proof.pieces) > 1) as pool,
+    ):
         advance("certificate", 0)
         text = family_certificate(proof, pool, lambda done: advance(f"certificate: arc {done}", 1))
     write_text(output_file(name), text)
-
-
-@contextmanager
-def _answers(executor: str, jobs: int | None, count: int) -> Iterator[Executor | None]:
-    """Where so many arcs are worked on."""
-    from tippedisk_verify.sweep.answers import Compared
-
-    with workers_of(executor, jobs, needed=count > 1) as pool:
-        if pool is None:
-            yield None
-        else:
-            with Compared(pool) as compared:
-                yield compared
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:

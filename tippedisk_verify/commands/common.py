@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import deaf_children, unbroken, undoing
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -28,7 +27,6 @@ __all__ = [
     "Common",
     "alone_in",
     "certificate_option",
-    "checked_executor",
     "checked_jobs",
     "common_options",
     "console",
@@ -109,9 +107,17 @@ _OUTPUT_OPTIONS = (
     click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output."),
     click.option("--quiet", is_flag=True, help="No progress and no table."),
 )
-#: of `certify`
+
+
+def _known_executor(context: click.Context, option: click.Parameter, executor: str) -> str:
+    if executor not in ("serial", "local") and not executor.startswith("dask://"):
+        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
+    return executor
+
+
 executor_option = click.option(
     "--executor",
+    callback=_known_executor,
     default="local",
     show_default=True,
     metavar="serial|local|dask://HOST:PORT",
@@ -233,42 +239,27 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     if (workers == 1 and not beside) or not needed:
         yield None
         return
-    from concurrent.futures import ProcessPoolExecutor
+    from tippedisk_verify.commands.workers import Pool
 
-    from tippedisk_verify.commands.workers import Workers, end_with_parent, kill_workers, quiet_tracker
-
-    quiet_tracker()
-    with undoing(kill_workers):
-        # Its semaphores are made first and registered afterwards, with a process that must outlive this one.
-        with unbroken(), deaf_children():
-            pool = ProcessPoolExecutor(workers, mp_context=Workers(), initializer=end_with_parent)
-        try:
-            yield pool
-        except BaseException:
-            # What is under way is of no use any more; ended in order, the pool leaves nothing behind to be warned of.
-            kill_workers()
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
-    pool.shutdown(wait=True, cancel_futures=True)  # or its own hook at exit may find its pipe closed
-
-
-def checked_executor(executor: str) -> str:
-    """Raises InputError unless it is the name of one."""
-    if executor not in ("serial", "local") and not executor.startswith("dask://"):
-        raise InputError(f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT")
-    return executor
+    with Pool(workers) as pool:
+        yield pool
 
 
 @contextmanager
 def workers_of(executor: str, jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
-    """What `executor_option` names; None where this process is to do it. Others of this machine start if ``needed``."""
+    """What `executor_option` names, with a check that its processes have this code; None where this process does it.
+
+    Processes of this machine start if ``needed``.
+    """
     if executor == "serial":
         yield None
     elif executor == "local":
-        with processes(jobs, needed=needed) as pool:
-            yield pool
-    else:
-        from tippedisk_verify.sweep.cluster import executor_at
+        from tippedisk_verify.commands.workers import Checked
 
-        with executor_at(executor) as cluster:
-            yield cluster
+        with processes(jobs, needed=needed) as pool:
+            yield pool and Checked(pool)
+    else:
+        from tippedisk_verify.commands.workers import cluster
+
+        with cluster(executor) as workers:
+            yield workers

@@ -6,7 +6,6 @@ import click
 
 from tippedisk_verify.commands.common import (
     Common,
-    checked_executor,
     checked_jobs,
     common_options,
     executor_option,
@@ -37,19 +36,15 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
     trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
     """
-    import os
-
     from tippedisk_verify.files import output_file
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
     plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits)
     target = output_file(out)
-    checked_executor(executor)
     checked_jobs(jobs)
     with progress(common, len(plan)) as advance:
-        workers = jobs or (64 if executor.startswith("dask://") else os.cpu_count() or 1)
-        points, without = swept(plan, target, pool=lambda: workers_of(executor, jobs), workers=workers, advance=advance)
+        points, without = swept(plan, target, lambda: workers_of(executor, jobs), advance)
     line = f"{points} points, {without} of them without numbers (their status says why): {target}"
     print_result(common, {"points": points, "without_numbers": without, "file": str(target)}, [line])
     return 0

@@ -1,55 +1,138 @@
-"""The processes of a pool: started whole, deaf to Ctrl-C and HUP, and gone when their parent is gone."""
+"""Who computes: fresh processes of this machine, or the workers of a Dask cluster.
+
+Dask watches over its workers itself: what a lost one had is given to another. Two things are left to do here. A port
+where something else listens is told from a scheduler, for which Dask's client would wait on. And calls travel as plain
+bytes, because a worker without the package ends when Dask sends it a function of it; so it says that it has none.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import os
+import pickle
+import platform
 import threading
-from multiprocessing import active_children, parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import active_children, get_context, parent_process
+from typing import Any
 
+from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.interrupts import deaf_children, unbroken
+from tippedisk_verify.sweep import code_version
 
-__all__ = ["Workers", "end_with_parent", "kill_workers", "quiet_tracker"]
+__all__ = ["Checked", "Pool", "cluster"]
 
 _QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
+_PATIENCE = 15.0  # s for a scheduler to answer, and for a first worker
 
 
-class Worker(SpawnProcess):
-    """A fresh process: what its parent has compiled, and its parent's threads, are not for forking."""
+class Pool(ProcessPoolExecutor):
+    """Fresh processes: what their parent has compiled, and its threads, are not for forking.
 
-    def start(self) -> None:
-        # A process whose orders break off prints a traceback.
+    They never hear Ctrl-C or HUP, and end when their parent is gone, even if it was killed.
+    """
+
+    def __init__(self, count: int) -> None:
+        # Python's resource tracker removes the semaphores that an interrupted pool leaves; it need not say so.
+        os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), _QUIET)))
+        # They are made first and registered afterwards, with a process that must outlive this one.
         with unbroken(), deaf_children():
-            super().start()
+            super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        with unbroken(), deaf_children():  # it may start a process, which prints a traceback if its orders break off
+            return super().submit(fn, *args, **kwargs)
+
+    def __exit__(self, *fault: object) -> None:
+        if fault[0] is not None:  # what is under way is of no use any more
+            for process in active_children():
+                process.kill()
+        self.shutdown(wait=True, cancel_futures=True)
 
 
-class Workers(SpawnContext):
-    """What a ProcessPoolExecutor takes as its ``mp_context``."""
-
-    Process = Worker
-
-
-def quiet_tracker() -> None:
-    """Let Python's resource tracker remove without a word the semaphores that an interrupted pool leaves."""
-    others = os.environ.get("PYTHONWARNINGS", "")
-    if _QUIET not in others:
-        os.environ["PYTHONWARNINGS"] = f"{others},{_QUIET}" if others else _QUIET
-
-
-def kill_workers() -> None:
-    """End every process that this one has started through multiprocessing."""
-    for worker in active_children():
-        worker.kill()
-
-
-def end_with_parent() -> None:
-    """In a worker: leave when the process that started it is gone, even if it was killed."""
-    parent = parent_process()
-    if parent is None:
-        return
-
+def _end_with_parent() -> None:
     def watch() -> None:
-        parent.join()
-        os._exit(1)
+        if (parent := parent_process()) is not None:
+            parent.join()
+            os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+class Checked(Executor):
+    """An executor that calls functions only where the code is that of this process; elsewhere they raise Shortfall."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        call = _Call(_checked, code_version(), partial(fn, *args, **kwargs))
+        return self._executor.submit(pickle.loads, pickle.dumps(call))
+
+
+class _Call:
+    """Pickled, it is the call itself: loading it gives what the function returns, or raises what it raises."""
+
+    def __init__(self, *call: Any) -> None:
+        self._call = call
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return self._call[0], self._call[1:]
+
+
+def _checked(version: str, call: Callable[[], Any]) -> Any:
+    if (mine := code_version()) != version:
+        where = f"process {os.getpid()} on {platform.node()}"
+        raise Shortfall(f"all workers need the same code, but {where} has {mine} instead of {version}")
+    return call()
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """The workers of the Dask scheduler at ``dask://HOST:PORT``.
+
+    Raises InputError if there is none, Shortfall if it has no worker, goes away, or a worker has not this package.
+    """
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError:
+        raise InputError("a Dask cluster needs distributed: pip install 'tippedisk-verify[cluster]'") from None
+    host, before = address.removeprefix("dask://"), logging.root.manager.disable
+    logging.disable()  # what matters of Dask's own lines is said by the errors here
+    try:
+        with _client(Client, host) as client:
+            try:
+                client.wait_for_workers(1, timeout=_PATIENCE)
+            except TimeoutError:
+                raise Shortfall(
+                    f"the cluster at {host} has no worker: start some with 'dask worker tcp://{host}'"
+                ) from None
+            yield Checked(client.get_executor(pure=False))
+    except (CancelledError, KilledWorker, ImportError, AttributeError) as fault:
+        reason = "its scheduler is gone, or was started anew" if isinstance(fault, CancelledError) else fault
+        raise Shortfall(f"the cluster at {host} failed: {reason}") from None
+    finally:
+        logging.disable(before)
+
+
+def _client(kind: Any, host: str) -> Any:
+    """A Dask client. Raises InputError unless a scheduler answers: what else may listen there may say anything."""
+
+    async def identity() -> Any:
+        from distributed import rpc
+
+        async with rpc(f"tcp://{host}", timeout=_PATIENCE) as server:  # type: ignore[no-untyped-call]
+            return await asyncio.wait_for(server.identity(), _PATIENCE)
+
+    try:
+        if asyncio.run(identity())["type"] == "Scheduler":
+            with warnings.catch_warnings(action="ignore"):  # of versions: each call looks at those that matter
+                return kind(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)
+    except Exception:
+        pass
+    raise InputError(f"no Dask scheduler answers at {host[:80]}: give the address that it printed as it started")

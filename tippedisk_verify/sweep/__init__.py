@@ -1,1 +1,10 @@
 """Any analysis over many points, on one core, all cores or a cluster: `plan` says what, `running` does it."""
+
+from tippedisk_verify.fingerprint import origin
+
+__all__ = ["code_version"]
+
+
+def code_version() -> str:
+    """Which code the numbers of this process come from, with the versions of the packages that compute."""
+    return ", ".join(f"{name} {version}" for name, version in origin("tippedisk_verify.sweep.plan").items())

@@ -6,114 +6,93 @@ columns of their own.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
-from typing import Any
+from typing import Any, get_args
 
-from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.fingerprint import origin
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.orbits.near_connection import cycle_at
+from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
+from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
-__all__ = ["ANALYSES", "Plan", "axis", "computed", "here"]
+__all__ = ["Plan", "axis", "computed"]
 
 _MOST_POINTS = 1_000_000
 _MOST_BITS = 1_000_000_000  # of a range's numbers
+_START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
+_CYCLE = (
+    *("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast"),
+    "dperiod_domega",
+)
+_Numbers = dict[str, Any]
+_Analysis = Callable[[Parameters, Mapping[str, str], int], _Numbers]
 
 
 # ------------------------------------------------------------------------------------------ what can be swept
-def _cycle(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.near_connection import cycle_at
-
+def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
     cycle = cycle_at(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
     speed = {} if "omega" in point else {"omega": cycle.omega}
-    names = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
-    numbers: dict[str, Any] = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
-    return {**speed, **numbers, "stable": str(cycle.stable).lower()}
+    return {**speed, **{name: getattr(cycle, name) for name in _CYCLE}, "stable": str(cycle.stable)}
 
 
-def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    from tippedisk_verify.theory.equilibria import equilibrium
-
-    numbers: dict[str, Any] = {}
-    for name in ("inverted", "noninverted"):
-        state = equilibrium(parameters, _speed(parameters, point, digits), name, digits)
-        for n, value in enumerate(state.eigenvalues, start=1):
+def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
+    numbers: _Numbers = {}
+    for name in get_args(EquilibriumName):
+        found = equilibrium(parameters, _speed(parameters, point, digits), name, digits)
+        for n, value in enumerate(found.eigenvalues, start=1):
             numbers |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
-        numbers[f"{name}_stable"] = str(state.stable).lower()
+        numbers[f"{name}_stable"] = found.stable
     return numbers
 
 
-def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    from tippedisk_verify.theory.hopf import hopf_point
-
-    hopf = hopf_point(parameters, digits)
-    numbers = {name: getattr(hopf, name) for name in hopf.__dataclass_fields__}
-    return {name: value for name, value in numbers.items() if value is not None}
+def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
+    return vars(hopf_point(parameters, digits))
 
 
-def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-
+def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
     connection = heteroclinic(parameters, default_engine(), digits=digits)
     return {"omega_h": connection.omega_h, "saddle_value": connection.saddle_value}
 
 
-def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.flow.contract import Request
-    from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
-
+def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
     # Four digits go in a passage or two; the error estimate tells if they were more.
     precision = DOUBLE if digits <= 12 else bits(bits_for_digits(digits + 8))
-    state = [point.get(name, default) for name, default in (("beta", "pi/2"), ("gamma", "pi/2 + 0.4"), ("v", "0"))]
-    request = Request(
-        parameters, _speed(parameters, point, digits), state, point.get("duration", "10"),
-        precision=precision, error_estimate=True,
-    )  # fmt: skip
-    result = default_engine()(request)
+    omega, state = _speed(parameters, point, digits), [point.get(name, start) for name, start in _START.items()]
+    duration = point.get("duration", "10")
+    result = default_engine()(Request(parameters, omega, state, duration, precision=precision, error_estimate=True))
     if result.error is None or not all(float(width) < float("inf") for width in result.error.state):
         raise Shortfall("rounding decides how this orbit ends: ask for more digits")
-    numbers = {
-        f"final_{name}": Measured.of(value, width)
-        for name, value, width in zip(("beta", "gamma", "v"), result.state, result.error.state, strict=True)
-    }
-    return {"ended": result.status.name.lower(), "time": Measured.of(result.time, result.error.time), **numbers}
+    ends = zip(_START, result.state, result.error.state, strict=True)
+    numbers = {f"final_{name}": Measured.of(value, width) for name, value, width in ends}
+    return {"ended": result.status.name, "time": Measured.of(result.time, result.error.time), **numbers}
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:
-    from tippedisk_verify.theory.hopf import speed_below_crit
-
     if "omega" in point:
         return checked_speed(point["omega"])
     return speed_below_crit(parameters, point["below-crit"], digits)
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """What is done at a point, and what a point may or must say beside the parameters."""
-
-    says: str
-    compute: Callable[[Parameters, Mapping[str, str], int], dict[str, Any]]
-    needs_speed: bool = True
-    takes: tuple[str, ...] = ()
-
-
-ANALYSES: dict[str, Analysis] = {
-    "orbit": Analysis("the limit cycle at a speed", _cycle),
-    "equilibria": Analysis("eigenvalues of both equilibria at a speed", _equilibria),
-    "hopf": Analysis("the Hopf point", _hopf, needs_speed=False),
-    "heteroclinic": Analysis("Omega_h", _heteroclinic, needs_speed=False),
-    "trajectory": Analysis("the end of a trajectory", _trajectory, takes=("beta", "gamma", "v", "duration")),
+_SPEED = ("omega", "below-crit")
+#: What is done at a point, and what a point may say beside the parameters.
+_ANALYSES: dict[str, tuple[_Analysis, tuple[str, ...]]] = {
+    "orbit": (_orbit, _SPEED),
+    "equilibria": (_equilibria, _SPEED),
+    "hopf": (_hopf, ()),
+    "heteroclinic": (_heteroclinic, ()),
+    "trajectory": (_trajectory, (*_SPEED, *_START, "duration")),
 }
 
 
@@ -123,9 +102,9 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
 
     Raises InputError with what is wrong.
     """
-    name, sign, values = text.partition("=")
+    name, _, values = text.partition("=")
     name = name.strip()
-    if not sign or not name or not values.strip():
+    if not name or not values.strip():
         raise InputError(f"an axis is NAME=FIRST:LAST:COUNT or NAME=VALUE,VALUE,..., not '{text[:60]}'")
     if ":" not in values:
         chosen = tuple(value.strip() for value in values.split(","))
@@ -141,14 +120,7 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
     step = (last.rational - first.rational) / (count - 1)
     if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MOST_BITS:
         raise InputError(f"the ends of '{values[:60]}' are too long for so many points: round them")
-    return name, tuple(_text(first.rational + n * step) for n in range(count))
-
-
-def _text(value: Fraction) -> str:
-    """An exact decimal if there is one, otherwise the ratio."""
-    text, rest = Measured(value, Fraction(0)).decimals()
-    # Decimal writes integers of any length.
-    return text if rest == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
+    return name, tuple(exact_text(first.rational + n * step) for n in range(count))
 
 
 @dataclass(frozen=True)
@@ -161,27 +133,23 @@ class Plan:
     digits: int = 12
 
     def __post_init__(self) -> None:
-        if self.analysis not in ANALYSES:
-            raise InputError(f"analysis '{self.analysis[:40]}' is not known: use {', '.join(ANALYSES)}")
-        analysis = ANALYSES[self.analysis]
-        names = [name for name, _ in self.axes]
-        known = (*SYMBOLS, *(("omega", "below-crit") if analysis.needs_speed else ()), *analysis.takes)
+        if self.analysis not in _ANALYSES:
+            raise InputError(f"analysis '{self.analysis[:40]}' is not known: use {', '.join(_ANALYSES)}")
+        names, own = [name for name, _ in self.axes], _ANALYSES[self.analysis][1]
+        known = (*SYMBOLS, *own)
         for name in names:
             if name not in known:
                 raise InputError(f"{self.analysis} cannot be swept over '{name[:40]}': use {', '.join(known)}")
         if len(set(names)) != len(names):
             raise InputError("an axis is given twice")
-        if analysis.needs_speed and ("omega" in names) == ("below-crit" in names):
+        if own and ("omega" in names) == ("below-crit" in names):
             raise InputError(f"{self.analysis} needs either omega or below-crit as an axis (one value will do)")
         checked_digits(self.digits)
-        if not 0 < len(self) <= _MOST_POINTS:
-            raise InputError(f"a sweep has 1 to {_MOST_POINTS} points, not {len(self)}")
+        if not self.axes or len(self) > _MOST_POINTS:
+            raise InputError(f"a sweep has 1 to {_MOST_POINTS} points, not {len(self) if self.axes else 0}")
 
     def __len__(self) -> int:
-        count = 1
-        for _, values in self.axes:
-            count *= len(values)
-        return count if self.axes else 0
+        return math.prod(len(values) for _, values in self.axes)
 
     def points(self) -> Iterator[dict[str, str]]:
         """Every combination, the last axis fastest."""
@@ -192,28 +160,24 @@ class Plan:
     @property
     def key(self) -> str:
         """A hash of all that is asked for."""
-        fixed = [_text(getattr(self.parameters, name)) for name in SYMBOLS]
-        return digest([self.analysis, fixed, self.axes, self.digits, self.parameters.friction])
+        fixed = [exact_text(getattr(self.parameters, name)) for name in SYMBOLS]
+        asked = repr((self.analysis, fixed, self.parameters.friction, self.digits, self.axes))
+        return hashlib.sha256(asked.encode()).hexdigest()
 
 
-def computed(plan: Plan, point: Mapping[str, str]) -> dict[str, str]:
+# ------------------------------------------------------------------------------------------ the row of a point
+def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]) -> dict[str, str]:
     """A row: the point, the numbers with their half-widths, and ``status``: ok, or why there are no numbers."""
     row = dict(point)
+    changes = {name: value for name, value in point.items() if name in SYMBOLS}
     try:
-        changes = {name: value for name, value in point.items() if name in SYMBOLS}
-        parameters = plan.parameters.changed(**changes) if changes else plan.parameters
-        numbers = ANALYSES[plan.analysis].compute(parameters, point, plan.digits)
+        numbers = _ANALYSES[analysis][0](parameters.changed(**changes) if changes else parameters, point, digits)
     except (InputError, Shortfall, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"
     for name, value in numbers.items():
         if isinstance(value, Measured):
             row[name], row[f"{name}_uncertainty"] = value.decimals()
-        else:
-            row[name] = str(value)
+        elif value is not None:
+            row[name] = str(value).lower()
     return row
-
-
-def here() -> dict[str, str]:
-    """The `origin` of the rows that this process computes."""
-    return origin(__name__)
