@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -54,27 +54,36 @@ def surroundings(path: Path | None) -> dict[str, str]:
 def scheduler(folder: Path, path: Path | None = None) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """A scheduler on a free port of this machine: the process, and HOST:PORT."""
     file = folder / "scheduler.json"
-    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    options = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
     with _process("dask_scheduler", options, folder, path) as process:
-        _until(file.exists)
-        while not (text := file.read_text()):
-            time.sleep(0.01)
-        yield process, json.loads(text)["address"].removeprefix("tcp://")
+        _until(lambda: file.exists() and file.read_text())
+        yield process, json.loads(file.read_text())["address"].removeprefix("tcp://")
 
 
 @contextmanager
 def worker(host: str, folder: Path, path: Path | None = None, threads: int = 1) -> Iterator[subprocess.Popen[bytes]]:
     """One more worker, in one process, as soon as the scheduler knows it."""
-    before = _workers(host)
-    options = [f"tcp://{host}", "--host", "127.0.0.1", "--no-nanny", "--no-dashboard", "--nthreads", str(threads)]
+    before = len(workers(host))
+    options = [f"tcp://{host}", "--no-nanny", "--no-dashboard", "--nthreads", str(threads)]
     with _process("dask_worker", options, folder, path) as process:
-        _until(lambda: _workers(host) > before)
+        _until(lambda: len(workers(host)) > before)
         yield process
+
+
+def workers(host: str) -> list[str]:
+    """HOST:PORT of each worker that the scheduler knows."""
+    from distributed import rpc
+
+    async def asked() -> list[str]:
+        async with rpc(f"tcp://{host}") as one:
+            return [address.removeprefix("tcp://") for address in await one.ncores()]
+
+    return asyncio.run(asked())
 
 
 @contextmanager
 def _process(name: str, options: list[str], folder: Path, path: Path | None) -> Iterator[subprocess.Popen[bytes]]:
-    command = [sys.executable, "-m", f"distributed.cli.{name}", *options]
+    command = [sys.executable, "-m", f"distributed.cli.{name}", "--host", "127.0.0.1", *options]
     with open(folder / f"{name}.log", "ab") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env=surroundings(path), cwd=folder)
     try:
@@ -84,18 +93,8 @@ def _process(name: str, options: list[str], folder: Path, path: Path | None) -> 
         process.wait()
 
 
-def _workers(host: str) -> int:
-    from distributed import rpc
-
-    async def asked() -> int:
-        async with rpc(f"tcp://{host}") as one:
-            return len(await one.ncores())
-
-    return asyncio.run(asked())
-
-
-def _until(true: object) -> None:
+def _until(true: Callable[[], object]) -> None:
     begin = time.monotonic()
-    while not true():  # type: ignore[operator]
+    while not true():
         assert time.monotonic() - begin < _LONGEST
         time.sleep(0.05)

@@ -258,6 +258,6 @@ def test_basins_on_threads(friction: Friction, count: int) -> None:
 )  # fmt: skip
 def test_sweeps_on_threads(analysis: str, axes: tuple[str, ...], digits: int, tmp_path: Path) -> None:
     plan = Plan(analysis, PRINTED, tuple(axis(text) for text in axes), digits)
-    swept(plan, tmp_path / "serial.csv", pool=lambda: nullcontext(None))
-    swept(plan, tmp_path / "threads.csv", pool=lambda: ThreadPoolExecutor(_THREADS), workers=_THREADS)
+    swept(plan, tmp_path / "serial.csv", lambda: nullcontext(None))
+    swept(plan, tmp_path / "threads.csv", lambda: ThreadPoolExecutor(_THREADS))
     assert (tmp_path / "threads.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()

@@ -13,15 +13,14 @@ from pathlib import Path
 import pytest
 
 from tests.stress.nonsense import Ran, assert_refused, ran
-from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.reference_values.checking import check
 from tippedisk_verify.reference_values.manifest import faults_in_files, write_manifest
 from tippedisk_verify.reference_values.store import Store, data_folder
 from tippedisk_verify.reference_values.tables import tables
-from tippedisk_verify.sweep.plan import Plan, here
-from tippedisk_verify.sweep.running import swept
+from tippedisk_verify.sweep import running
+from tippedisk_verify.sweep.plan import Plan
 
 _TOML = (
     b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\ng = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
@@ -144,13 +143,10 @@ def _journals(folder: Path, draws: int) -> Iterator[Ran]:
     draw = random.Random(3)
     plan = Plan("hopf", PRINTED, (("g", ("9.7", "9.8", "9.81", "9.82")),), digits=3)
     out, journal = folder / "a.csv", folder / ".a.csv.journal"
-    swept(plan, out, pool=lambda: nullcontext(None))
+    running.swept(plan, out, lambda: nullcontext(None))
     right = out.read_bytes()
     rows = list(csv.DictReader(right.decode().splitlines()))
-    # As `sweep` writes it; that it does is what the interrupted sweeps of the other tests show.
-    lines: list[dict[str, object]] = [{"plan": plan.key, "origin": here()}]
-    lines += [{"point": n, "row": row, "checksum": digest([n, row])[:16]} for n, row in enumerate(rows[:3])]
-    whole = "".join(json.dumps(line) + "\n" for line in lines).encode()
+    whole = running._head(plan) + b"".join(running._line(n, row) for n, row in enumerate(rows[:3]))
     content = whole
     journal.write_bytes(content)
     arguments = ["sweep", "hopf", "--over", "g=9.7,9.8,9.81,9.82", "--digits", "3", "--executor", "serial", "--json"]
@@ -313,7 +309,7 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
             found += [(path.name, name) for name in names if name.split(".")[0] in modules]
     # What a cluster's workers are sent; here only Dask itself reads what they answer.
     # Formulas that the package itself has as texts; no file and no answer becomes a part of them.
-    assert sorted(set(found)) == [("cluster.py", "pickle"), ("slips.py", "compile"), ("slips.py", "exec")]
+    assert sorted(set(found)) == [("slips.py", "compile"), ("slips.py", "exec"), ("workers.py", "pickle")]
 
 
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.interrupts import undoing
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -239,9 +240,9 @@ def processes(jobs: int | None, *, needed: bool = True, beside: bool = False) ->
     if (workers == 1 and not beside) or not needed:
         yield None
         return
-    from tippedisk_verify.commands.workers import Pool
+    from tippedisk_verify.commands.workers import Pool, kill_workers
 
-    with Pool(workers) as pool:
+    with undoing(kill_workers), Pool(workers) as pool:
         yield pool
 
 

@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from typing import Any
@@ -25,7 +26,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.interrupts import deaf_children, unbroken
 from tippedisk_verify.sweep import code_version
 
-__all__ = ["Checked", "Pool", "cluster"]
+__all__ = ["Checked", "Pool", "cluster", "kill_workers"]
 
 _QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
 _PATIENCE = 15.0  # s for a scheduler to answer, and for a first worker
@@ -39,7 +40,8 @@ class Pool(ProcessPoolExecutor):
 
     def __init__(self, count: int) -> None:
         # Python's resource tracker removes the semaphores that an interrupted pool leaves; it need not say so.
-        os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), _QUIET)))
+        if _QUIET not in (others := os.environ.get("PYTHONWARNINGS", "")):
+            os.environ["PYTHONWARNINGS"] = f"{others},{_QUIET}" if others else _QUIET
         # They are made first and registered afterwards, with a process that must outlive this one.
         with unbroken(), deaf_children():
             super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
@@ -49,10 +51,15 @@ class Pool(ProcessPoolExecutor):
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(self, *fault: object) -> None:
-        if fault[0] is not None:  # what is under way is of no use any more
-            for process in active_children():
-                process.kill()
+        if fault[0] is not None:
+            kill_workers()  # what is under way is of no use any more
         self.shutdown(wait=True, cancel_futures=True)
+
+
+def kill_workers() -> None:
+    """End every process that this one has started through multiprocessing."""
+    for worker in active_children():
+        worker.kill()
 
 
 def _end_with_parent() -> None:
@@ -71,18 +78,17 @@ class Checked(Executor):
         self._executor = executor
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        call = _Call(_checked, code_version(), partial(fn, *args, **kwargs))
-        return self._executor.submit(pickle.loads, pickle.dumps(call))
+        return self._executor.submit(pickle.loads, pickle.dumps(_Call(partial(fn, *args, **kwargs))))
 
 
+@dataclass(frozen=True)
 class _Call:
     """Pickled, it is the call itself: loading it gives what the function returns, or raises what it raises."""
 
-    def __init__(self, *call: Any) -> None:
-        self._call = call
+    call: Callable[[], Any]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self._call[0], self._call[1:]
+        return _checked, (code_version(), self.call)
 
 
 def _checked(version: str, call: Callable[[], Any]) -> Any:
@@ -96,7 +102,7 @@ def _checked(version: str, call: Callable[[], Any]) -> Any:
 def cluster(address: str) -> Iterator[Executor]:
     """The workers of the Dask scheduler at ``dask://HOST:PORT``.
 
-    Raises InputError if there is none, Shortfall if it has no worker, goes away, or a worker has not this package.
+    Raises InputError if there is none, Shortfall if it has no worker, goes away, or a worker is without this package.
     """
     try:
         from distributed import Client, KilledWorker
@@ -105,13 +111,17 @@ def cluster(address: str) -> Iterator[Executor]:
     host, before = address.removeprefix("dask://"), logging.root.manager.disable
     logging.disable()  # what matters of Dask's own lines is said by the errors here
     try:
-        with _client(Client, host) as client:
+        try:
+            asyncio.run(_refuse_others(f"tcp://{host}"))
+            with warnings.catch_warnings(action="ignore"):  # of versions: each call looks at those that matter
+                client: Any = Client(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        except Exception:  # what else listens there may answer anything
+            raise InputError(f"no Dask scheduler answers at {host[:80]}: give the address that it printed") from None
+        with client:
             try:
                 client.wait_for_workers(1, timeout=_PATIENCE)
             except TimeoutError:
-                raise Shortfall(
-                    f"the cluster at {host} has no worker: start some with 'dask worker tcp://{host}'"
-                ) from None
+                raise Shortfall(f"{host} has no worker: start some with 'dask worker tcp://{host}'") from None
             yield Checked(client.get_executor(pure=False))
     except (CancelledError, KilledWorker, ImportError, AttributeError) as fault:
         reason = "its scheduler is gone, or was started anew" if isinstance(fault, CancelledError) else fault
@@ -120,19 +130,9 @@ def cluster(address: str) -> Iterator[Executor]:
         logging.disable(before)
 
 
-def _client(kind: Any, host: str) -> Any:
-    """A Dask client. Raises InputError unless a scheduler answers: what else may listen there may say anything."""
+async def _refuse_others(address: str) -> None:
+    from distributed import rpc
 
-    async def identity() -> Any:
-        from distributed import rpc
-
-        async with rpc(f"tcp://{host}", timeout=_PATIENCE) as server:  # type: ignore[no-untyped-call]
-            return await asyncio.wait_for(server.identity(), _PATIENCE)
-
-    try:
-        if asyncio.run(identity())["type"] == "Scheduler":
-            with warnings.catch_warnings(action="ignore"):  # of versions: each call looks at those that matter
-                return kind(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)
-    except Exception:
-        pass
-    raise InputError(f"no Dask scheduler answers at {host[:80]}: give the address that it printed as it started")
+    async with asyncio.timeout(_PATIENCE), rpc(address) as server:  # type: ignore[no-untyped-call]
+        if (await server.identity())["type"] != "Scheduler":
+            raise ValueError
