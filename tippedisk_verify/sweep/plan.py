@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -32,23 +33,18 @@ __all__ = ["Plan", "axis", "computed"]
 _MOST_POINTS = 1_000_000
 _MOST_BITS = 1_000_000_000  # of a range's numbers
 _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
-_CYCLE = (
-    *("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast"),
-    "dperiod_domega",
-)
-_Numbers = dict[str, Any]
-_Analysis = Callable[[Parameters, Mapping[str, str], int], _Numbers]
 
 
 # ------------------------------------------------------------------------------------------ what can be swept
-def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
+def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     cycle = cycle_at(parameters, _speed(parameters, point, digits), default_engine(), digits=digits)
-    speed = {} if "omega" in point else {"omega": cycle.omega}
-    return {**speed, **{name: getattr(cycle, name) for name in _CYCLE}, "stable": str(cycle.stable)}
+    names = ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow")
+    numbers = {name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")}
+    return {**numbers, "stable": str(cycle.stable)}
 
 
-def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
-    numbers: _Numbers = {}
+def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
+    numbers: dict[str, Any] = {}
     for name in get_args(EquilibriumName):
         found = equilibrium(parameters, _speed(parameters, point, digits), name, digits)
         for n, value in enumerate(found.eigenvalues, start=1):
@@ -57,20 +53,16 @@ def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -
     return numbers
 
 
-def _hopf(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
-    return vars(hopf_point(parameters, digits))
-
-
-def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
+def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     connection = heteroclinic(parameters, default_engine(), digits=digits)
     return {"omega_h": connection.omega_h, "saddle_value": connection.saddle_value}
 
 
-def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> _Numbers:
+def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     # Four digits go in a passage or two; the error estimate tells if they were more.
     precision = DOUBLE if digits <= 12 else bits(bits_for_digits(digits + 8))
-    omega, state = _speed(parameters, point, digits), [point.get(name, start) for name, start in _START.items()]
-    duration = point.get("duration", "10")
+    state, duration = [point.get(name, start) for name, start in _START.items()], point.get("duration", "10")
+    omega = _speed(parameters, point, digits)
     result = default_engine()(Request(parameters, omega, state, duration, precision=precision, error_estimate=True))
     if result.error is None or not all(float(width) < float("inf") for width in result.error.state):
         raise Shortfall("rounding decides how this orbit ends: ask for more digits")
@@ -85,14 +77,13 @@ def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fra
     return speed_below_crit(parameters, point["below-crit"], digits)
 
 
-_SPEED = ("omega", "below-crit")
 #: What is done at a point, and what a point may say beside the parameters.
-_ANALYSES: dict[str, tuple[_Analysis, tuple[str, ...]]] = {
-    "orbit": (_orbit, _SPEED),
-    "equilibria": (_equilibria, _SPEED),
-    "hopf": (_hopf, ()),
+_ANALYSES: dict[str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]] = {
+    "orbit": (_orbit, ("omega", "below-crit")),
+    "equilibria": (_equilibria, ("omega", "below-crit")),
+    "hopf": (lambda parameters, point, digits: vars(hopf_point(parameters, digits)), ()),
     "heteroclinic": (_heteroclinic, ()),
-    "trajectory": (_trajectory, (*_SPEED, *_START, "duration")),
+    "trajectory": (_trajectory, ("omega", "below-crit", *_START, "duration")),
 }
 
 
@@ -111,10 +102,9 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
         for value in chosen:
             exact(value)
         return name, chosen
-    parts = values.split(":")
-    if len(parts) != 3 or not parts[2].strip().isascii() or not parts[2].strip().isdecimal() or len(parts[2]) > 9:
+    if not (parts := re.fullmatch(r"([^:]*):([^:]*):\s*([0-9]{1,9})\s*", values)):
         raise InputError(f"a range is FIRST:LAST:COUNT, not '{values[:60]}'")
-    first, last, count = exact(parts[0]), exact(parts[1]), int(parts[2])
+    first, last, count = exact(parts[1]), exact(parts[2]), int(parts[3])
     if not 2 <= count <= _MOST_POINTS or first.pi_multiple or last.pi_multiple:
         raise InputError(f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'")
     step = (last.rational - first.rational) / (count - 1)
@@ -176,8 +166,8 @@ def computed(analysis: str, parameters: Parameters, digits: int, point: Mapping[
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}
     row["status"] = "ok"
     for name, value in numbers.items():
-        if isinstance(value, Measured):
+        if isinstance(value, Measured) and name not in point:
             row[name], row[f"{name}_uncertainty"] = value.decimals()
-        elif value is not None:
+        elif isinstance(value, str | bool):
             row[name] = str(value).lower()
     return row

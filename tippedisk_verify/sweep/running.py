@@ -28,12 +28,13 @@ __all__ = ["swept"]
 _LONGEST_LINE = 1_000_000  # bytes of a journal's line
 _MOST_AHEAD = 256  # points that are handed out at a time
 Row = dict[str, str]
+Workers = Callable[[], AbstractContextManager[Executor | None]]
 
 
 def swept(
     plan: Plan,
     out: Path,
-    workers: Callable[[], AbstractContextManager[Executor | None]],
+    workers: Workers,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> tuple[int, int]:
     """Run the plan and write ``out`` (.csv or .parquet); returns (points, those of them that have no numbers).
@@ -66,9 +67,7 @@ def swept(
     return len(rows), sum(row["status"] != "ok" for row in rows.values())
 
 
-def _kept_rows(
-    plan: Plan, journal: Path, rows: dict[int, Row], workers: Callable[[], AbstractContextManager[Executor | None]]
-) -> Iterator[Row]:
+def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers) -> Iterator[Row]:
     """The rows that are missing, each once it is in the journal."""
     with open(journal, "ab") as stream:
         if not stream.tell():
@@ -91,9 +90,7 @@ def _kept_rows(
                     raise Shortfall(f"{fault}; {kept}") from None
 
 
-def _run(
-    plan: Plan, missing: Iterator[tuple[int, dict[str, str]]], executor: Executor | None
-) -> Iterator[tuple[int, Row]]:
+def _run(plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None) -> Iterator[tuple[int, Row]]:
     """Each point's row as soon as it is there."""
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
