@@ -154,18 +154,11 @@ def _swept(out: Path) -> list[int]:
 
 
 @pytest.fixture
-def interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Path, bytes, bytes]:
+def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
     """A file that is not there yet, its journal with four rows, and the bytes that it will have."""
-    assert len(_swept(tmp_path / "whole.csv")) == 10
-
-    def interrupt() -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        after_rows(patch, 5, interrupt)
-        with pytest.raises(KeyboardInterrupt):
-            _swept(tmp_path / "a.csv")
-    assert not (tmp_path / "a.csv").exists()
+    assert _swept(tmp_path / "whole.csv") == list(range(10))
+    lines = [running._line(n, row) for n, row in enumerate(_rows(tmp_path / "whole.csv")[:4])]
+    (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
     return tmp_path / "a.csv", (tmp_path / ".a.csv.journal").read_bytes(), (tmp_path / "whole.csv").read_bytes()
 
 

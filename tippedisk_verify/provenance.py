@@ -1,7 +1,7 @@
 """Where a result comes from: the code of this package, the packages that compute, and the processor.
 
-A result that is kept is named by all of it. Any change of any file of the package is a change, so nothing has to be known
-of which module needs which.
+A result that is kept is named by all of it. A change of any file of the package counts, so nobody has to know which
+module needs which.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ DRAWING = (*NUMERICAL, "matplotlib")
 
 @lru_cache(maxsize=1)
 def code_version() -> str:
-    """This package's version with a hash of its code, and the numerical packages: one line, the same in equal processes.
+    """One line: this package's version with a hash of its code, and the numerical packages.
 
-    Two processes of the same may share their results. The processor is left out, because half-widths hold on each. The
+    Two processes with the same line may share their results. The processor is left out, because half-widths hold on each. The
     answer is kept, because a process goes on with the code that it began with.
     """
     from tippedisk_verify import __version__

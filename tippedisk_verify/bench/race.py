@@ -14,8 +14,8 @@ from typing import Any
 
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
-from tippedisk_verify.provenance import processor
 from tippedisk_verify.parallel import usable_cores
+from tippedisk_verify.provenance import processor
 
 __all__ = ["Score", "machine", "raced"]
 

@@ -24,7 +24,7 @@ from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.interrupts import deaf_children, unbroken
-from tippedisk_verify.sweep import code_version
+from tippedisk_verify.provenance import code_version
 
 __all__ = ["Checked", "Pool", "cluster", "kill_workers"]
 

@@ -12,9 +12,9 @@ from typing import Any
 from tippedisk_verify.audit.catalogue import group_of
 from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Finding, Verdict, sets_with
-from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.work import AuditJob
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import alone, write_bytes, write_csv
 from tippedisk_verify.interrupts import undoing
-from tippedisk_verify.sweep import code_version
+from tippedisk_verify.provenance import code_version
 from tippedisk_verify.sweep.plan import Plan, computed
 
 __all__ = ["swept"]

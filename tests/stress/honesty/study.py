@@ -26,8 +26,8 @@ from typing import TextIO
 
 from tests.stress.honesty.arithmetics import ARITHMETICS, DEFAULT, Arithmetic, arithmetic_named
 from tests.stress.honesty.kinds import BY_SCIPY, CLOSED, IN_LANES, KINDS, ROWS, Draw, Row, drawn, kind_of
-from tippedisk_verify.fingerprint import fingerprint
 from tippedisk_verify.model.precision import heyoka_module
+from tippedisk_verify.provenance import key
 
 __all__ = ["Line", "computed", "lines", "main", "table"]
 
@@ -144,7 +144,7 @@ def _spread(folder: Path, tasks: list[tuple[tuple[Row, int, int], list[str]]], j
 
 def _code() -> str:
     """What the claims come from."""
-    return fingerprint(_CLAIMS[0], {"others": [fingerprint(module, {}) for module in _CLAIMS[1:]]})
+    return key({})
 
 
 # ------------------------------------------------------------------------------------------------ what was found
