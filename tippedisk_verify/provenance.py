@@ -26,7 +26,7 @@ DRAWING = (*NUMERICAL, "matplotlib")
 def code_version() -> str:
     """One line: this package's version with a hash of its code, and the numerical packages.
 
-    Two processes with the same line may share their results. The processor is left out, because half-widths hold on each. The
+    Two processes with the same line may share their results. The processor is left out: half-widths hold on each. The
     answer is kept, because a process goes on with the code that it began with.
     """
     from tippedisk_verify import __version__
