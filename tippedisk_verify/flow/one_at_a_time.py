@@ -12,7 +12,7 @@ from itertools import count
 from threading import RLock
 from typing import Any
 
-from tippedisk_verify.model.code_cache import vouched
+from tippedisk_verify.model.code_cache import vouch
 
 __all__ = ["OneAtATime", "building", "make_room"]
 
@@ -31,7 +31,7 @@ def building() -> Iterator[None]:
     """
     with _BUILDING:
         yield
-        vouched()
+        vouch()
 
 
 def make_room(kept: dict[Any, OneAtATime]) -> None:

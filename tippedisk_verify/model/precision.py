@@ -285,6 +285,7 @@ def heyoka_module() -> ModuleType:
                 f"heyoka, the integrator ({fault}); its wheels are for Linux on x86_64 and aarch64, glibc 2.28 or newer"
             ) from fault
 
+        heyoka.llvm_state.set_memcache_limit(256 * 2**20)  # bytes
         guarded(heyoka.llvm_state)
         # It logs to standard output, which is for results; what it would warn of is in each run's outcome.
         heyoka.set_logger_level_critical()
