@@ -10,11 +10,9 @@ import mpmath
 import pytest
 
 from tests.problems import paper_rates
-from tippedisk_verify.bench.growth import Growth, break_even, exponent
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, problem_named, truth_of
-from tippedisk_verify.bench.race import Score, machine, raced
-from tippedisk_verify.bench.ratios import ratios
+from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.model.exact import exact
@@ -159,13 +157,15 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
     def score(family: str, setting: str, error: float | None, seconds: float) -> Score:
         return Score("p", family, family, setting, "reached", error, error, 0.0, 0.0, seconds, 0.0, 0.0, 1, 1, 0.0)
 
-    mine = [score("heyoka", "loose", 1e-7, 1.0), score("heyoka", "tight", 1e-13, 2.0)]
+    mine = [score("heyoka", "loose", 1e-7, 1.0), score("heyoka", "tight", 5e-13, 2.0)]
     scipy = [score("scipy", "loose", 1e-5, 10.0), score("scipy", "tight", 1e-9, 300.0), score("scipy", "x", None, 1.0)]
-    found = ratios([*mine, *scipy, score("diffrax", "only", 1e-11, 50.0)], (1e-6, 1e-12, 1e-14))
-    loose, tight = found
-    assert (loose.heyoka, loose.scipy_over_heyoka, loose.peer_over_heyoka) == ("heyoka loose", 300.0, 50.0)
-    assert (tight.heyoka, tight.scipy, tight.peer) == ("heyoka tight", None, None)
-    assert tight.scipy_over_heyoka is None
+    found = ratios([*mine, *scipy, score("diffrax", "only", 1e-11, 50.0), score("reduced", "x", 1e-16, 0.1)])
+    bounds = [row["error_at_most"] for row in found]
+    assert bounds == [1e-4, 1e-6, 1e-8, 1e-10, 1e-12]  # nobody gets to 1e-13
+    assert [row["heyoka"] for row in found] == ["heyoka loose"] * 2 + ["heyoka tight"] * 3
+    assert [row["scipy_over_heyoka"] for row in found] == [10.0, 300.0, 150.0, None, None]
+    assert [row["peer_over_heyoka"] for row in found] == [50.0, 50.0, 25.0, 25.0, None]
+    assert (found[-1]["scipy"], found[-1]["peer"], found[-1]["heyoka_seconds"]) == (None, None, 2.0)
 
 
 @pytest.mark.slow
@@ -183,17 +183,6 @@ def test_problems_are_named_once_and_bad_names_are_refused(capsys: pytest.Captur
     assert "problem 'nothing' is not known" in capsys.readouterr().err
 
 
-def test_fitted_exponents_and_break_even() -> None:
-    assert exponent([(x, 3 * x**1.7) for x in (10.0, 20.0, 40.0, 80.0)]) == pytest.approx(1.7)
-    full = Growth("full", "epsilon", tuple((x, 1e-4 / x) for x in (1e-1, 1e-2, 1e-3)), -1.0)
-    reduced = Growth("reduced", "epsilon", tuple((x, 1e-2 / 3) for x in (1e-1, 1e-2, 1e-3)), 0.0)
-    never = Growth("slow", "epsilon", tuple((x, 1.0) for x in (1e-1, 1e-2, 1e-3)), 0.0)
-    always = Growth("fast", "epsilon", tuple((x, 1e-9) for x in (1e-1, 1e-2, 1e-3)), 0.0)
-    assert break_even(full, reduced) == pytest.approx(0.03)
-    assert break_even(full, never) is None
-    assert break_even(full, always) == 0.1
-
-
 def test_overhead_is_measured_against_the_same_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "overhead", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["overhead"]
@@ -201,11 +190,3 @@ def test_overhead_is_measured_against_the_same_work(capsys: pytest.CaptureFixtur
     assert [one["what"] for one in found] == ["trajectory", newton, whole]
     for one in found:
         assert one["bare_seconds"] > 0
-
-
-@pytest.mark.slow
-def test_growth_and_start_up_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "--only", "growth", "--only", "start-up", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert {growth["what"] for growth in result["growth"]} >= {"trajectory", "limit cycle", "Omega_h", "full"}
-    assert set(result["start_up"]) >= {"python", "imports", "orbit_cold", "orbit_cached"}

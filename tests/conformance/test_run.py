@@ -12,9 +12,7 @@ import re
 import shutil
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from decimal import Decimal
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,13 +21,9 @@ from typing import Any
 import pytest
 
 from tests.stress.strikes import INTERRUPTED, Struck
-from tippedisk_verify.bench.asked import scores_by_asking
-from tippedisk_verify.bench.problems import problem_named, truth_of
 from tippedisk_verify.cli import main
-from tippedisk_verify.commands import conformance_run
 from tippedisk_verify.conformance import dialogue
-from tippedisk_verify.conformance.sheet import COLUMNS, question_row
-from tippedisk_verify.figures.race import brief_methods
+from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import stored
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
@@ -116,7 +110,7 @@ def test_a_program_is_graded_and_timed(
     assert (kind["level"], kind["kind"], kind["answered"], kind["entries"]) == (3, "hopf", 6, 1)
     assert kind["longest"] == "printed/linear/hopf/point"
     assert graded["seconds"]["start_up"] > 0 < kind["median"] == kind["total"]
-    # What it wrote is a sheet with the same grades; without trajectories there is no race.
+    # What it wrote is a sheet with the same grades.
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["answers.jsonl", "grades.html"]
     assert "to start up" in (tmp_path / "out" / "grades.html").read_text()
     assert main(["conformance", "grade", str(tmp_path / "out" / "answers.jsonl"), "--json"]) == 0
@@ -367,56 +361,3 @@ def test_fresh_questions_are_asked(capsys: pytest.CaptureFixture[str]) -> None:
     grades = json.loads(capsys.readouterr().out)["grades"]
     assert {re.match(r"fresh-5-1/\w+/rhs/0(\d)/", grade["id"])[1] for grade in grades} == set("123")
     assert all(grade["verdict"] in ("agrees", "exact") for grade in grades)
-
-
-def test_a_program_is_raced_by_asking() -> None:
-    """It is a millionth off in v at one of the three ends, and nowhere else; what it does not answer is left out."""
-    asked: list[Mapping[str, str]] = []
-    transient, cycle = problem_named("transient"), problem_named("cycle")
-
-    def ask(rows: Sequence[Mapping[str, str]]) -> tuple[dict[str, Decimal], float]:
-        asked.extend(rows)
-        if rows[0]["id"].startswith("race/cycle/"):
-            return {row["id"]: Decimal(1) for row in rows[:2]}, 0.1
-        t = float(rows[0]["t"])
-        state = truth_of(transient).samples[transient.times.index(t)]
-        off = Decimal("1e-6") if t < transient.duration / 2 else Decimal(0)
-        texts = [Decimal(part.decimals()[0]) for part in state]
-        return {row["id"]: text + off * (row["quantity"] == "v") for row, text in zip(rows, texts, strict=True)}, 0.1
-
-    (score,) = scores_by_asking("mine", ask, [transient, cycle], lambda label, steps: None)
-    assert (score.problem, score.method, score.status, score.seconds) == ("transient", "mine", "reached", 0.1)
-    # The truth's printed digits are right to its half-width, some 1e-59, and a float holds 1e-6 to an ulp.
-    assert score.error == pytest.approx(1e-6, rel=2**-52)
-    mine = [row for row in asked if row["id"].startswith("race/transient/")]
-    assert all(set(row) <= set(COLUMNS) for row in mine)
-    assert {float(row["Omega"]) for row in mine} == {transient.omega}
-    assert len({row["id"] for row in mine}) == len(mine)
-    # Six runs to the end, no two from the same state, and two to earlier times.
-    assert len({row["gamma"] for row in mine if float(row["t"]) == transient.duration}) == 6
-    assert len({row["t"] for row in mine}) == 3
-
-
-def test_the_race_is_drawn_and_kept(
-    program: Callable[[str], list[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.setattr(conformance_run, "_RACED", ("transient",))
-    fastest = replace(brief_methods()[0], settings=(1e-9,))
-    monkeypatch.setattr("tippedisk_verify.figures.race.brief_methods", lambda: [fastest])
-    out = tmp_path / "out"
-    body = "while True: id_ = asked(); said(id_, answer=TRUTHS.get(id_, 1.5))"
-    _, graded, _ = _ran(program(body), capsys, "--out", str(out))
-    (race,) = graded["seconds"]["race"]
-    assert race["problem"] == "transient"
-    assert race["seconds"] > 0
-    assert race["error"] > 0.1
-    files = ["answers.jsonl", *(f"bench.{kind}" for kind in ("csv", "json", "png", "svg")), "grades.html"]
-    assert sorted(path.name for path in out.iterdir()) == files
-    runs = json.loads((out / "bench.json").read_text())["runs"]
-    assert [run["method"] for run in runs] == ["taylor", f"{Path(sys.executable).name} -I -S program.py"]
-    page = (out / "grades.html").read_text()
-    assert "data:image/svg+xml;base64," in page
-    assert problem_named("transient").says in page
-    assert main([*RUN, "--out", str(out), "--", *program(body)]) == 0
-    assert problem_named("transient").says in " ".join(capsys.readouterr().out.split())

@@ -17,11 +17,13 @@ from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, tru
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.provenance import processor
 
-__all__ = ["Score", "machine", "raced"]
+__all__ = ["Score", "machine", "raced", "ratios"]
 
 _REPEATS = 5
 _BRIEF = 0.03  # s; what takes longer is repeated less
 _LONG = 0.3  # s; tighter settings of a method that took this long are not run
+_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # on the error, for the ratios
+_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer"}  # by family
 
 
 @dataclass(frozen=True)
@@ -193,6 +195,37 @@ def _distance(value: Any, truth: Any) -> float:
     from tippedisk_verify.model.exact import fraction
 
     return float(fraction(value) - truth.value)
+
+
+def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
+    """Who is fastest within a bound on the error: for each problem and bound, the method and setting of each group.
+
+    ``scipy_over_heyoka`` and ``peer_over_heyoka`` say how many times longer these take. None stands where none of a
+    group gets there or was raced; bounds that nobody reaches are left out.
+    """
+    rows: list[dict[str, Any]] = []
+    for problem in dict.fromkeys(score.problem for score in scores):
+        for bound in _BOUNDS:
+            best: dict[str, Score] = {}
+            for score in scores:
+                within = score.problem == problem and score.error is not None and score.error <= bound
+                group = _GROUPS.get(score.family)
+                if within and group and score.seconds:
+                    best[group] = min(best.get(group, score), score, key=lambda one: one.seconds or 0.0)
+            if best:
+                rows.append({"problem": problem, "error_at_most": bound} | _row(best))
+    return rows
+
+
+def _row(best: dict[str, Score]) -> dict[str, Any]:
+    labels = {group: f"{score.method} {score.setting}" for group, score in best.items()}
+    seconds = {group: score.seconds or 0.0 for group, score in best.items()}
+    ours = seconds.get("heyoka")
+    row: dict[str, Any] = {"heyoka": labels.get("heyoka"), "heyoka_seconds": ours}
+    for group in ("scipy", "peer"):
+        over = None if ours is None or group not in seconds else seconds[group] / ours
+        row |= {group: labels.get(group), f"{group}_over_heyoka": over}
+    return row
 
 
 def machine() -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,18 +22,13 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import undoing
 
 if TYPE_CHECKING:
-    from tippedisk_verify.bench.race import Score
-    from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["run"]
 
-_RACED = ("cycle", "passage", "smooth")  # the problems whose methods take seconds, and one for the other law
 #: [s] A limit cycle in plain Python with SciPy takes seven; an interpreter ten times slower is not cut short.
 _LIMIT = 100.0
 _LONGEST = 86_400.0
-_LARGEST = 2**24  # bytes of a figure
-_MOST = 300  # the decimal exponent of a number that doubles hold
 
 
 @click.command()
@@ -42,7 +37,7 @@ _MOST = 300  # the decimal exponent of a number that doubles hold
 @click.option(
     "--limit", type=float, default=_LIMIT, show_default=True, metavar="SECONDS", help="How long an answer may take."
 )
-@click.option("--out", metavar="DIR", help="Write answers, grades and a race against other integrators there.")
+@click.option("--out", metavar="DIR", help="Write answers and grades there.")
 @grading_options
 @plain_options
 def run(
@@ -95,18 +90,17 @@ def run(
                 interview.conduct(asked, first, advance)
             finally:
                 keep()
-        scores = [] if folder is None else _raced(common, interview, source[:30])
         interview.finish()
     if not common.quiet:
         for line in program.errors():
             click.echo(f"{program.name}: {line}", err=True)
-    told: dict[str, Any] = {"start_up": interview.start_up, "times": interview.times()}
     if folder is not None:
         wanted = replace(wanted, page=wanted.page or folder / "grades.html")
-        if scores:
-            race = [_point(score) for score in scores if score.family == "asked"]
-            told |= {"picture": _drawn(folder, scores), "race": race}
-    told["noticed"] = interview.remarks()
+    told: dict[str, Any] = {
+        "start_up": interview.start_up,
+        "times": interview.times(),
+        "noticed": interview.remarks(),
+    }
     answers, broke_off = interview.answers(), interview.broke_off
     return wanted.report(common, store, asked, interview.grades, answers, source, broke_off, **told)
 
@@ -116,51 +110,3 @@ def _with_truths(common: Common, store: Store, asked: Sequence[Quantity]) -> Sto
 
     with progress(common, len({one.id.rsplit("/", 1)[0] for one in asked})) as advance:
         return with_fresh(store, "\n".join(one.id for one in asked), advance)
-
-
-def _raced(common: Common, interview: Interview, name: str) -> list[Score]:
-    """The program and the report's methods, on the problems of the race that it answers; none if it answers none."""
-    from decimal import Decimal, InvalidOperation
-
-    from tippedisk_verify.bench.asked import scores_by_asking
-    from tippedisk_verify.bench.problems import problem_named
-    from tippedisk_verify.bench.race import raced
-    from tippedisk_verify.conformance.grading import as_decimal
-    from tippedisk_verify.figures.race import brief_methods
-
-    def ask(rows: Sequence[Mapping[str, str]]) -> tuple[dict[str, Decimal], float]:
-        got, seconds = interview.exchange(rows)
-        numbers = {}
-        for id_, _, text, _ in got:
-            try:
-                number = as_decimal(text.strip())
-            except InvalidOperation:
-                continue
-            if number.is_finite() and abs(number.adjusted()) < _MOST:
-                numbers[id_] = number
-        return numbers, seconds
-
-    problems = {name: problem_named(name) for name in _RACED}
-    methods = brief_methods()
-    with progress(common, len(problems) * (1 + len(methods))) as advance:
-        mine = scores_by_asking(name, ask, list(problems.values()), advance)
-        return [*raced([problems[score.problem] for score in mine], methods, advance), *mine]
-
-
-def _drawn(folder: Path, scores: Sequence[Score]) -> str:
-    """Write the race, and give its figure as what a page embeds."""
-    from base64 import b64encode
-
-    from tippedisk_verify.bench.race import machine
-    from tippedisk_verify.files import read_bytes
-    from tippedisk_verify.report.tables import write_bench
-
-    write_bench(folder, scores, {"machine": machine(), "runs": [score.json() for score in scores]}, columns=2)
-    return "data:image/svg+xml;base64," + b64encode(read_bytes(folder / "bench.svg", _LARGEST)).decode()
-
-
-def _point(score: Score) -> dict[str, Any]:
-    from tippedisk_verify.bench.problems import problem_named
-
-    says = problem_named(score.problem).says
-    return {"problem": score.problem, "says": says, "error": score.error, "seconds": score.seconds}

@@ -41,8 +41,6 @@ class Report:
     noticed: Sequence[str] = ()  #: what a program did beside answering
     start_up: float | None = None  #: [s] until a program's first answer
     times: Sequence[Mapping[str, Any]] = ()  #: how long a program took, by level and kind
-    race: Sequence[Mapping[str, Any]] = ()  #: its error and seconds on problems of `bench`
-    picture: str = ""  #: an SVG of these beside other integrators'
 
     @property
     def failed(self) -> list[Grade]:
@@ -162,6 +160,7 @@ class Report:
 
     def json(self) -> dict[str, Any]:
         first = self.first_failure
+        seconds = {"start_up": self.start_up, "kinds": list(self.times)}
         return {
             "source": self.source,
             "headline": self.headline(),
@@ -174,12 +173,8 @@ class Report:
             "unknown": self.answers.unknown,
             "repeated": self.answers.repeated,
             "grades": [grade.json() for grade in self.grades],
-            **({"seconds": self._seconds()} if self.start_up is not None else {}),
+            **({"seconds": seconds} if self.start_up is not None else {}),
         }
-
-    def _seconds(self) -> dict[str, Any]:
-        race = {"race": list(self.race)} if self.race else {}
-        return {"start_up": self.start_up, "kinds": list(self.times), **race}
 
     def worst(self) -> list[Grade]:
         """Failures of the first failing level first, then by digits."""
@@ -252,8 +247,6 @@ def print_report(report: Report, console: Console) -> None:
         console.print(worst)
     if report.times:
         console.print(_times_table(report))
-    for race in report.race:
-        console.print(Text(f"{race['says']}: error {race['error']:.1e} in {race['seconds']:.3g} s"))
     for remark in report.remarks():
         console.print(Text(f"note: {remark}"))
     for diagnosis in report.diagnoses:

@@ -11,14 +11,13 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.problems import problem_named
-from tippedisk_verify.bench.race import Score, machine, raced
+from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import pyplot
 
-__all__ = ["EXHIBITS", "brief_methods", "draw_bench"]
+__all__ = ["EXHIBITS", "draw_bench"]
 
-# Each method its own mark and line: the colours (Okabe and Ito's) are only a help. A program that is none of these, and
-# was asked, is a ring.
+# Each method its own mark and line: the colours (Okabe and Ito's) are only a help.
 _STYLES = {
     "taylor": ("#0072B2", "o", "-"),
     "taylor, fast math": ("#0072B2", "", "--"),
@@ -82,14 +81,13 @@ def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
     drawn = {}
     for method in dict.fromkeys(score.method for score in scores):
         colour, mark, line = _STYLES.get(method, ("#000000", "o", ""))
-        ring = {} if method in _STYLES else {"markerfacecolor": "white", "markeredgewidth": 2.0, "zorder": 3}
         mine = [score for score in scores if score.method == method]
         ended = [score for score in mine if score.error is not None and score.seconds]
         (drawn[method],) = axis.plot(
             [score.seconds for score in ended],
             [min(max(score.error or 0.0, _LEAST), _MOST / 10) for score in ended],
-            color=colour, marker=mark, linestyle=line or "none", markersize=8 if ring else 4.5, linewidth=1,
-            label=method, **ring,
+            color=colour, marker=mark, linestyle=line or "none", markersize=4.5, linewidth=1,
+            label=method,
         )  # fmt: skip
         longest = max((score.seconds or 0 for score in ended), default=1.0) or 1.0
         for score in mine:
@@ -104,7 +102,7 @@ def _draw_problem(axis: Any, scores: Sequence[Score]) -> dict[str, Any]:
     return drawn
 
 
-def brief_methods() -> list[Method]:
+def _brief_methods() -> list[Method]:
     """The methods that the report races: ours and the strongest of SciPy's, at settings that take seconds."""
     return [
         method if settings is None else replace(method, settings=settings)
@@ -114,7 +112,7 @@ def brief_methods() -> list[Method]:
 
 
 def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
-    scores = raced([problem_named(name) for name in _PROBLEMS], brief_methods())
+    scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
     rows = [score.json() for score in scores]
     shown = [
         (score.problem, score.method, score.setting, score.seconds and score.seconds * 1e3, score.error, score.status)
@@ -145,14 +143,10 @@ def _problems() -> str:
 def _compared(scores: Sequence[Score]) -> str:
     """How much longer the best of SciPy takes, to the error of 1e-8, problem by problem."""
     said = []
-    for problem in _PROBLEMS:
-        best: dict[str, float] = {}
-        for score in scores:
-            if score.problem == problem and score.seconds and score.error is not None and score.error <= 1e-8:
-                best[score.family] = min(best.get(score.family, math.inf), score.seconds)
-        if {"heyoka", "scipy"} <= best.keys():
-            ratio = float(f"{best['scipy'] / best['heyoka']:.2g}")
-            said.append(f"{ratio:g} times on the problem {problem}")
+    for row in ratios(scores):
+        if row["error_at_most"] == 1e-8 and row["scipy_over_heyoka"]:
+            ratio = float(f"{row['scipy_over_heyoka']:.2g}")
+            said.append(f"{ratio:g} times on the problem {row['problem']}")
     return (
         "To an error of 1e-8 the fastest method of SciPy, with its right-hand side in plain Python, takes, as a "
         "multiple of the Taylor engine's time: " + ", ".join(said) + "."

@@ -38,8 +38,8 @@ def write_branch(cycles: Sequence[LimitCycle | RotatingCycle], path: Path) -> No
     write_csv(path, [*header, "stable"], rows)
 
 
-def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any], columns: int = 4) -> None:
-    """`bench.json` with everything, `bench.csv` and the figure with the initial-value problems, in so many columns."""
+def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any]) -> None:
+    """`bench.json` with everything, `bench.csv` and the figure with the initial-value problems."""
     from tippedisk_verify.figures.race import draw_bench
     from tippedisk_verify.figures.style import save
 
@@ -47,4 +47,4 @@ def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any], c
     if scores:
         rows = [score.json() for score in scores]
         write_csv(folder / "bench.csv", list(rows[0]), [list(row.values()) for row in rows])
-        save(draw_bench(scores, columns), folder, "bench")
+        save(draw_bench(scores), folder, "bench")
