@@ -9,7 +9,7 @@ import numpy
 import pytest
 from PIL import Image
 
-from tippedisk_verify.figures.animation import animated, placed
+from tippedisk_verify.figures.disk import animated, points_of
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
@@ -20,7 +20,7 @@ _OMEGA = 30.4
 
 def _body(at: float, beta: float, gamma: float, v: float) -> dict[str, numpy.ndarray]:
     """The disk a short time after the moment at which it has this state, to first order in that time."""
-    return placed(PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at)
+    return points_of(PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at)
 
 
 @pytest.mark.parametrize(("beta", "gamma", "v"), [(1.1, 0.6, 0.8), (1.5707963, -1.5, 2.0), (2.0, 4.0, -3.0)])
@@ -50,7 +50,7 @@ def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v
 
 def test_an_animation_repeats_to_the_byte_and_shows_each_moment(taylor) -> None:
     panel = compute(scene_named("d"), PRINTED, taylor)
-    first, again = (animated(panel, [0, 77, 11_950]) for _ in range(2))
+    first, again = (animated(panel, moments=[0, 77, 11_950]) for _ in range(2))
     assert first == again
     with Image.open(io.BytesIO(first)) as gif:
         assert (gif.n_frames, gif.info["duration"], gif.info["loop"]) == (3, 50, 0)

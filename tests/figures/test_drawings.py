@@ -97,7 +97,7 @@ def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
 def test_records_are_plain_data(taylor) -> None:
     import json
 
-    (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "model"]
+    (exhibit,) = [exhibit for exhibit in EXHIBITS if exhibit.name == "eigenvalues"]
     record = drawn(exhibit, Audit(PRINTED, taylor), claims_drawn_in(exhibit.name))
     assert json.loads(json.dumps(record)) == record
     assert set(record["embedded"]) == {"wide", "narrow"}

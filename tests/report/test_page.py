@@ -140,7 +140,7 @@ def it_is_made_for_every_reader(folder: Path) -> None:
 
 
 def test_every_figure_has_its_files(folder: Path) -> None:
-    every_figure_has_its_files(folder, {"model", "eigenvalues", "harmonic_balance", "scenes_3d", "scenes_2d"})
+    every_figure_has_its_files(folder, {"eigenvalues", "harmonic_balance", "scenes_3d", "scenes_2d"})
 
 
 def every_figure_has_its_files(folder: Path, wanted: set[str]) -> None:

@@ -122,7 +122,6 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         ),
         reading=True,
         formula=r"\gamma_y = (r + e\,\sin\gamma)\,\dot{\beta}\,\sin\beta - e\,\Omega\,\sin\beta^2\,\cos\gamma",
-        figures=("model",),
     ),
     Claim(
         "linearization",

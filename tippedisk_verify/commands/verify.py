@@ -172,11 +172,11 @@ def _draw_scenes(panels: Sequence[Panel], folder: Path) -> None:
 
 
 def _animate(panel: Panel, folder: Path, advance: Callable[[str, int], None]) -> None:
-    from tippedisk_verify.figures.animation import animated, moments_of
+    from tippedisk_verify.figures.disk import animated
     from tippedisk_verify.files import write_bytes
 
     file = folder / f"scene_{panel.scene.name}.gif"
-    write_bytes(file, animated(panel, moments_of(panel), lambda place: advance(f"{file.name}, {place}", 0)))
+    write_bytes(file, animated(panel, lambda place: advance(f"{file.name}, {place}", 0)))
 
 
 def _endings(panel: Panel) -> list[str]:

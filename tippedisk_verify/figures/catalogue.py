@@ -11,7 +11,7 @@ from tippedisk_verify.figures.exhibit import Exhibit
 __all__ = ["EXHIBITS", "exhibits_for"]
 
 _MODULES = (disk, local, family, state_space, accuracy, race)
-_ORDER = ("inversion", "model", "eigenvalues", "harmonic_balance", "branch", "scenes_3d", "sketch", "scenes_2d")
+_ORDER = ("inversion", "eigenvalues", "harmonic_balance", "branch", "scenes_3d", "sketch", "scenes_2d")
 EXHIBITS: tuple[Exhibit, ...] = tuple(
     sorted(
         (exhibit for module in _MODULES for exhibit in module.EXHIBITS),

@@ -15,16 +15,7 @@ from tippedisk_verify.orbits.scenes import SCENES, Panel
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
-__all__ = [
-    "EXHIBITS",
-    "angle_axis",
-    "draw_scenes_2d",
-    "draw_scenes_3d",
-    "equilibria",
-    "equilibrium_mark",
-    "last_turn",
-    "scene_tables",
-]
+__all__ = ["EXHIBITS", "draw_plane", "draw_scenes_2d", "draw_scenes_3d", "last_turn", "scene_tables"]
 
 _ORBITS = (BLUE, ORANGE)
 _STABLE, _UNSTABLE = RED, BLACK
@@ -65,7 +56,7 @@ def last_turn(panel: Panel) -> Any:
     return best.states[falling[-2] : falling[-1] + 2] if len(falling) > 1 else None
 
 
-def equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]]:
+def _equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]]:
     """(gamma, stable) of the equilibria whose gamma lies in the range drawn."""
     low, high = min(gammas), max(gammas)
     states = []
@@ -77,7 +68,7 @@ def equilibria(panel: Panel, gammas: Sequence[float]) -> list[tuple[float, bool]
     return states
 
 
-def angle_axis(axis: Any, low: float, high: float) -> None:
+def _angle_axis(axis: Any, low: float, high: float) -> None:
     """Ticks at multiples of pi/2 from ``low`` to ``high`` [rad]."""
     first, last = math.ceil(low / (math.pi / 2)), math.floor(high / (math.pi / 2))
     halves = [half for half in range(first, last + 1) if last - first <= 6 or half % 2]
@@ -90,25 +81,31 @@ def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
     """The panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D)."""
     figure, axes = grid(len(panels), columns, (4.6, 2.9), below=0.6)
     for panel, axis in zip(panels, axes, strict=True):
-        gammas: list[float] = [-math.pi / 2, 3 * math.pi / 2]
-        for states, colour in zip(map(_clipped, _drawn(panel)), _ORBITS, strict=True):
-            axis.plot(states[:, 0], states[:, 1], color=colour, lw=0.7, zorder=2)
-            axis.plot(states[0, 0], states[0, 1], "x", color="black", ms=6, mew=1.3, zorder=7)
-            gammas += [float(states[:, 1].min()), float(states[:, 1].max())]
-        cycle = last_turn(panel)
-        if cycle is not None:
-            axis.plot(cycle[:, 0], cycle[:, 1], color=GREEN, lw=2.0, zorder=3)
-        for gamma, stable in equilibria(panel, gammas):
-            equilibrium_mark(axis, (math.pi / 2,), (gamma,), stable)
-        axis.set(title=panel.scene.title, xlabel="β [rad]", ylabel="γ [rad]", xlim=(0, math.pi))
-        angle_axis(axis.xaxis, 0, math.pi)
-        angle_axis(axis.yaxis, min(gammas), max(gammas))
-        axis.grid(lw=0.3, alpha=0.5)
+        draw_plane(axis, panel, _drawn(panel))
+        axis.set_title(panel.scene.title)
     _legend(figure, columns if len(panels) > 1 else 1)
     return figure
 
 
-def equilibrium_mark(axis: Any, x: Any, y: Any, stable: bool, **more: Any) -> None:
+def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
+    """These states of orbits, limit cycle and equilibria in the plane of beta and gamma."""
+    gammas: list[float] = [-math.pi / 2, 3 * math.pi / 2]
+    for states, colour in zip(map(_clipped, orbits), _ORBITS, strict=False):
+        axis.plot(states[:, 0], states[:, 1], color=colour, lw=0.7, zorder=2)
+        axis.plot(states[0, 0], states[0, 1], "x", color="black", ms=6, mew=1.3, zorder=7)
+        gammas += [float(states[:, 1].min()), float(states[:, 1].max())]
+    cycle = last_turn(panel)
+    if cycle is not None:
+        axis.plot(cycle[:, 0], cycle[:, 1], color=GREEN, lw=2.0, zorder=3)
+    for gamma, stable in _equilibria(panel, gammas):
+        _equilibrium_mark(axis, (math.pi / 2,), (gamma,), stable)
+    axis.set(xlabel="β [rad]", ylabel="γ [rad]", xlim=(0, math.pi))
+    _angle_axis(axis.xaxis, 0, math.pi)
+    _angle_axis(axis.yaxis, min(gammas), max(gammas))
+    axis.grid(lw=0.3, alpha=0.5)
+
+
+def _equilibrium_mark(axis: Any, x: Any, y: Any, stable: bool, **more: Any) -> None:
     """A full red circle if it is stable, an empty black one if not; ``z`` is for axes in space."""
     axis.plot(
         x,
@@ -173,14 +170,14 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
         cycle = last_turn(panel)
         if cycle is not None:
             axis.plot(*cycle.T, color=GREEN, lw=2.0, zorder=4)
-        for place, stable in equilibria(panel, (low, high)):
-            equilibrium_mark(axis, (math.pi / 2,), (place,), stable, z=((0.0,),))
+        for place, stable in _equilibria(panel, (low, high)):
+            _equilibrium_mark(axis, (math.pi / 2,), (place,), stable, z=((0.0,),))
         axis.set_title(panel.scene.title, y=1.03)
         axis.set_xlabel("β [rad]", labelpad=1)
         axis.set_ylabel("γ [rad]", labelpad=3)
         axis.set_zlabel("dβ/dt [rad/s]", labelpad=0)
         axis.set_xticks([math.pi / 2 - 0.5, math.pi / 2, math.pi / 2 + 0.5], ["π/2−0.5", "π/2", "π/2+0.5"])
-        angle_axis(axis.yaxis, low, high)
+        _angle_axis(axis.yaxis, low, high)
         axis.tick_params(pad=0, labelsize=8)
         # Near inverted spinning the manifold falls with gamma: seen from this side the orbits on it lie open.
         axis.view_init(elev=30, azim=32)
