@@ -1,127 +1,201 @@
-"""Nonsense on the command line and from Python: refused at once, in one line, with nothing written."""
+"""Nonsense on the command line and from Python: refused at once, in one line, with nothing written.
+
+The commands and their options are those of the program: a new option needs a row that says what is wrong for it.
+"""
 
 from __future__ import annotations
 
-import resource
+import math
+import os
+from collections.abc import Callable, Iterator
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 import tippedisk_verify as tv
-from tests.stress.nonsense import (
-    SHAPES,
-    WORDS,
-    Shape,
-    assert_refused,
-    contents,
-    furnished,
-    ran,
-)
+from tests.stress.nonsense import assert_refused, ran
 from tippedisk_verify.cli import cli
 
+Wrong = tuple[Any, ...]
+Call = Callable[[Any], object]
 
 # ------------------------------------------------------------------------------------------ the command line
-def _leaves(command: click.Command, words: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], click.Command]]:
+# What is wrong for an option. Where no word is right, words are drawn, too: no digits of any script, and no letters
+# of "pi", "nan", of a disk's parameters or of paths.
+WORDS = st.text(st.characters(exclude_categories=("Nd", "Cs"), exclude_characters="/\\.,-pialcremAB\0"), min_size=1)
+_HUGE, _TEXT = "1" * 5000, "x" * 5000
+#: Far too long, outside any range, not finite, of other scripts, with what a shell or a terminal would act on.
+NUMBER = (
+    *("nan", "", " ", "inf", "-inf", "1e400", "1e9999", "1e99999999", "1/0", "-1", "0x10", "1_000", "1e", "e5", "--"),
+    *("9" * 400, _HUGE, "30.4.1", "30 .4", "\ud800", "3\x00", "\x1b[31m1\x1b[0m", "1\n2", "½", "30.4f", "1e+"),
+    *("+-1", "1**2", "__import__", WORDS),
+)
+SPEED = (*NUMBER, "0", "-0", "pi", "1e-9999", "-1e-3", "1e6", "1e300", "1e-301", "1000000007")
+DISTANCE = (*NUMBER, "0", "-1e-3", "pi")
+COUNT = (*NUMBER, "0", "1e3", "3.5", "99999999999999999999", "1000000007")
+NAME = (_TEXT, "", "../../etc/passwd", "\x1b]0;x\x07", "\ud800", "a\nb", "\0", WORDS)
+FOLDER = ("/dev/null/x", "", "/proc/nothing", "a\0b", _TEXT, "file", "file/below", "loop/x")
+TARGET = ("nowhere/x.csv", "", ".", "/dev/null", "a\0.csv", _TEXT + ".csv", "folder", "folder/", "file/x.csv", "pipe")
+SOURCE = (
+    *("nowhere.toml", "", ".", "/dev/null", "/dev/zero", "a\0.toml", _TEXT + ".toml", "folder", "pipe", "loop"),
+    *("./file", "../../../../../../etc/passwd", "/proc/self/mem", "~/.toml", "\ud800.toml", "huge.toml", "link.toml"),
+)
+AXIS = (
+    *("mu=", "mu=,", "g=1:2", "x=1", "g=nan", "mu=1:2:1e3", "mu=0:1:999999999", "mu=0:1:1000001", "mu=1:2:٣"),
+    *("mu=1e-9999:1:1000000", "omega=30", "mu=pi:1:3", "mu=1:2:3:4", "epsilon=1/0", "mu=" + "1," * 3000, *NAME),
+)
+
+
+def _but(wrong: Wrong, *right: str) -> Wrong:
+    return tuple(text for text in wrong if text not in right)
+
+
+#: For options and arguments, or for those of one command.
+WRONG: list[tuple[Wrong, str]] = [
+    (SPEED, "--omega, --omegas, --above-het, --below-het, --omega-h, --near, --none-between"),
+    ((*NUMBER, "31", "pi", "-1e6", "-1e9999"), "--below-crit"),
+    (DISTANCE, "--radius, --cycles, --range"),
+    ((*DISTANCE, "0.02", "1e-31"), "--box"),
+    ((*NUMBER, "pi/2", "1e999"), "--beta, --gamma"),
+    ((*NUMBER, "0", "3.1416"), "--to"),
+    (NUMBER, "--guess"),
+    (("x", "", "1,2", "1,2,0,0", "nan,1,0", "4,1,0", "1,1/0,0", "1,1,1e400"), "--margin"),
+    ((*NUMBER, "0", "1e9"), "--seconds, --limit"),
+    (_but(NUMBER, "-1"), "--velocity, --sample, reference check --seed"),
+    (COUNT, "--digits, --jobs, --points, --harmonics, --count, --fold, --levels, --states, --require"),
+    (_but(COUNT, "0", "1000000007"), "--order, --seed"),
+    (NAME, "--friction, --only, --plane, --bautin, --method, --set, --from"),
+    (NAME, "names, ids, prefixes, language, analysis"),
+    (_but(NAME, ""), "more, prefix"),
+    ((*NAME, "dask://\0", "dask://"), "--executor"),
+    (AXIS, "--over"),
+    (FOLDER, "--out, --data"),
+    (TARGET, "--certificate, --arcs, --html, --csv, --badge, branch --out, heteroclinic --out"),
+    ((*TARGET, "x.txt"), "sweep --out"),
+    ((*TARGET, "answered.csv"), "conformance questions file"),
+    (SOURCE, "--expected-failures, file, old, new, command"),
+    ((*SOURCE, *NAME, "nan.toml", "hexadecimal.toml", "long.toml", "nested.toml"), "--parameters, --at"),
+]
+#: What makes a command right, in one way or another. Spoiled is what it names, and in the first all other options.
+_AT_A_SPEED = "--omega 30.4 | --below-crit 0.5"
+RIGHT = {
+    "verify": "--only omega_crit",
+    "scene": "d",
+    "orbit": "--omega 30.4 | --above-het 0.1 | --below-crit 0.5 | --rotating --below-het 0.01",
+    "atlas": "--plane A,Omega --points 5",
+    "slow-manifold": "--order 1 --omega 30.4 --beta 1.2 --gamma 0.3",
+    "basin": "--omega 30.4 --count 4 --seconds 5 | --omega 31.4 --margin 1.5,1,0 | --below-crit 0.5 --count 4",
+    "sweep": "hopf --over mu=0.3 --out o.csv",
+    "certify orbit": "--omega 30.4 | --omega 30.4 --radius 1e-3 | --below-crit 0.5 | --at-fold --fold 1",
+    "certify heteroclinic": " | --cycles 1e-3 --certificate c.json",
+    "certify branch": "--at A^in | --certificate c.json | --to 3 --arcs arcs --out out --executor serial | --box 1e-6",
+    "reference generate": "--only hopf --out out",
+    "conformance questions": "q.csv --levels 3 | q.csv --states 2 --seed 7",
+    "conformance grade": "answered.csv",
+    "conformance run": "cat --levels 3 | cat --states 2 --seed 7",
+    "conformance compare": "answered.csv answered.csv",
+}
+
+
+def _spoiled(words: list[str], parameter: click.Parameter, place: int, text: str) -> list[str]:
+    """The command with this text for the parameter; ``place`` is that of an argument among the words."""
+    if isinstance(parameter, click.Argument):
+        return [*words[:place], text, *words[place + 1 :]]
+    name = parameter.opts[0]
+    at = words.index(name) if name in words else len(words)
+    return [*words[:at], *words[at + 2 :], name, *[text] * parameter.nargs]
+
+
+def _mistakes(command: click.Command, name: str = "") -> Iterator[tuple[str, Wrong, Callable[[str], list[str]]]]:
+    """For all parameters of all commands: the command's name, what is wrong, and the command with that."""
     if isinstance(command, click.Group):
-        return [leaf for name, inner in command.commands.items() for leaf in _leaves(inner, (*words, name))]
-    return [(words, command)]
+        for inner in command.commands.values():
+            yield from _mistakes(inner, f"{name} {inner.name}".strip())
+        return
+    usual = _AT_A_SPEED if any(parameter.name == "below_crit" for parameter in command.params) else ""
+    wrong = {told: wrong for wrong, names in WRONG for told in names.split(", ")}
+    rights = [f"{name} {rest.strip()} " for rest in RIGHT.get(name, usual).split("|")]
+    place = len(name.split())
+    for parameter in command.params:
+        if isinstance(parameter, click.Argument) or not parameter.is_flag:
+            told = parameter.opts[0]
+            right = next((line for line in rights if f" {told} " in line), rights[0]).split()
+            at = len(right) if told == "more" else place
+            yield name, wrong.get(f"{name} {told}") or wrong[told], partial(_spoiled, right, parameter, at)
+            place += isinstance(parameter, click.Argument)
 
 
-def test_every_command_and_every_option_is_spoiled_somewhere() -> None:
-    spoiled: dict[tuple[str, ...], set[str]] = {}
-    for shape in SHAPES.values():
-        names = tuple(word for word in shape.words if not word.startswith("--"))
-        spoiled.setdefault(names, set()).update(shape.options)
-    # --below-crit is of the same kind as --omega (test_speeds_below_omega_crit); the others take two values.
-    elsewhere = {"--below-crit", "--guess", "--range"}
-    for words, command in _leaves(cli):
-        options = [option for option in command.params if isinstance(option, click.Option) and not option.is_flag]
-        taken = {name for option in options for name in option.opts if name.startswith("--")}
-        assert taken - elsewhere <= spoiled[words], words
+MISTAKES = list(_mistakes(cli))
 
 
 @st.composite
-def spoiled(draw: st.DrawFn) -> list[str]:
+def mistakes(draw: st.DrawFn) -> list[str]:
     """A command that is right but for one option or argument."""
-    spoilable = sorted(name for name, shape in SHAPES.items() if shape.options or shape.arguments)
-    shape: Shape = SHAPES[draw(st.sampled_from(spoilable))]
-    names = [*shape.options, *range(len(shape.arguments))]
-    bad = draw(st.sampled_from(names))
-    words = list(shape.words)
-    for position, (right, wrong) in enumerate(shape.arguments):
-        words.append(draw(wrong) if position == bad else right)
-    for name, (right, wrong) in shape.options.items():
-        words += [name, draw(wrong) if name == bad else right]
-    return words
-
-
-class _Draws:
-    """How many there were, and the most that a refusal cost [s of CPU]."""
-
-    count, longest, command = 0, 0.0, ""
-
-
-def _hold(arguments: list[str]) -> None:
-    done = assert_refused(arguments)
-    _Draws.count += 1
-    if done.seconds > _Draws.longest:
-        _Draws.longest, _Draws.command = done.seconds, " ".join(arguments)[:120]
+    _, wrong, spoiled = draw(st.sampled_from(MISTAKES))
+    texts = st.sampled_from([text for text in wrong if text is not WORDS])
+    return spoiled(draw(texts | WORDS if WORDS in wrong else texts))
 
 
 @pytest.fixture
 def room(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = furnished(tmp_path_factory.mktemp("room"))
+    """A folder with things that are in the way: files, folders, pipes, links in a circle, a huge file, bad disks."""
+    folder = tmp_path_factory.mktemp("room")
     monkeypatch.chdir(folder)
+    (folder / "folder").mkdir()
+    (folder / "file").write_text("mine")
+    (folder / "answered.csv").write_text("id,answer\nprinted/linear/hopf/point/omega_crit,30.9\n")
+    (folder / "loop").symlink_to(folder / "loop")
+    (folder / "link.toml").symlink_to("/etc/passwd")
+    os.mkfifo(folder / "pipe")
+    with open(folder / "huge.toml", "wb") as stream:
+        stream.truncate(1 << 30)
+    disk = "".join(f'{name} = "{value}"\n' for name, value in tv.PRINTED.decimals().items())
+    for name, radius in (("nan", '"nan"'), ("hexadecimal", "0x" + "f" * 9000), ("long", f'"0.{"4" * 9000}"')):
+        (folder / f"{name}.toml").write_text(disk.replace('"0.045"', radius))
+    (folder / "nested.toml").write_text("[" * 100_000)
     return folder
 
 
-# A draw that is not refused may run for long: it is told as it is, not made shorter.
-_PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
-_WITH_ROOM = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+def _contents(folder: Path) -> dict[str, tuple[int, int, int]]:
+    """What is where, and when it was written, but for the folder of --out: it is made early, and may hold a lock."""
+    found = {str(path.relative_to(folder)): path.lstat() for path in folder.rglob("*")}
+    kept = {name: (is_.st_mode, is_.st_size, is_.st_mtime_ns) for name, is_ in found.items()}
+    return {name: what for name, what in kept.items() if not name.startswith("out")}
 
 
-@settings(max_examples=150, phases=_PHASES, suppress_health_check=_WITH_ROOM, deadline=None)
-@given(spoiled())
-def test_one_mistake_is_refused_and_nothing_is_written(room: Path, arguments: list[str]) -> None:
-    before = contents(room)
-    _hold(arguments)
-    # The folder of --out is made before the rest is looked at; it stays empty, or holds a lock.
-    after = {name: what for name, what in contents(room).items() if not name.startswith("out")}
-    assert after == {name: what for name, what in before.items() if not name.startswith("out")}
+@pytest.mark.parametrize("command", dict.fromkeys(name for name, *_ in MISTAKES))
+def test_every_option_of_every_command_is_checked(command: str, room: Path) -> None:
+    before = _contents(room)
+    for name, wrong, spoiled in MISTAKES:
+        if name == command:
+            assert_refused(spoiled(wrong[0]))
+    assert _contents(room) == before
 
 
-@pytest.mark.slow
-def test_five_thousand_mistakes(room: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The counts and the dearest refusal are printed."""
+@pytest.mark.parametrize("draws", [150, pytest.param(5_000, marks=pytest.mark.slow)])
+def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -> None:
+    """A draw that is not refused may run for long: it is told as it is, not made shorter."""
+    before = _contents(room)
 
-    @seed(20)
-    @settings(max_examples=5_000, phases=_PHASES, suppress_health_check=list(HealthCheck), deadline=None, database=None)
-    @given(spoiled())
+    @settings(max_examples=draws, phases=[Phase.generate], suppress_health_check=list(HealthCheck), deadline=None)
+    @given(mistakes())
     def hold(arguments: list[str]) -> None:
-        _hold(arguments)
+        assert_refused(arguments)
+        assert draws > 1000 or _contents(room) == before
 
-    _Draws.count, _Draws.longest = 0, 0.0
-    before, memory = contents(room), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     hold()
-    after = contents(room)
-    assert {name: after[name] for name in before} == before
-    assert {name.split("/")[0] for name in after} - set(before) <= {"out"}
-    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
-    with capsys.disabled():
-        print(
-            f"\n{_Draws.count} draws, dearest {_Draws.longest:.2f} s ({_Draws.command!r}), {grown} kB more at the peak"
-        )
+    assert _contents(room) == before
 
 
 @settings(max_examples=100, deadline=None)
-@given(
-    st.lists(
-        st.one_of(WORDS, st.sampled_from(["--json", "--omega", "sweep", "verify", "--", "-h", "--version"])), max_size=6
-    )
-)
+@given(st.lists(WORDS | st.sampled_from(("--json", "--omega", "sweep", "verify", "--", "--help")), max_size=6))
 def test_words_in_any_order_give_a_status_and_at_most_one_line(words: list[str]) -> None:
     if words and words[0] == "verify" and not set(words) - {"verify", "--json", "--"}:
         return  # that is the whole audit
@@ -130,68 +204,176 @@ def test_words_in_any_order_give_a_status_and_at_most_one_line(words: list[str])
     assert done.err.count("\n") == (1 if done.status else 0)
 
 
-@pytest.mark.parametrize("command", ["equilibria", "orbit", "harmonic-balance", "basin"])
-@pytest.mark.parametrize("distance", ["nan", "", "31", "1e400", "pi", "-1e6", "1" * 5000, "-1e9999", "x"])
-def test_speeds_below_omega_crit(command: str, distance: str) -> None:
-    assert_refused([command, "--below-crit", distance])
+@pytest.mark.parametrize(
+    "words",
+    [
+        # Bounds: one beyond what is had, or too much in all.
+        *("hopf --digits 4001", "heteroclinic --digits 1001", "scene d --digits 13", "slow-manifold --order 41"),
+        *("orbit --above-het 1e-30 --digits 1000", "orbit --above-het 1e-801", "orbit --omega 1e-300"),
+        *("harmonic-balance --omega 30.4 --harmonics 1025", "basin --omega 30 --seconds 4", "scene a --omega-h 0.05"),
+        *("basin --omega 30.4 --count 10000001", "sweep hopf --over mu=0.3 --out o.csv --jobs 1000000"),
+        *("sweep hopf --over mu=0:1:1001 --over g=9:10:1000 --out o.csv", "branch --omegas 30.4,1e300"),
+        # No cycle is there.
+        *("branch --omegas 30.4,31.5", "branch --omegas 30.4,29", "harmonic-balance --omega 4", "orbit --omega 29"),
+        # Words that do not go together, or are missing, or are nobody's.
+        *("equilibria --omega 30.4 --below-crit 0.5", "verify --only ,", "verify omega_crit", "scene d --animate"),
+        *("scene", "scene d --wrong", "launch"),
+    ],
+)
+def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
+    before = _contents(room)
+    assert len(assert_refused(words.split()).err) < 400
+    assert _contents(room) == before
+
+
+# ------------------------------------------------------------------------------------------ from Python
+_DISK, _LANES, _ID = tv.Disk("printed"), tv.BatchTaylor(1), "printed/linear/hopf/point/period"
+_ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
+#: Values of every Python type that no parameter of a public function may take.
+OBJECTS: Wrong = (
+    *(None, b"30.4", [], [30.4], {}, set(), object(), 1j, len, int, ..., NotImplemented, range(3), iter(())),
+    *(Exception("x"), memoryview(b"x"), frozenset({1}), True, False),
+)
+TEXTS = ("", "abc", "\0")
+NUMBERS = (
+    *("nan", "1e99999", "\ud800", _HUGE, math.nan, math.inf, -math.inf, Decimal("nan"), Decimal("sNaN")),
+    *(Decimal("1e999999"), *TEXTS, *OBJECTS),
+)
+SPEEDS = (*NUMBERS, 0, -1, 10**6, 10**400, -(10**400), 1e300, Fraction(1, 10**5000), "pi", "pi/2", "1e-9999")
+COUNTS = (*NUMBERS, 0, -1, 10**9, 10**400, -(10**400), 1e300, Fraction(1, 3), "12", 3.5)
+
+
+def _asked(law: Any = "linear", **changes: Any) -> object:
+    """Both engines must refuse the request, if it can be made."""
+    told = {"omega": "30.4", "state": ("pi/2", 2, 0), "duration": 1} | changes
+    request = tv.Request(tv.PRINTED.with_friction(law), **told)
+    with pytest.raises(tv.InputError):
+        _OTHER(request)
+    return _ENGINE(request)
+
+
+def _flown(place: int, wrong: Any) -> object:
+    told: list[Any] = [[0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], [30.4], [[1.5, 1.6, 0]], [1.0]]
+    return _LANES(*told[:place], wrong, *told[place + 1 :])
+
+
+def _integrated(omega: Any = "30.4", gamma: Any = 2, duration: Any = 1, **more: Any) -> tv.Solution:
+    return _DISK.integrate(omega, ("pi/2", gamma, 0), duration, **more)
+
+
+#: Values that each of these calls must refuse.
+CALLS: list[tuple[Wrong, list[Call]]] = [
+    (NUMBERS, [
+        lambda x: tv.exact(x), lambda x: tv.exact(1) + x, lambda x: tv.exact("pi") - x,
+        lambda x: tv.bits(100).array([x]), lambda x: tv.bits(100).number(x), lambda x: tv.PRINTED.with_friction(x),
+        lambda x: tv.one_harmonic(tv.PRINTED, "30.4", x), lambda x: tv.equilibrium(tv.PRINTED, "30.4", x),
+        lambda x: tv.Disk(**dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), x)),
+        lambda x: _integrated(omega=x), lambda x: _integrated(gamma=x), lambda x: _integrated(duration=x),
+        lambda x: _asked(omega=x), lambda x: _asked(duration=x), lambda x: _asked(state=(x, 2, 0)),
+        lambda x: tv.compare(_ID, 1.0, reading=x),
+    ]),
+    ((*NUMBERS, 0, -1, "1e40", "1e-40", "pi", 10**5000), [
+        lambda x: tv.PRINTED.changed(mu=x), lambda x: tv.PRINTED.changed(m=x),
+    ]),
+    (("0.045", "1", "nan", -1), [lambda x: tv.CALIBRATED.changed(e=x)]),
+    (("1", "1e-9", "inf"), [lambda x: tv.GEOMETRY.changed(B=x)]),
+    ((*NUMBERS, "1e400", 10**400), [lambda x: tv.DOUBLE.number(x)]),
+    ((*NUMBERS, "1e5000", 10**5000), [lambda x: tv.EXTENDED.number(x), lambda x: tv.QUADRUPLE.number(x)]),
+    ((-1, math.nan, -1e-300, math.inf), [lambda x: tv.Measured.of(0, x)]),
+    (OBJECTS[:-2], [lambda x: tv.bits(100).mpf(x)]),
+    ((*TEXTS, "a\0.toml", "/", ".", _TEXT, "\ud800.toml"), [lambda x: tv.Parameters.named(x)]),
+    (COUNTS, [
+        lambda n: tv.omega_crit(tv.PRINTED, n), lambda n: tv.period_crit(tv.PRINTED, n),
+        lambda n: tv.hopf_point(tv.PRINTED, n), lambda n: tv.equilibrium(tv.PRINTED, "30.4", "inverted", n),
+        lambda n: tv.one_harmonic(tv.PRINTED, "30.4", digits=n), lambda n: tv.study(tv.PRINTED, "30.4", 1, n),
+        lambda n: tv.balanced_cycle(tv.PRINTED, "30.4", digits=n), lambda n: _integrated(digits=n),
+        lambda n: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, digits=n),
+        lambda n: tv.cycle_above(tv.PRINTED, "0.1", _ENGINE, digits=n), lambda n: _DISK.limit_cycle("30.4", digits=n),
+    ]),
+    ((*COUNTS, 23, 4_000_001), [lambda n: tv.bits(n)]),
+    ((*COUNTS, 201), [lambda n: tv.limit_speed(tv.PRINTED, digits=n), lambda n: tv.limit_period(tv.PRINTED, 1, n)]),
+    ((*COUNTS, 1001), [lambda n: tv.heteroclinic(tv.PRINTED, _ENGINE, digits=n)]),
+    ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: tv.study(tv.PRINTED, "30.4", n)]),
+    ((0, -1, 1025, 10**400), [lambda n: tv.balanced_cycle(tv.PRINTED, "30.4", harmonics=n)]),
+    (SPEEDS, [
+        lambda x: tv.equilibrium(tv.PRINTED, x, "inverted"), lambda x: tv.one_harmonic(tv.PRINTED, x),
+        lambda x: tv.study(tv.PRINTED, x, 1), lambda x: tv.balanced_cycle(tv.PRINTED, x),
+        lambda x: tv.limit_cycle(tv.PRINTED, x, _ENGINE), lambda x: _DISK.limit_cycle(x),
+        lambda x: _DISK.branch(["30.4", x]), lambda x: tv.basins(tv.PRINTED, x, count=4, duration=5.0),
+    ]),
+    ((*NUMBERS, 40), [lambda x: _DISK.limit_cycle(below_crit=x)]),
+    ((*NUMBERS, 0, -1, 10, 10**400, "1e-900", "pi"), [lambda x: tv.cycle_above(tv.PRINTED, x, _ENGINE)]),
+    # None stands for Omega_h.
+    (tuple(value for value in (*NUMBERS, 0, -1, 4, "pi", 10**400) if value is not None), [
+        lambda x: tv.limit_speed(tv.PRINTED, x), lambda x: tv.limit_period(tv.PRINTED, x),
+    ]),
+    (((), (1.0,), (1.0, -1.0, 2.0), *((x, x) for x in (math.nan, math.inf, 0, 10**400))), [
+        lambda x: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
+    ]),
+    ((*TEXTS, *OBJECTS), [lambda x: tv.heteroclinic(tv.PRINTED, _ENGINE, method=x)]),
+    ((*TEXTS, *OBJECTS[1:]), [lambda x: tv.Disk(x)]),
+    ((*TEXTS[1:], _ID + "\0", *OBJECTS), [lambda x: tv.references(x)]),
+    ((*TEXTS, None, 1), [lambda x: tv.references(_ID, reading=x), lambda x: tv.grade({_ID: 1.0}, reading=x)]),
+    (TEXTS, [
+        lambda x: tv.Disk("printed", friction=x), lambda x: _asked(x), lambda x: _asked(domain=x),
+        lambda x: _DISK.equilibrium(x, "30.4"),
+        lambda x: tv.bisect_omega_h(tv.PRINTED.with_friction(x), _ENGINE),
+        lambda x: tv.Audit(tv.PRINTED, _ENGINE).omega_h(x), lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel("d", x),
+        lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel(x, "printed"),
+    ]),
+    (([2.0], [0.5, 0.25], ["a"], "ab"), [lambda x: _integrated(times=x)]),
+    (([], [2.0], [0.5, 0.5], [-1.0], ["x"], [math.nan], [10**400], [[0.5]]), [lambda x: _asked(times=x)]),
+    (((), (1, 2), (1, 2, 3, 4), "ab"), [lambda x: _asked(state=x)]),
+    ((0.0, 1.0, -1.0, math.nan, math.inf), [lambda x: _asked(tolerance=x)]),
+    ((0, -1, 10**400), [lambda n: _asked(max_steps=n)]),
+    ((("abc",), ("beta", "beta")), [lambda x: _asked(variations=x)]),
+    (("same", "flat"), [lambda x: _asked(events=(tv.Event(x, len), tv.Event(x, len)))]),
+    ((1.5, -1e-3, [0.5, 2], "a", math.nan), [lambda x: _integrated()(x)]),
+    ((0, -1, 10**9, 10**400, 3.5), [lambda n: tv.basins(tv.PRINTED, "30.4", count=n)]),
+    ((0.0, -1.0, math.nan, math.inf, 1e300), [lambda x: tv.basins(tv.PRINTED, "30.4", count=4, duration=x)]),
+    ((math.nan, math.inf, 1e4), [lambda x: tv.basins(tv.PRINTED, "30.4", count=4, duration=5.0, v=x)]),
+    ((-1, 1.5), [lambda n: tv.basins(tv.PRINTED, "30.4", count=4, duration=5.0, seed=n)]),
+    ((0.0, -1.0, math.nan, math.inf, 31.0, 1.0), [lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, x)]),
+    ((0.0, math.nan, 31.0, 1e300), [lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, 30.05, lowest=x)]),
+    ((0.5, -1, 10**9, 65), [lambda n: tv.BatchTaylor(n)]),
+    ((None, "", "abc", [], [[]], ["x"], [1.0, 2.0], [[1.0]], 1j, [10**400], {}), [
+        lambda x: _flown(0, x), lambda x: _flown(1, x), lambda x: _flown(2, x), lambda x: _flown(3, x),
+    ]),
+    ((*NUMBERS, "../../etc/passwd", "printed"), [lambda x: tv.reference(x), lambda x: tv.compare(x, 1.0)]),
+    (OBJECTS, [lambda x: tv.compare(_ID, x)]),
+    (({}, {"abc": 1.0}, {1: 1.0}, {"fresh-1-1/both/rhs/01/Q": 1.0}, *OBJECTS), [lambda x: tv.grade(x)]),
+    ((*TEXTS, "g", "A", "aa", _TEXT, *OBJECTS), [lambda x: tv.scene_named(x)]),
+    ((None,), [lambda x: tv.SCENES[0].omega(tv.PRINTED, x)]),
+    ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
+]  # fmt: skip
+#: What the annotations forbid, which is a type checker's business: TypeError will do.
+TYPED: list[tuple[Wrong, list[Call]]] = [
+    (NUMBERS[:-2], [lambda x: tv.Measured.of(x, 0)]),
+    (OBJECTS, [lambda x: tv.Parameters.named(x)]),
+    (NUMBERS, [
+        lambda x: tv.PRINTED.at(x), lambda x: tv.hopf_point(x), lambda x: tv.limit_cycle(tv.PRINTED, "30.4", x),
+        lambda x: tv.Taylor()(x), lambda x: tv.Baseline()(x),
+    ]),
+]  # fmt: skip
+#: Nothing to be called with anything: outcomes, verdicts, errors, and types that functions above give.
+_PLAIN = {"InputError", "Shortfall", "Result", "Status", "Verdict", "Solution", "Exact", "Precision"}
+
+
+def test_every_public_name_is_spoiled() -> None:
+    calls = [_asked, *(call for _, several in (*CALLS, *TYPED) for call in several)]
+    called = {name for call in calls for name in call.__code__.co_names}
+    assert {name for name in tv.__all__ if callable(getattr(tv, name))} <= called | _PLAIN
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("call", "wrong", "refusal"),
     [
-        ["hopf", "--digits", "1000000000"],
-        ["hopf", "--digits", "4001"],
-        ["heteroclinic", "--digits", "1001"],
-        ["orbit", "--above-het", "1e-30", "--digits", "1000"],
-        ["orbit", "--above-het", "1e-801"],
-        ["harmonic-balance", "--omega", "30.4", "--harmonics", "1025"],
-        ["slow-manifold", "--order", "41"],
-        ["basin", "--omega", "30.4", "--count", "10000001"],
-        ["scene", "d", "--digits", "13"],
-        ["sweep", "hopf", "--over", "mu=0:1:1001", "--over", "g=9:10:1000", "--out", "o.csv"],
-        ["sweep", "hopf", "--over", "mu=0.3", "--out", "o.csv", "--jobs", "1000000"],
-        ["equilibria", "--omega", "30.4", "--omega", "31", "--below-crit", "0.5"],
-        ["verify", "--only", ","],
-        ["branch", "--omegas", "30.4,1e300"],
-        ["branch", "--omegas", "30.4,31.5"],
-        ["branch", "--omegas", "30.4,29"],
-        ["orbit", "--omega", "1e-300"],
-        ["harmonic-balance", "--omega", "4"],
-        ["orbit", "--omega", "29"],
+        *((call, wrong, tv.InputError) for wrong, several in CALLS for call in several),
+        *((call, wrong, (tv.InputError, TypeError, AttributeError)) for wrong, several in TYPED for call in several),
     ],
-    ids=lambda arguments: " ".join(arguments)[:60],
 )
-def test_what_has_a_bound_says_so(arguments: list[str], room: Path) -> None:
-    before = contents(room)
-    assert_refused(arguments)
-    assert contents(room) == before
-
-
-def test_the_most_digits_are_had() -> None:
-    """What is asked for is the bound, not what is computed beyond it; integers of over 4300 digits are printed."""
-    for arguments in (["hopf"], ["equilibria", "--omega", "30.4"], ["equilibria", "--below-crit", "0.5"]):
-        done = ran([*arguments, "--digits", "4000", "--json"])
-        assert (done.status, done.err) == (0, "")
-    value, width = tv.Measured.of(10**4400, 0).decimals()
-    assert (value, width) == ("1" + "0" * 4400, "0")
-
-
-_SIZES = st.sampled_from(["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", "1e10", "1e20", "9e29"])
-
-
-@settings(max_examples=60, deadline=None)
-@given(
-    st.fixed_dictionaries(dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), _SIZES)),
-    st.sampled_from(["hopf", "equilibria"]),
-)
-def test_disks_beyond_any_workshop(
-    tmp_path_factory: pytest.TempPathFactory, values: dict[str, str], command: str
-) -> None:
-    """Of the extremes that pass for a disk, an answer, a shortfall or a refusal: one line, and no traceback."""
-    path = tmp_path_factory.mktemp("disk") / "disk.toml"
-    path.write_text("".join(f'{name} = "{value}"\n' for name, value in values.items()))
-    done = ran(
-        [command, *(["--omega", "30.4"] if command == "equilibria" else []), "--parameters", str(path), "--json"]
-    )
-    assert done.status in (0, 1, 2)
-    assert done.err.count("\n") == (1 if done.status else 0)
+def test_nonsense_from_python(call: Call, wrong: Wrong, refusal: Any) -> None:
+    for value in wrong:
+        with pytest.raises(refusal) as refused:
+            pytest.fail(f"a call took {type(value)} and gave {call(value)!r:.60}")
+        assert 0 < len(str(refused.value)) < 1000

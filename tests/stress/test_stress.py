@@ -1,11 +1,16 @@
-"""The battery: its cases pass, and its judge can fail them."""
+"""The battery: its cases pass, and its judge can fail them. What is extreme and allowed is answered in one line."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
+import tippedisk_verify as tv
+from tests.stress.nonsense import ran
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
@@ -89,3 +94,28 @@ def test_the_command_lists_runs_and_refuses(capsys: pytest.CaptureFixture[str]) 
     assert "case 'no such thing' is not known" in capsys.readouterr().err
     with pytest.raises(InputError):
         cases_named(("none",))
+
+
+def test_the_most_digits_are_had() -> None:
+    """What is asked for is the bound, not what is computed beyond it; integers of over 4300 digits are printed."""
+    for words in ("hopf", "equilibria --omega 30.4", "equilibria --below-crit 0.5"):
+        done = ran([*words.split(), "--digits", "4000", "--json"])
+        assert (done.status, done.err) == (0, "")
+    assert tv.Measured.of(10**4400, 0).decimals() == ("1" + "0" * 4400, "0")
+
+
+_SIZES = st.sampled_from(["1e-29", "1e-20", "1e-10", "1e-3", "0.3", "1", "1e3", "1e10", "1e20", "9e29"])
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.fixed_dictionaries(dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), _SIZES)),
+    st.sampled_from(["hopf", "equilibria --omega 30.4"]),
+)
+def test_disks_beyond_any_workshop(tmp_path: Path, values: dict[str, str], words: str) -> None:
+    """Of the extremes that pass for a disk, an answer, a shortfall or a refusal: one line, and no traceback."""
+    path = tmp_path / "disk.toml"
+    path.write_text("".join(f'{name} = "{value}"\n' for name, value in values.items()))
+    done = ran([*words.split(), "--parameters", str(path), "--json"])
+    assert done.status in (0, 1, 2)
+    assert done.err.count("\n") == (1 if done.status else 0)
