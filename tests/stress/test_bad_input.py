@@ -371,6 +371,7 @@ def test_every_public_name_is_spoiled() -> None:
         *((call, wrong, tv.InputError) for wrong, several in CALLS for call in several),
         *((call, wrong, (tv.InputError, TypeError, AttributeError)) for wrong, several in TYPED for call in several),
     ],
+    ids=lambda value: " ".join(value.__code__.co_names) if hasattr(value, "__code__") else "",
 )
 def test_nonsense_from_python(call: Call, wrong: Wrong, refusal: Any) -> None:
     for value in wrong:
