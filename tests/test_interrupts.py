@@ -69,17 +69,6 @@ def test_other_signals_end_as_ctrl_c_does(
     assert struck.at(step, arguments.format(folder=tmp_path).split(), number)[::2] == ended_by(number)
 
 
-@pytest.mark.parametrize("number", _OTHERS)
-def test_a_sweep_goes_on_after_other_signals(number: signal.Signals, struck: Struck, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    arguments = f"{_SWEEP} --executor serial".format(folder=out).split()
-    assert struck.at("call keep 3", arguments, number)[::2] == ended_by(number)
-    assert [path.name for path in out.iterdir()] == [".a.csv.journal"]
-    assert struck.at("none none 0", arguments)[0] == 0
-    assert len((out / "a.csv").read_text().splitlines()) == 41
-
-
 def test_what_nohup_ignores_stays_ignored(tmp_path: Path) -> None:
     struck = Struck(tmp_path, ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", *PROGRAM])
     status, out, told = struck.at("call * 100", ["--version"], signal.SIGHUP)
@@ -112,13 +101,18 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
     assert (out / "sheet.csv").read_text(encoding="utf-8").endswith("\n")
 
 
-@pytest.mark.parametrize(("step", "left"), [("call _run 1", []), ("call keep 3", [".a.csv.journal"])])
-def test_a_sweep_keeps_a_journal_of_what_it_has(step: str, left: list[str], struck: Struck, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("step", "number", "left"),
+    [("call _run 1", signal.SIGINT, []), *(("call keep 3", n, [".a.csv.journal"]) for n in (signal.SIGINT, *_OTHERS))],
+)
+def test_a_sweep_keeps_a_journal_of_what_it_has(
+    step: str, number: signal.Signals, left: list[str], struck: Struck, tmp_path: Path
+) -> None:
     """With a point in it the journal is taken up by the next run; without one it would only be in the way."""
     out = tmp_path / "out"
     out.mkdir()
     arguments = f"{_SWEEP} --executor serial".format(folder=out).split()
-    assert struck.at(step, arguments)[::2] == (130, INTERRUPTED)
+    assert struck.at(step, arguments, number)[::2] == ended_by(number)
     assert [path.name for path in out.iterdir()] == left
     assert struck.at("none none 0", arguments)[0] == 0
     assert [path.name for path in out.iterdir()] == ["a.csv"]

@@ -1,12 +1,18 @@
-"""Random limit cycles of the ordinary road, for the proofs to be held against."""
+"""Random limit cycles of the ordinary road, for the proofs to be held against; and states along an orbit, proved."""
 
 from __future__ import annotations
 
 import random
+from collections.abc import Sequence
 from fractions import Fraction
 
+from tippedisk_verify.certified.balls import ball, measured, working_precision
+from tippedisk_verify.certified.flow import Status, carry
+from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
@@ -42,3 +48,16 @@ def random_cycle(rng: random.Random, taylor: Taylor, digits: int) -> tuple[Param
             return parameters, omega, limit_cycle(parameters, omega, taylor, digits=digits)
         except (InputError, Shortfall):  # no cycle there, or not found
             continue
+
+
+def proved_state(
+    parameters: Parameters, omega: object, state: Sequence[object], duration: object, bits: int
+) -> list[Measured]:
+    """(beta_bar, gamma_bar, v) after ``duration`` from the exact start: an enclosure computed with so many bits."""
+    with working_precision(bits):
+        flight = carry(
+            model_of(parameters, ball(exact(omega))), [ball(exact(part)) for part in state], ball(exact(duration))
+        )
+        assert flight.status is Status.REACHED
+        assert flight.upright
+        return [measured(part) for part in flight.state]

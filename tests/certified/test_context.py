@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from flint import acb_series, arb_series, ctx
 
-from tests.certified.trajectory import proved_state
+from tests.certified.cases import proved_state
 from tippedisk_verify.certified import closed_forms
 from tippedisk_verify.certified.angles import rates
 from tippedisk_verify.certified.balls import (
@@ -107,7 +107,7 @@ def slope_of_chi() -> Measured:
     [
         slope_of_chi,
         lambda: proved_equilibrium(CALIBRATED, "30.4", "noninverted", 40),
-        lambda: proved_state(PRINTED, "30.4", ("0", "1.7", "-1.7"), "0.01", digits=8),
+        lambda: proved_state(PRINTED, "30.4", ("0", "1.7", "-1.7"), "0.01", 60),
     ],
     ids=["series", "equilibrium", "flow"],
 )

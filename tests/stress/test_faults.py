@@ -89,16 +89,10 @@ def test_kills_leave_whole_files(tmp_path: Path) -> None:
     assert len(list(_strikes(tmp_path, 4, signal.SIGKILL))) == 4
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_leave_whole_files(number: int, tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 4, number))) == 4
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_a_hundred_strikes(number: int, tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 100, number))) == 100
+    assert len(list(_strikes(tmp_path, 25, number))) == 25
 
 
 def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,21 +169,6 @@ def test_a_full_disk(small_disk: Path) -> None:
         filler.unlink()
     assert run(["conformance", "questions", str(old), "--levels", "3", "--set", "printed", "--quiet"]).returncode == 0
     assert _whole(small_disk / "data") == 0
-
-
-@pytest.mark.slow
-def test_a_limit_on_the_size_of_files(tmp_path: Path) -> None:
-    """The stand-in for a full disk where none can be mounted; the code cache meets the limit, too."""
-    limits = {resource.RLIMIT_FSIZE: 8192}
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    for arguments in (_sheet(tmp_path), [*SWEEP, str(tmp_path / "sweep.csv")]):
-        assert "File too large" in one_line(run(arguments, limits=limits, **cache), 2)
-    assert not (tmp_path / "sheet.csv").exists()
-    first = run(ORBIT, limits=limits, **cache)
-    assert (first.returncode, first.stderr) == (0, "")
-    assert run(ORBIT, **cache).stdout == first.stdout
-    assert run([*SWEEP, str(tmp_path / "sweep.csv")]).returncode == 0  # goes on from the journal
-    assert len(_table(tmp_path / "sweep.csv")) == 300
 
 
 # ------------------------------------------------------------------------------------------ rights
