@@ -1,0 +1,498 @@
+"""The kinds of draws: what is drawn, what is asked through the package's doors, and what tells the truth about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from functools import lru_cache, partial
+from typing import Any
+
+from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
+from tippedisk_verify.certified.balls import ball, ball_constants, measured, working_precision
+from tippedisk_verify.certified.closed_forms import proved_equilibrium, proved_hopf
+from tippedisk_verify.certified.cycle import prove_cycle
+from tippedisk_verify.certified.flow import Model
+from tippedisk_verify.certified.krawczyk import inclusion
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
+from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.orbits.bisection import bisect_omega_h
+from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
+from tippedisk_verify.orbits.half_map import RETURNS, VARIATIONS
+from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
+from tippedisk_verify.reference_values.entries import Case, Item
+from tippedisk_verify.reference_values.local_roads import HOPF, RHS
+from tippedisk_verify.theory import slow_manifold
+from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
+from tippedisk_verify.theory.hopf import criticality, omega_crit
+from tippedisk_verify.theory.melnikov import limit_period, limit_speed
+from tippedisk_verify.theory.spectral_balance import balanced_cycle
+from tippedisk_verify.theory.spectral_rotation import spectral_rotation
+
+__all__ = ["KINDS", "kind_named"]
+
+_LAWS = ("linear", "smooth")
+_STIFFEST = 2e3  # 1/s; the truth about the cycles of a stiffer disk takes minutes
+
+
+def _with_more(ask: Callable[..., Any], digits: int, more: int = 10) -> Question:
+    """The truth is the same with more digits."""
+    return Question(lambda: ask(digits=digits), lambda _: ask(digits=digits + more))
+
+
+def _exactly(truth: Any) -> Measured:
+    return Measured(fraction(truth), Fraction(0))
+
+
+def _near(value: Fraction, places: int = 12) -> Fraction:
+    """The nearest decimal of so many places."""
+    return Fraction(round(value * 10**places), 10**places)
+
+
+# ----------------------------------------------------------------------------------------------- without integrators
+def right_hand_side(draw: Draw) -> Question:
+    """The equations' terms, the acceleration and its derivatives, against the same in shifted angles."""
+    disk = draw.disk(law=draw.choice(_LAWS))
+    angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())  # rational: pi has no place there
+    place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
+    case = Case(Item("drawn", "drawn", disk.name, draw.choice(("both", disk.friction)), {}), disk, place)
+    return Question(lambda: RHS[0].compute(case, {}), lambda known: RHS[1].compute(case, known))
+
+
+def equilibria(draw: Draw) -> Question:
+    disk = draw.disk()
+    name, omega = draw.choice(("inverted", "noninverted")), draw.speed(disk)
+    return _with_more(partial(disk.equilibrium, name, omega), draw.choice((6, 12, 15, 30)))
+
+
+def hopf(draw: Draw) -> Question:
+    """Against implicit differentiation and the consistent one-harmonic law."""
+    disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
+    case = Case(Item("drawn", "drawn", disk.name, "linear", {}), disk, {})
+    return Question(lambda: disk.hopf(digits=digits), lambda _: HOPF[1].compute(case, {}))
+
+
+def bautin(draw: Draw) -> Question:
+    return _with_more(partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e"))), draw.choice((6, 12)))
+
+
+def one_harmonic_law(draw: Draw) -> Question:
+    disk, form = draw.disk(), draw.choice(("printed", "consistent"))
+    side = 1 if criticality(disk) == "subcritical" else -1
+    omega = draw.told(decimal(float(omega_crit(disk)) * (1 + side * draw.log_uniform(1e-6, 0.1)), 12))
+
+    def ask(digits: int) -> Any:
+        return one_harmonic(disk, omega, form, digits), slopes(disk, form, digits)
+
+    return _with_more(ask, draw.choice((6, 12, 15)), 30)
+
+
+def melnikov(draw: Draw) -> Question:
+    disk, size = draw.disk(), decimal(draw.choice((draw.uniform(0.1, 3.1), draw.log_uniform(1e-4, 1))))
+
+    def ask(digits: int) -> Any:
+        return limit_speed(disk, None, digits), limit_speed(disk, size, digits), limit_period(disk, size, digits)
+
+    return _with_more(ask, draw.choice((6, 12)), 24)
+
+
+def slow_manifold_series(draw: Draw) -> Question:
+    """Against the recursion at 120 digits; the exponents of the residuals are whole numbers."""
+    disk, order = draw.disk(), draw.choice((0, 1, 2, 3))
+    omega = draw.told(decimal(float(omega_crit(disk)) * draw.uniform(0.5, 1.5)))
+
+    def ask() -> Any:
+        return vars(slow_manifold.study(disk, omega, order)) | {"right order": True}
+
+    def truth(found: Any) -> Any:
+        ctx, constants, speed = slow_manifold._numbers(disk, omega, 400)
+        points = [[quotient(ctx, part) for part in point] for point in slow_manifold.POINTS]
+        rows = [slow_manifold.invariance_residuals(ctx, constants, speed, *point, order) for point in points]
+        terms = [slow_manifold.orders(ctx, constants, speed, *point, 10) for point in points]
+        sizes = [max(abs(row[n]) for row in terms) * constants.epsilon**n for n in range(1, 11)]
+        return {
+            "h": [
+                _exactly(h) for h in slow_manifold.orders(ctx, constants, speed, ctx.mpf(6) / 5, ctx.mpf(3) / 10, order)
+            ],
+            "residual": [_exactly(max(abs(row[n]) for row in rows)) for n in range(order + 1)],
+            "residual_slope": [_exactly(n + 1) for n in range(order + 1)],
+            "smallest_term": _exactly(min(sizes)),
+            "reduced_omega_crit": order and slow_manifold.reduced_omega_crit(disk, order, 40),
+            "right order": found["best_order"] == 1 + sizes.index(min(sizes)),
+        }
+
+    return Question(ask, truth)
+
+
+def proved_closed_forms(draw: Draw) -> Question:
+    """Enclosures hold the ordinary numbers of more digits."""
+    disk, digits = draw.disk(), draw.choice((6, 12, 30))
+    omega, name = draw.speed(disk), draw.choice(("inverted", "noninverted"))
+
+    def truth(_: Any) -> Any:
+        return disk.hopf(digits=2 * digits + 20), disk.equilibrium(name, omega, digits=2 * digits + 20)
+
+    return Question(lambda: (proved_hopf(disk, digits), proved_equilibrium(disk, omega, name, digits)), truth)
+
+
+# ------------------------------------------------------------------------------------------------------------ motion
+_PASSED = tuple(
+    replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN, SLIDING_REVERSAL)
+)
+_RETURNS = (replace(SECTION, name="next section"), replace(TURN, name="next turn", terminal=False))
+_DECAYS = 1000  # of sliding, the longest run: a stiffer disk is followed for a shorter time
+
+
+def _flown(request: Request) -> Question:
+    """Every number of a run in double beside the same run in quadruple precision, or in one wider still."""
+
+    def ask() -> Any:
+        found = default_engine()(request)
+        if not found.status.usable or found.error is None or not max(found.error.state) < float("inf"):
+            raise Shortfall(f"{found.status.name}, or the two runs did not end alike")
+        return _numbers_of(found, found.error) | {"alike": True, "names": [record.name for record in found.events]}
+
+    def truth(answer: Any, wide: Any = QUADRUPLE) -> Any:
+        run = default_engine()(replace(request, precision=wide, tolerance=None, error_estimate=False))
+        return _numbers_of(run, None) | {"alike": [record.name for record in run.events] == answer["names"]}
+
+    return Question(ask, truth, partial(truth, wide=bits(QUADRUPLE.bits + 90)))
+
+
+def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
+    """With the half-widths of an estimate; without one exactly."""
+
+    def paired(values: Any, widths: Any) -> Any:
+        if hasattr(values, "tolist"):
+            values = values.tolist()
+        if isinstance(values, list):
+            return [paired(value, widths if widths is None else widths[n]) for n, value in enumerate(values)]
+        return None if values is None else Measured.of(values, 0 if widths is None else float(widths))
+
+    names = {"state": "state", "samples": "samples", "derivatives": "variations"}
+    return {name: paired(getattr(run, name), error and getattr(error, width)) for name, width in names.items()} | {
+        "status": run.status,
+        "time": paired(run.time, error and error.time) if error is None or error.time else None,
+        "events": paired([record.time for record in run.events], error and error.events),
+    }
+
+
+def motion(draw: Draw, events: Any = ((), ()), loose: bool = False, half: bool = False, **options: Any) -> Question:
+    """A run of up to a second, or up to ten: its end, samples, events and derivatives.
+
+    ``events`` are those in the angles themselves and those in shifted ones; ``half`` periods begin on the section.
+    """
+    disk = draw.disk(law=draw.choice(_LAWS))
+    omega, place, shift = draw.speed(disk), draw.state(), draw.choice((False, True)) or half
+    if half:
+        place = exact("pi/2"), place[1], draw.told(exact(decimal(-draw.log_uniform(1e-3, 20))))
+    if shift:
+        place = place[0] - PI * Fraction(1, 2), place[1] - PI * Fraction(1, 2), place[2]
+    longest = min(draw.choice((1.0, 1.0, 10.0)), _DECAYS / decay(disk))
+    duration = decimal(longest * draw.choice((draw.uniform(0.1, 1), draw.log_uniform(1e-4, 1))))
+    if draw.random() < 0.1:
+        duration = -duration / 10  # backward the fast direction explodes
+    first = draw.choice((0, 1))
+    times = [duration * Fraction(n, 5) for n in range(first, 6)] if draw.random() < 0.4 else None
+    tolerance = draw.choice((1e-6, 1e-9, 1e-12, 1e-14)) if loose else None  # each is compiled
+    draw.told(duration)
+    return _flown(
+        Request(
+            disk, omega, place, duration, shifted=shift, times=times, tolerance=tolerance, error_estimate=True,
+            events=events[shift], domain="none" if half else "event", **options,
+        )
+    )  # fmt: skip
+
+
+def passage(draw: Draw) -> Question:
+    """Past the saddles, at a speed next to Omega_h and from next to a saddle."""
+    disk = draw.disk((*STRUCTURED, "far"), draw.choice(_LAWS), _STIFFEST)
+    lifted = draw.told(decimal(draw.choice((-1, 1)) * draw.log_uniform(1e-9, 1e-1), 4))
+    aside, duration = draw.choice((-1, 1)) * draw.log_uniform(1e-12, 1e-1), draw.told(decimal(draw.uniform(1, 10), 3))
+    omega = draw.told(_near(_rough_omega_h(disk) + Fraction(aside), 14))
+    start = (PI * Fraction(1, 2), exact(lifted) - PI * Fraction(1, 2), exact(0))
+    times = [duration * Fraction(n, 6) for n in range(1, 7)]
+    return _flown(Request(disk, omega, start, duration, times=times, error_estimate=True))
+
+
+def solution(draw: Draw) -> Question:
+    """Through `Disk.integrate`, to more digits than doubles have."""
+    disk = draw.disk(law=draw.choice(_LAWS))
+    omega, state = draw.speed(disk), draw.state()
+    duration = draw.told(decimal(min(1.0, _DECAYS / decay(disk)) * draw.uniform(0.1, 1)))
+
+    def ask(digits: int) -> Any:
+        found = disk.integrate(omega, state, duration, times=[0, duration / 3, duration], digits=digits)
+        if not max(found.uncertainty[:, -1]) < float("inf"):
+            raise Shortfall(f"rounding decides the end: {found.message}")
+        pairs = zip(found.y.ravel().tolist(), found.uncertainty.ravel().tolist(), strict=True)
+        return {"status": found.status, "y": [Measured.of(*pair) for pair in pairs]}
+
+    return _with_more(ask, draw.choice((12, 20, 30)), 20)
+
+
+# -------------------------------------------------------------------------------------------------------- libration
+@lru_cache(maxsize=64)
+def _rough_omega_h(disk: Parameters) -> Fraction:
+    """Omega_h as double sees it. Raises NoConnectionError or Shortfall."""
+    return bisect_omega_h(disk, default_engine(), confirm=False).omega_h.value
+
+
+def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
+    """A disk, and a speed on the side of its Omega_crit where cycles are: mostly above Omega_h, where that is known."""
+    unlike = ("near-equal", "spread", "tiny-eccentricity", "heavy", "far", "far")
+    disk = draw.disk((*STRUCTURED, *STRUCTURED, *unlike), law, _STIFFEST)
+    crit, side = omega_crit(disk, 30).value, -1 if criticality(disk) == "subcritical" else 1
+    share = decimal(draw.choice((draw.uniform(1e-4, 0.02), draw.log_uniform(1e-8, 0.03))))
+    omega = crit * (1 - side * share / (1 if side > 0 else 40))  # born unstable, a family may turn back after 1e-4
+    within = decimal(draw.choice((draw.uniform(0.002, 1), 1 - draw.log_uniform(1e-6, 1), draw.log_uniform(1e-4, 1))))
+    if side > 0 and draw.random() < 0.9:
+        with suppress(InputError, Shortfall):
+            omega = crit + (1 - within) * (_rough_omega_h(disk) - crit)
+    return disk, draw.told(_near(omega))
+
+
+def _true_cycle(found: Any, disk: Parameters, digits: int = 22) -> LimitCycle:
+    """The cycle near the one found, by shooting with more digits: with many where the slow multiplier was lost."""
+    slow = getattr(found, "multiplier_slow", None)
+    if slow is not None and 2 * slow.uncertainty > abs(slow.value):
+        digits = 60
+    guess, omega = (found.gamma_bar_0.value, found.v_0.value), getattr(found.omega, "value", found.omega)
+    return limit_cycle(disk, omega, default_engine(), digits=digits, guess=guess)
+
+
+def cycle(draw: Draw, law: str) -> Question:
+    """To a number of digits: in double if it holds them."""
+    disk, omega = _librating(draw, law)
+    digits = draw.choice((6, 9, 12, 12, 20))
+    return Question(lambda: disk.limit_cycle(omega, digits=digits), partial(_true_cycle, disk=disk, digits=digits + 10))
+
+
+def cycle_in_double(draw: Draw, law: str) -> Question:
+    """In double, whatever digits that gives."""
+    disk, omega = _librating(draw, law)
+    return Question(
+        lambda: limit_cycle(disk, omega, default_engine(), precision=DOUBLE), partial(_true_cycle, disk=disk)
+    )
+
+
+def balanced(draw: Draw) -> Question:
+    """Harmonic balance against shooting, with few harmonics too."""
+    disk, omega = _librating(draw)
+    options = draw.choice(({"digits": 6}, {"digits": 9}, {"digits": 12}, {"harmonics": 5}, {"harmonics": 12}))
+    return Question(lambda: balanced_cycle(disk, omega, **options), partial(_true_cycle, disk=disk))
+
+
+def branch(draw: Draw) -> Question:
+    """The family as a function: corrected cycles and interpolated numbers at speeds between its ends."""
+    disk = draw.disk((*STRUCTURED, "far"), stiffest=_STIFFEST, born="supercritical")
+    shares = [draw.choice((draw.uniform(0.002, 0.998), draw.log_uniform(0.0011, 0.5))) for _ in range(3)]
+    omega_h = float(_rough_omega_h(disk))
+
+    def ask() -> Any:
+        whole = BranchInterpolant(disk, default_lanes(), omega_h)
+        speeds = (omega_h + share * (whole.omega_crit - omega_h) for share in shares)
+        omegas = [min(max(omega, whole.lowest), whole.highest) for omega in speeds]
+        values = whole(omegas)
+        pairs = {name: zip(getattr(values, name), width, strict=True) for name, width in values.uncertainty.items()}
+        between = {name: [Measured.of(*pair) for pair in some] for name, some in pairs.items()}
+        return {"cycles": whole.limit_cycles(omegas), "between": between}
+
+    def truth(found: Any) -> Any:
+        cycles = [_true_cycle(one, disk) for one in found["cycles"]]
+        between = {name: [getattr(one, name) for one in cycles] for name in found["between"]}
+        return {"cycles": cycles, "between": between}
+
+    return Question(ask, truth)
+
+
+def folds(draw: Draw) -> Question:
+    disk = draw.disk(("nearby", "nearby", "far"), draw.choice(("linear", "linear", "smooth")), 300, "subcritical")
+    return _with_more(disk.folds, draw.choice((9, 12)))
+
+
+def next_to_omega_h(draw: Draw, law: str) -> Question:
+    """A cycle a named distance above Omega_h."""
+    disk = draw.disk(STRUCTURED, law, 500)
+    above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
+    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 8)
+
+
+def connection(draw: Draw, method: str, law: str = "linear") -> Question:
+    """Omega_h by one of its methods, with the saddle's eigenvalues there, against the manifolds to more digits."""
+    ask = draw.disk(STRUCTURED, law, 500).heteroclinic
+    digits = 12 if method in ("manifolds", "limit-cycles") else 6
+    return Question(lambda: ask(method=method, digits=digits), lambda _: ask(digits=24))
+
+
+# --------------------------------------------------------------------------------------------------------- rotation
+def _rotating(draw: Draw, law: str) -> tuple[Disk, Fraction, bool]:
+    """A disk, a speed where mostly it has rotating cycles, and whether the stable one is meant."""
+    while True:
+        disk, stable = draw.disk((*STRUCTURED, "far"), law, 500), draw.random() < 0.5
+        share = draw.log_uniform(2e-5, 1e-3) if stable else draw.uniform(5e-4, -0.03)
+        with suppress(InputError, Shortfall):
+            return disk, draw.told(_near(_rough_omega_h(disk) * (1 - decimal(share)), 9)), stable
+
+
+def rotating(draw: Draw, law: str) -> Question:
+    """Against collocation, which shares no integrator, or more digits."""
+    disk, omega, stable = _rotating(draw, law)
+    ask = partial(disk.rotating_cycle, omega, stable=stable)
+    if law == "linear" and not stable:  # next to Omega_h collocation takes its time
+        return Question(ask, lambda _: spectral_rotation(disk, omega, stable=stable, digits=17))
+    return _with_more(ask, draw.choice((9, 12)))
+
+
+def collocated_rotation(draw: Draw) -> Question:
+    disk, omega, stable = _rotating(draw, "linear")
+    return _with_more(partial(spectral_rotation, disk, omega, stable=stable), draw.choice((10, 14)), 6)
+
+
+def rotating_branch(draw: Draw) -> Question:
+    """A hundred speeds are solved together; the cycles at the first and the last of them are looked at."""
+    disk, omega, _ = _rotating(draw, "linear")
+    speeds = [omega + Fraction(n, 1000) for n in range(100)]
+
+    def ask() -> Any:
+        cycles = disk.rotating_branch(speeds)
+        return [one for one in cycles if float(one.omega) in (float(speeds[0]), float(speeds[-1]))]
+
+    def truth(found: Any) -> Any:
+        return [disk.rotating_cycle(one.omega.value, stable=one.stable, digits=20) for one in found]
+
+    return Question(ask, truth)
+
+
+def rotation_fold(draw: Draw) -> Question:
+    disk = draw.disk(STRUCTURED, draw.choice(("linear", "linear", "smooth")), 500)
+    return _with_more(disk.rotation_fold, draw.choice((9, 12)), 8)
+
+
+def below_omega_h(draw: Draw) -> Question:
+    below = draw.told(decimal(draw.log_uniform(1e-9, 1e-3), 4))
+    return _with_more(partial(draw.disk(STRUCTURED, stiffest=500).rotating_cycle, below_het=below), 10)
+
+
+def basin_boundary(draw: Draw) -> Question:
+    """Against bisection in quadruple precision on what becomes of a start."""
+    disk = draw.disk(("named",), draw.choice(("linear", "linear", "smooth")))
+    omega = draw.told(_near(omega_crit(disk, 20).value + Fraction(draw.choice(("-0.2", "0.5")))))
+    gamma, v = draw.told(draw.uniform(-1.5, 4.7)), draw.told(draw.uniform(-6, 6))
+    upright = Event("upright", SECTION.function)
+
+    def lies_flat(beta: Fraction) -> bool:
+        engine, wide = default_engine(), {"precision": QUADRUPLE}
+        run = engine(Request(disk, omega, (beta, Fraction(gamma), Fraction(v)), "0.5", **wide))  # past the transient
+        if run.status is not Status.FLAT:
+            run = engine(Request(disk, omega, run.state.tolist(), 200, events=(upright,), **wide))
+        return run.status is Status.FLAT
+
+    def truth(sheet: Measured) -> Measured:
+        low, high = (sheet.value + side * sheet.uncertainty * 2 for side in (-1, 1))
+        if (lies_flat(low), lies_flat(high)) != (False, True):
+            return _exactly(10)  # nowhere near
+        while (high - low) * 60 > sheet.uncertainty:
+            middle = (low + high) / 2
+            low, high = (low, middle) if lies_flat(middle) else (middle, high)
+        return Measured((low + high) / 2, (high - low) / 2)
+
+    return Question(lambda: disk.basin_boundary(omega).sheets(gamma, v)[1], truth)
+
+
+# ----------------------------------------------------------------------------------------------------------- proofs
+def _provable(draw: Draw) -> tuple[Disk, Fraction]:
+    disk = draw.disk(("named", "nearby"), stiffest=500, born="supercritical")
+    return disk, draw.told(_near(omega_crit(disk, 20).value - Fraction(draw.randint(20, 600), 1000)))
+
+
+def proved_cycle(draw: Draw) -> Question:
+    """Whatever is proved from a guess that is up to 1 % wrong holds the ordinary cycle with more digits."""
+    disk, omega = _provable(draw)
+    off, digits = Fraction(draw.log_uniform(1e-12, 1e-2)), draw.choice((8, 12))
+
+    def ask() -> Any:
+        known = limit_cycle(disk, omega, default_engine())
+        guess = [part.value * (1 + off) for part in (known.gamma_bar_0, known.v_0)]
+        proof = prove_cycle(disk, omega, guess, digits=digits)
+        return proof.numbers() | {"stable": proof.stable}
+
+    return Question(ask, lambda _: limit_cycle(disk, omega, default_engine(), digits=digits + 15))
+
+
+def krawczyk(draw: Draw) -> Question:
+    """A box that may or may not hold the cycle, in poor precision: what is said to be included is."""
+    disk, omega = _provable(draw)
+    off, factor = Fraction(draw.log_uniform(1e-12, 1e-4)), Fraction(draw.log_uniform(0.3, 1e3))
+    working = draw.randint(40, 64)
+
+    def ask() -> Any:
+        known = limit_cycle(disk, omega, default_engine())
+        with working_precision(working):
+            middle = [ball(part.value * (1 + off)).mid() for part in (known.gamma_bar_0, known.v_0)]
+            radii = [abs(part) * ball(off * factor) for part in middle]
+            found = inclusion(Model(ball_constants(disk), ball(omega)), middle, radii)
+            if not found.included:
+                raise Shortfall("nothing is included")
+            return {"gamma_bar_0": measured(found.image[0]), "v_0": measured(found.image[1])}
+
+    return Question(ask, lambda _: limit_cycle(disk, omega, default_engine(), digits=40))
+
+
+# -------------------------------------------------------------------------------------------------------- the table
+_EVERY = (*VARIATIONS, "r", "e", "a", "b", "g", "k")
+#: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these take.
+KINDS = (
+    Kind("right-hand side", right_hand_side, 12, 300, flown=False),
+    Kind("equilibria", equilibria, 12, 300, flown=False),
+    Kind("Hopf point", hopf, 8, 200, flown=False),
+    Kind("Bautin points", bautin, 8, 200, flown=False),
+    Kind("one-harmonic law", one_harmonic_law, 8, 200, flown=False),
+    Kind("limit epsilon to 0", melnikov, 1, 60, flown=False),
+    Kind("slow manifold", slow_manifold_series, 1, 60, flown=False),
+    Kind("proved closed forms", proved_closed_forms, 4, 60, flown=False),
+    Kind("flow", motion, 15, 300),
+    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 12, 200),
+    Kind("derivatives", partial(motion, variations=VARIATIONS), 3, 200),
+    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 6, 200),
+    Kind("derivatives by parameters", partial(motion, variations=_EVERY), 0, 60),
+    Kind("flow at a tolerance", partial(motion, loose=True), 6, 100),
+    Kind("solution", solution, 4, 60),
+    Kind("passage of the saddles", passage, 3, 40),
+    Kind("limit cycle", partial(cycle, law="linear"), 2, 30),
+    Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 20),
+    Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 3, 40),
+    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 2, 30),
+    Kind("harmonic balance", balanced, 3, 30, flown=False),
+    Kind("branch", branch, 1, 20),
+    Kind("folds", folds, 0, 10),
+    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 10),
+    Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 5),
+    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 10),
+    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 10),
+    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 10),
+    Kind("Omega_h by SciPy", partial(connection, method="scipy"), 0, 5),
+    Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 5),
+    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 5),
+    Kind("rotating cycle", partial(rotating, law="linear"), 2, 20),
+    Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 10),
+    Kind("collocated rotating cycle", collocated_rotation, 0, 10, flown=False),
+    Kind("rotating branch", rotating_branch, 1, 8),
+    Kind("fold of rotating cycles", rotation_fold, 1, 10),
+    Kind("rotating, next to Omega_h", below_omega_h, 0, 6),
+    Kind("basin boundary", basin_boundary, 1, 10),
+    Kind("proved cycle", proved_cycle, 0, 10, widest=1000),
+    Kind("Krawczyk's test", krawczyk, 1, 60, widest=math.inf),
+)
+
+
+def kind_named(name: str) -> Kind:
+    return next(kind for kind in KINDS if kind.name == name)

@@ -1,0 +1,120 @@
+"""Uncertainties hold the truth, for random disks and requests; and the draws see it if they do not."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from fractions import Fraction
+
+import pytest
+
+from tests.honesty import arithmetics
+from tests.honesty.arithmetics import DEFAULT, MOVED_BITS, OTHER_ORDER
+from tests.honesty.harness import FAMILIES, Draw, Kind, Question, assert_honest, compared, numbers, run
+from tests.honesty.kinds import KINDS, kind_named
+from tests.honesty.plants import PLANTS, planted
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.theory.hopf import criticality
+
+#: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
+SEED = int(os.environ.get("DRAWS_SEED", "1"))
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.draws], ids=lambda kind: kind.name)
+def test_draws_hold(kind: Kind) -> None:
+    assert_honest(kind, [run(kind, index) for index in range(kind.draws)])
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow(minutes=kind.minutes)) for kind in KINDS],
+    ids=lambda kind: kind.name,
+)
+def test_more_draws_hold(kind: Kind) -> None:
+    """In each arithmetic in turn."""
+    here = (DEFAULT, MOVED_BITS, OTHER_ORDER) if kind.flown else (DEFAULT,)
+    indices = range(kind.draws, kind.draws + kind.more)
+    assert_honest(kind, [run(kind, index, SEED, here[index % len(here)]) for index in indices])
+
+
+@pytest.mark.parametrize("where", PLANTS)
+def test_a_half_width_a_hundred_times_too_narrow_is_noticed(where: str) -> None:
+    kind = kind_named(PLANTS[where])
+    for index in range(kind.draws):
+        found = run(kind, index, planted=planted(where))
+        if any(not number.holds for number in found.numbers):
+            return
+    pytest.fail(f"{kind.draws} draws of '{kind.name}' do not notice")
+
+
+# ---------------------------------------------------------------------------------------------------------- harness
+def test_a_draw_is_repeated_by_its_number() -> None:
+    kind = kind_named("flow")
+    assert run(kind, 3, arithmetic=MOVED_BITS) == run(kind, 3, arithmetic=MOVED_BITS)
+    assert run(kind, 3).text != run(kind, 3, seed=2).text
+
+
+def test_disks_of_every_kind_are_drawn() -> None:
+    draw = Draw("disks")
+    disks = {family: [draw.disk((family,)) for _ in range(30)] for family in FAMILIES}
+    for family, some in disks.items():
+        assert all(disk.e < disk.r and 0 < disk.Bbar <= disk.B <= disk.A for disk in some)
+        assert len({(disk.r, disk.mu, disk.epsilon, disk.A) for disk in some}) > (2 if family == "named" else 25)
+    kinds = [criticality(disk) for some in disks.values() for disk in some]
+    assert min(kinds.count("supercritical"), kinds.count("subcritical")) > 20
+
+
+def test_numbers_are_compared_as_they_are_printed() -> None:
+    claim = Measured(Fraction(3), Fraction(1))  # printed 3.00 +- 1.0: half of the last place is 0.005
+    for truth, ratio, holds in ((3, 200, True), (Fraction(7, 2), 2, True), (5, 0.5, False)):
+        (number,) = compared({"x": claim}, {"x": Measured(Fraction(truth), Fraction(0))})
+        assert (number.ratio, number.holds) == (ratio, holds)
+    with pytest.raises(ArithmeticError, match="the truth of x"):
+        compared({"x": claim}, {"x": Measured(Fraction(3), Fraction(1, 10))})
+    assert [number.holds for number in compared({"stable": True}, {"stable": False})] == [False]
+    assert list(numbers({"a": (claim, {"b": claim}), "c": "text"})) == ["a 0", "a 1 b"]
+
+
+def test_defects_are_not_refusals() -> None:
+    def raising(fault: Exception) -> Kind:
+        def ask() -> None:
+            raise fault
+
+        return Kind("k", lambda draw: Question(ask, lambda found: found), 1)
+
+    assert run(raising(Shortfall("no digits here")), 0).outcome == "refused"
+    found = run(raising(ZeroDivisionError("inside")), 0)
+    assert (found.outcome, found.reason) == ("violated", "ZeroDivisionError: inside")
+    honest = replace(found, outcome="holds", reason="")
+    for some, told in (([found], "inside"), ([replace(honest, outcome="refused")], "refused")):
+        with pytest.raises(AssertionError, match=told):
+            assert_honest(kind_named("flow"), some)
+
+
+# ------------------------------------------------------------------------------------------------------ arithmetics
+def test_arithmetics_are_what_they_say() -> None:
+    request = Request(PRINTED, "30.4", ("1.4", "1.9", "0.5"), "0.5", domain="none")
+    states = []
+    for arithmetic, seed in (
+        (DEFAULT, "1"),
+        (MOVED_BITS, "1"),
+        (MOVED_BITS, "1"),
+        (MOVED_BITS, "2"),
+        (OTHER_ORDER, "1"),
+    ):
+        with arithmetic.active(seed):
+            states.append(default_engine()(request).state)
+            assert default_lanes().width == (
+                2 if arithmetic is OTHER_ORDER else arithmetics.DEFAULT.machine.lanes.width
+            )
+    plain, moved, again, other, reordered = states
+    assert (moved == again).all()
+    assert (moved != other).any()
+    assert (plain != reordered).any()
+    # Some twenty steps of two units each, grown by less than ten over half a second.
+    assert 0 < abs(moved - plain).max() < 400 * 2.0**-52
+    assert (default_engine()(request).state == plain).all()
