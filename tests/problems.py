@@ -49,7 +49,7 @@ def physical_parameters(draw: st.DrawFn) -> Parameters:
 
 
 def held(values: Iterable[Any], truths: Iterable[Any], widths: Iterable[Any]) -> bool:
-    """Whether each half-width holds the truth. Through `Measured`, where the study of margins looks on."""
+    """Whether each half-width holds the truth."""
     numbers = (numpy.ravel(part) for part in (values, truths, widths))
     return all(Measured.of(value, width).holds(truth) for value, truth, width in zip(*numbers, strict=True))
 

@@ -1,4 +1,4 @@
-"""The atlas against continuation by collocation, against closed forms, against thirty digits; what it refuses."""
+"""The atlas against single disks by other methods, against closed forms, against thirty digits; what it refuses."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy
 import pytest
 
-from tests.orbits.collocated_connection import omega_h, saddle
-from tests.orbits.collocated_cycles import Disk, fold_curve
 from tippedisk_verify.cli import main
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.orbits.atlas import Atlas, Curve, atlas
 from tippedisk_verify.orbits.fold_curves import Plane
-from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits
+from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits, libration_folds
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.splitting import splitting_zero
 
@@ -54,21 +54,26 @@ def test_folds_end_in_the_bautin_point(by_inertia: Atlas) -> None:
     assert by_inertia.missing == ()
 
 
-def test_folds_are_those_of_collocation(by_inertia: Atlas) -> None:
-    points = curve(by_inertia, "fold").points[2:]  # cycles of the others are small: collocation finds no fold there
-    for point, theirs in zip(points, fold_curve(Disk(), "A", [float(one.value) for one in points]), strict=True):
-        assert abs(float(point.omega) - theirs.omega.value) <= theirs.omega.error + float(point.omega.uncertainty)
-        assert abs(float(point.gamma_bar_0) - theirs.gamma_bar_0.value) <= theirs.gamma_bar_0.error + float(
-            point.gamma_bar_0.uncertainty
-        )
+def test_folds_are_those_of_each_disks_own_family(taylor: Taylor, by_inertia: Atlas) -> None:
+    """That is followed in the amplitude at one disk, and the curve in the fold from disk to disk."""
+    for point in curve(by_inertia, "fold").points[2:]:
+        (fold,) = libration_folds(PRINTED.changed(A=point.value), taylor, digits=15)
+        assert point.omega.contains(fold.omega)
+        assert point.gamma_bar_0.contains(fold.gamma_bar_0)
         assert point.omega.uncertainty < point.omega.value / 10**12
 
 
-def test_the_connection_is_that_of_collocation(by_inertia: Atlas) -> None:
-    guess = None
+def by_bisection(disk: Parameters, point: ConnectionPoint) -> Measured:
+    """The saddle value at Omega_h by bisection, which must be the point's."""
+    found = heteroclinic(disk, default_engine(), digits=6, method="bisection")
+    apart = abs(point.omega.value - found.omega_h.value)
+    assert apart <= found.omega_h.uncertainty + point.omega.uncertainty
+    return found.saddle_value
+
+
+def test_the_connection_is_that_of_bisection(by_inertia: Atlas) -> None:
     for point in curve(by_inertia, "heteroclinic").points[::2]:
-        theirs, guess = omega_h(Disk(A=float(point.value)), guess=guess)
-        assert abs(float(point.omega) - theirs.value) <= theirs.error + float(point.omega.uncertainty)
+        by_bisection(PRINTED.changed(A=point.value), point)
         assert point.omega.uncertainty < point.omega.value / 10**12
 
 
@@ -88,12 +93,8 @@ def test_points_are_evenly_spread(by_inertia: Atlas) -> None:
 def test_folds_end_where_the_saddle_value_vanishes(by_eccentricity: Atlas) -> None:
     (neutral,) = by_eccentricity.points
     assert neutral.kind == "neutral-saddle"
-    disk = Disk(epsilon=0.3, e=float(neutral.value))
-    speed, _ = omega_h(disk)
-    assert abs(float(neutral.omega) - speed.value) <= speed.error + float(neutral.omega.uncertainty)
-    here = saddle(disk, speed.value)
-    # It falls by 2e3 per unit of e: half of its twelfth digit is 1e-12; eigenvalues of size 1e2 err by 1e-13.
-    assert abs(here.unstable + here.slow) < 1e-11
+    # It falls by 2e3 per unit of e: half of its twelfth digit is 1e-12.
+    assert abs(by_bisection(BALANCED.changed(e=neutral.value.value), neutral).value) < Fraction(1, 10**11)
     assert float(neutral.value.uncertainty) < 1e-12 * float(neutral.value)
     ends = [point.value for point in curve(by_eccentricity, "fold").points]
     assert min(ends) == Fraction("0.4e-3")
@@ -110,9 +111,8 @@ def test_the_last_part_of_a_fold_curve_is_told_to_be_missing(by_eccentricity: At
 def test_a_connection_of_neutral_saddles_is_found(taylor: Taylor) -> None:
     """The unstable direction's series has a resonance there; a distance of 1e-16 from it leaves no digit."""
     disk = PRINTED.changed(epsilon="0.3", e="0.575279602327400e-3")
-    speed, _ = omega_h(Disk(epsilon=0.3, e=0.5752796023274e-3))
-    found = heteroclinic(disk, taylor)
-    assert abs(float(found.omega_h) - speed.value) <= speed.error + float(found.omega_h.uncertainty)
+    found, other = (heteroclinic(disk, taylor, digits=6, method=name).omega_h for name in ("manifolds", "bisection"))
+    assert abs(found.value - other.value) <= found.uncertainty + other.uncertainty
 
 
 def test_what_is_not_known_is_said(capsys) -> None:

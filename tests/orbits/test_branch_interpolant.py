@@ -10,11 +10,7 @@ import pytest
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.lanes import BatchTaylor
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import EXTENDED
-from tippedisk_verify.orbits import periodic
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
 from tippedisk_verify.orbits.branches import family
@@ -27,49 +23,6 @@ _LANES = BatchTaylor()
 
 def branch_of(parameters, taylor, **bounds) -> BranchInterpolant:
     return BranchInterpolant(parameters, _LANES, float(bisect_omega_h(parameters, taylor).omega_h), **bounds)
-
-
-def check_half_widths(branch: BranchInterpolant, taylor, count: int, seed: int) -> None:
-    """Against shooting by events in extended precision, at random speeds, half of them crowded towards Omega_h."""
-    random = numpy.random.default_rng(seed)
-    even = random.uniform(branch.lowest, branch.highest, count)
-    ends = numpy.log([branch.lowest - branch.omega_h, branch.highest - branch.omega_h])
-    crowded = branch.omega_h + numpy.exp(random.uniform(*ends, count))
-    omegas = numpy.clip(numpy.where(random.random(count) < 0.5, even, crowded), branch.lowest, branch.highest)
-    values, cycles = branch(omegas), branch.cycles(omegas)
-    widths = branch.half_widths(cycles)
-    over = {name: [] for name in ALL}
-    for k, omega in enumerate(omegas.tolist()):
-        speed = Fraction(omega)
-        shot = periodic.shoot(branch.parameters, speed, (cycles.gamma_bar_0[k], cycles.v_0[k]), taylor)
-        truth = periodic.cycle_numbers(branch.parameters, speed, shot, taylor, EXTENDED)
-        for name in ALL:
-            found = Measured.of(getattr(cycles, name)[k], widths[name][k])
-            assert found.holds(truth[name]), (name, omega)
-            error = abs(found.value - fraction(truth[name]))
-            over[name].append(float(widths[name][k] / max(float(error), 1e-300)))
-            if name in INTERPOLATED:
-                between = Measured.of(getattr(values, name)[k], values.uncertainty[name][k])
-                assert between.holds(truth[name]), (name, omega)
-    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
-        assert numpy.median(over[name]) < 300, name
-
-
-@pytest.mark.honest
-def test_half_widths_hold(taylor) -> None:
-    check_half_widths(branch_of(PRINTED, taylor), taylor, 40, 1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-def test_half_widths_hold_at_a_thousand_speeds(taylor, parameters) -> None:
-    check_half_widths(branch_of(parameters, taylor), taylor, 1000, 2)
-
-
-@pytest.mark.honest
-def test_half_widths_hold_close_to_omega_h(taylor) -> None:
-    omega_h = float(bisect_omega_h(PRINTED, taylor).omega_h)
-    check_half_widths(branch_of(PRINTED, taylor, lowest=omega_h + 1e-5), taylor, 200, 3)
 
 
 def test_it_is_sharp_and_meets_the_hopf_point(taylor) -> None:

@@ -30,7 +30,6 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.honest
 def test_tangent_prediction_meets_independent_cycles(taylor) -> None:
     speeds = [30.7, 30.5, 30.3, 30.15, 30.07]
     for cycle, speed in zip(continued(PRINTED, speeds, taylor), speeds, strict=True):

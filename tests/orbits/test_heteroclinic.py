@@ -16,24 +16,10 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.orbits.bisection import bisect_omega_h, unstable_branch
+from tippedisk_verify.orbits.bisection import unstable_branch
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
 from tippedisk_verify.theory.equilibria import equilibrium
-
-
-@pytest.mark.slow
-@pytest.mark.honest
-@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
-def test_fewer_digits_hold_more(taylor, parameters) -> None:
-    few, more = (heteroclinic(parameters, taylor, digits=digits) for digits in (12, 32))
-    assert few.omega_h.holds(more.omega_h.value)
-    assert more.omega_h.uncertainty <= more.omega_h.value / 10**32
-    for rough, sharp in zip(few.saddle_eigenvalues, more.saddle_eigenvalues, strict=True):
-        assert rough.holds(sharp.value)
-    assert few.splitting_derivative.holds(more.splitting_derivative.value)
-    assert bisect_omega_h(parameters, taylor).omega_h.holds(more.omega_h.value)
-    assert float(few.saddle_value) < 0
 
 
 @pytest.mark.slow

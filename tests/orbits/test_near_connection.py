@@ -18,7 +18,6 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near, with_speed
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -98,16 +97,6 @@ def test_passages_take_all_the_growth(taylor) -> None:
     ]
     assert abs(times[0][1] - times[1][1]) < 1e-3
     assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01
-
-
-@pytest.mark.slow
-@pytest.mark.honest
-def test_far_from_omega_h_it_is_the_ordinary_cycle(taylor) -> None:
-    for distance in ("0.7", "0.05"):
-        near = cycle_above(PRINTED, distance, taylor)
-        plain = limit_cycle(PRINTED, near.omega.value, taylor, digits=20)
-        for name in ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow"):
-            assert getattr(near, name).holds(getattr(plain, name).value), name
 
 
 def test_the_limit_of_powers() -> None:

@@ -5,22 +5,18 @@ from __future__ import annotations
 import json
 import math
 from fractions import Fraction
-from random import Random
 
 import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tests.stress.honesty.draws import disk as random_disk
 from tippedisk_verify.cli import main
 from tippedisk_verify.flow.contract import Request, Status
-from tippedisk_verify.model.equations import field, normal_force_over_weight, shifted
-from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.orbits.folds import rotation_fold
 from tippedisk_verify.orbits.rotating import rotating_below, rotating_branch, rotating_cycle
-from tippedisk_verify.orbits.rotating_family import RotatingFamily
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.spectral_fold import spectral_fold
 from tippedisk_verify.theory.spectral_rotation import spectral_rotation
@@ -55,23 +51,6 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     assert shot.stable is stable
 
 
-@pytest.mark.slow
-@pytest.mark.honest
-@pytest.mark.parametrize(
-    ("omega", "stable", "digits"),
-    [
-        pytest.param(omega, stable, digits, marks=[] if (omega, digits) == ("30.0388", 14) else pytest.mark.slow)
-        for omega, stable in POINTS[::2]
-        for digits in (12, 14, 16, 18)
-    ],
-)
-def test_half_widths_of_the_collocation_hold(omega, stable, digits) -> None:
-    """Some are all rounding, which more samples alone do not show."""
-    rough, sharp = (spectral_rotation(PRINTED, omega, stable=stable, digits=asked) for asked in (digits, digits + 8))
-    for name in (*SHARED, "log_multipliers"):
-        assert getattr(rough, name).contains(getattr(sharp, name)), name
-
-
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize(("omega", "stable"), POINTS)
 def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> None:
@@ -96,15 +75,6 @@ def test_the_fold_to_30_digits(taylor, disk) -> None:
         assert agree(getattr(shot, name), getattr(other, name), 30), name
 
 
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("friction", LAWS)
-@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
-def test_the_fold_of_50_digits_holds_that_of_30(taylor, disk, friction) -> None:
-    rough, sharp = (rotation_fold(disk.with_friction(friction), taylor, digits=digits) for digits in (30, 50))
-    for name in ("omega", "period", "beta_bar_top", "v_top", "beta_bar_0", "v_0", "beta_max", "null_vector"):
-        assert getattr(rough, name).contains(getattr(sharp, name)), name
-
-
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
@@ -124,20 +94,6 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     assert apart[0] / apart[1] == pytest.approx(10, rel=1e-2)  # the same
     with pytest.raises(tv.InputError, match="fold near"):
         rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
-
-
-@pytest.mark.honest
-@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
-def test_half_widths_hold(taylor, friction) -> None:
-    disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(disk, taylor).omega.value
-    for distance, stable in (("0.02", True), ("0.0001", False), ("1.7", False)):
-        omega = fold + Fraction(distance)
-        rough = rotating_cycle(disk, omega, taylor, stable=stable)
-        sharp = rotating_cycle(disk, omega, taylor, stable=stable, digits=25)
-        for name, number in vars(rough).items():
-            if isinstance(number, tv.Measured) and name != "trivial_multiplier_defect":
-                assert number.contains(getattr(sharp, name)), (distance, name)
 
 
 @pytest.mark.parametrize("friction", LAWS)
@@ -190,18 +146,6 @@ def test_the_law_of_the_period_to_ten_digits(taylor, friction) -> None:
     nearer = rotating_below(disk, "1e-61", taylor)
     next_term = 1e-10  # of the law, (1e-60)^0.2, by a factor of 100 at most
     assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=next_term)
-
-
-@pytest.mark.slow(minutes=1)
-@pytest.mark.parametrize("friction", LAWS)
-@pytest.mark.parametrize("zeros", [1, 2, 3, 4, 5, 6, 8, 12, 20, 30])
-def test_cycles_close_to_omega_h_hold_those_of_more_digits(taylor, friction, zeros) -> None:
-    disk = PRINTED.with_friction(friction)
-    below = f"3e-{zeros + 1}"
-    rough, sharp = (rotating_below(disk, below, taylor, digits=digits) for digits in (10, 25))
-    for name, number in vars(rough).items():
-        if isinstance(number, tv.Measured) and name not in ("trivial_multiplier_defect", "omega"):
-            assert number.contains(getattr(sharp, name)), name
 
 
 @pytest.mark.slow
@@ -274,63 +218,3 @@ def test_the_command(capsys) -> None:
 
 
 # ----------------------------------------------------------------------------------------------- disks of every kind
-def true_rotation(engine, disk, cycle) -> dict[str, Fraction]:
-    """The cycle by Newton's iteration at fixed time, in an arithmetic much wider than what is claimed."""
-    precision = bits(200)
-    ctx = precision.context
-    omega = precision.number(cycle.omega.value)
-    rates = field(shifted(precision.ops), disk.at(precision), omega, disk.friction)
-    state = [precision.number(part.value) for part in (cycle.beta_bar_top, cycle.v_top, cycle.period)]
-    for _ in range(12):
-        beta, v, period = state
-        run = engine(
-            Request(disk, cycle.omega.value, (beta, 0, v), period, shifted=True, precision=precision, domain="none",
-                    variations=("beta", "gamma", "v", "Omega"))
-        )  # fmt: skip
-        end, rows = run.state, run.derivatives
-        speeds = rates(*end)
-        matrix = ctx.matrix(
-            [[precision.mpf(rows[i][0] - (i == 0)), precision.mpf(rows[i][2] - (i == 2)), precision.mpf(speeds[i])]
-             for i in range(3)]
-        )  # fmt: skip
-        off = [end[0] - beta, end[1] - 2 * precision.pi, end[2] - v]
-        step = ctx.lu_solve(matrix, ctx.matrix([precision.mpf(part) for part in off]))
-        state = [part - precision.number(change) for part, change in zip(state, step, strict=True)]
-        if max(abs(change) for change in step) < ctx.mpf(10) ** -30:  # the next one would be below rounding
-            slopes = ctx.lu_solve(matrix, ctx.matrix([-precision.mpf(rows[i][3]) for i in range(3)]))
-            break
-    else:
-        raise AssertionError("no truth")
-    # The monodromy matrix has the eigenvalues 1, slow and fast; the fast one is a correction to the trace.
-    other = sum((precision.mpf(rows[i][i]) for i in range(3)), ctx.mpf(0)) - 1
-    both = ctx.exp(ctx.mpf(float((cycle.log_multiplier_slow + cycle.log_multiplier_fast).value)))
-    slow = other / 2 + ctx.sign(other) * ctx.sqrt(other * other / 4 - both)
-    values = (*state, slow, slopes[0], slopes[1], slopes[2])
-    names = ("beta_bar_top", "v_top", "period", "multiplier_slow")
-    return dict(
-        zip((*names, "dbeta_bar_top_domega", "dv_top_domega", "dperiod_domega"), map(fraction, values), strict=True)
-    )
-
-
-@pytest.mark.slow(minutes=3)
-@pytest.mark.parametrize("friction", LAWS)
-def test_half_widths_hold_for_random_disks(taylor, friction) -> None:
-    """Forty speeds on both sides of the fold, for disks near the paper's and far from it; some have no such family."""
-    random = Random(21)
-    compared = 0
-    while compared < 40:
-        disk = random_disk(random, random.choice(("named", "nearby", "friction", "far"))).with_friction(friction)
-        try:
-            family = RotatingFamily(disk, taylor)
-            low, high = family.near_fold().omega, float(family.omega_h)
-        except (tv.InputError, tv.Shortfall):
-            continue
-        stable = random.random() < 0.5
-        reach = random.uniform(0.05, 0.99) * (high - low) if stable else random.uniform(0.001, 0.03) * low
-        try:
-            cycle = rotating_cycle(disk, Fraction(f"{low + reach:.9f}"), taylor, stable=stable)
-        except (tv.InputError, tv.Shortfall):
-            continue
-        for name, truth in true_rotation(taylor, disk, cycle).items():
-            assert getattr(cycle, name).holds(truth), (disk.definition(), float(cycle.omega), name)
-        compared += 1

@@ -49,7 +49,6 @@ def test_every_orbit_ends_as_the_paper_says(taylor, parameters) -> None:
         assert not panel.noninverted_stable
 
 
-@pytest.mark.honest
 def test_flat_times_hold(taylor) -> None:
     panel = compute(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
     for orbit in panel.orbits:
@@ -93,7 +92,6 @@ def orbits_at(omega, parameters, engine):
     return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
 
 
-@pytest.mark.honest
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
     """Their lean at the top against shooting, which knows nothing of the orbit."""
@@ -107,7 +105,6 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
         assert set(orbit.ending.json()) == {"kind", "reason", "beta_bar_at_top"}
 
 
-@pytest.mark.honest
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
     """Just below the fold orbits linger, for longer than a scene lasts, where just above it a cycle is."""

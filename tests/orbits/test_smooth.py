@@ -38,7 +38,6 @@ def below(parameters, distance) -> Fraction:
 
 
 @pytest.mark.slow
-@pytest.mark.honest
 def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     speed = below(PRINTED, "0.5")
     smooth = PRINTED.with_friction("smooth")
@@ -81,7 +80,6 @@ def test_below_omega_h_it_says_so(taylor, friction) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.honest
 def test_omega_h_of_the_smooth_law(taylor) -> None:
     few, more = (heteroclinic(CALIBRATED.with_friction("smooth"), taylor, digits=digits) for digits in (12, 30))
     assert few.omega_h.holds(more.omega_h.value)
