@@ -1,7 +1,7 @@
 """Arithmetics that stand for other processors: what holds by luck of this one's roundings does not hold in them.
 
-Another processor sums in another order, fuses multiplications or not, holds more or fewer lanes in a register, and ends
-in another last bit. Claims are computed inside one of these, truths outside.
+Another processor sums in another order, fuses multiplications or not, holds more or fewer lanes in a register, and
+ends in another last bit. Claims are computed inside one of these, truths outside.
 """
 
 from __future__ import annotations

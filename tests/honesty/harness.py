@@ -1,8 +1,8 @@
 """One harness for all draws: draw a disk and a question, compute the claim, ask for the truth, compare half-widths.
 
 A draw is repeatable from its kind, the seed and its index alone: ``run(kind_named("flow"), 7, seed=3)``. What is
-claimed is computed in one of the `arithmetics`, the truth in the default one, with more digits or by another method. A
-kind is a row of the table in `kinds`.
+claimed is computed in one of the `arithmetics`, the truth in the default one, with more digits or by another method.
+A kind is a row of the table in `kinds`.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class Draw(Random):
         stiffest: float = math.inf,
         born: str | None = None,
     ) -> Disk:
-        """A disk that can exist, of one of the families, sliding on which dies down at no more than ``stiffest`` [1/s].
+        """A disk that can exist, of one of the families; impossible combinations are drawn again.
 
-        ``born`` is the criticality of its Hopf point. Impossible combinations are drawn again.
+        Sliding dies down at no more than ``stiffest`` [1/s]; ``born`` is the criticality of the Hopf point.
         """
         while True:
             try:
@@ -230,14 +230,14 @@ def compared(claims: Any, truths: Any) -> list[Number]:
         text, width = claim.decimals()
         value, half = Fraction(text), Fraction(width)
         if 100 * true.uncertainty > half > 0:
-            raise ArithmeticError(
-                f"the truth of {name} is known to {float(true.uncertainty):.1e}, not {float(half):.1e}"
-            )
+            known_to, claimed = float(true.uncertainty), float(half)
+            raise ArithmeticError(f"the truth of {name} is known to {known_to:.1e} only, not {claimed:.1e}")
         away, place = abs(value - true.value), text.lower().partition("e")
         last = Fraction(10) ** (int(place[2] or 0) - len(place[0].partition(".")[2])) / 2
-        found.append(
-            Number(name, float(half), float(away), float(half / max(away, last)), away <= (half or true.uncertainty))
-        )
+        holds = away <= (half or true.uncertainty)
+        found.append(Number(name, float(half), float(away), float(half / max(away, last)), holds))
+    if not found:
+        raise Shortfall("nothing to compare")
     return found
 
 
@@ -268,22 +268,17 @@ def run(
         return Found(*about, draw.text, "refused", str(refusal))
     except Exception as fault:  # a defect, whatever it is
         return Found(*about, draw.text, "violated", f"{type(fault).__name__}: {fault}")
-    return Found(*about, draw.text, "holds" if all(number.holds for number in pairs) else "violated", "", tuple(pairs))
+    outcome = "holds" if all(number.holds for number in pairs) else "violated"
+    return Found(*about, draw.text, outcome, "", tuple(pairs))
 
 
 # --------------------------------------------------------------------------------------------------------- counting
-def table(found: Sequence[Found]) -> list[str]:
-    """By kind: draws, refusals, numbers, violations; claimed over true at the least, in the middle and at the most."""
-    lines = [f"{'kind':32s} draws refused numbers violated   least  median    most"]
-    for name in dict.fromkeys(one.kind for one in found):
-        draws = [one for one in found if one.kind == name]
-        ratios = [number.ratio for one in draws for number in one.numbers] or [math.nan]
-        counts = Counter(one.outcome for one in draws)
-        lines.append(
-            f"{name:32s} {len(draws):5d} {counts['refused']:7d} {sum(len(one.numbers) for one in draws):7d}"
-            f" {counts['violated']:8d} {min(ratios):7.3g} {median(ratios):7.3g} {max(ratios):7.3g}"
-        )
-    return lines
+def summary(found: Sequence[Found]) -> str:
+    """How many draws of a kind held, were refused and violated, and claimed over true among all their numbers."""
+    counts = Counter(one.outcome for one in found)
+    ratios = sorted(number.ratio for one in found for number in one.numbers) or [math.nan]
+    spread = f"{ratios[0]:.3g} to {ratios[-1]:.3g}, in the median {median(ratios):.3g}"
+    return f"{found[0].kind}: {dict(counts)}, {len(ratios)} numbers, claimed over true {spread}"
 
 
 def assert_honest(kind: Kind, found: Sequence[Found]) -> None:
@@ -293,7 +288,7 @@ def assert_honest(kind: Kind, found: Sequence[Found]) -> None:
     """
     wrong, refused = ([one for one in found if one.outcome == outcome] for outcome in ("violated", "refused"))
     told = [f"{one.kind} {one.index} in {one.arithmetic}: {one.text}\n    {one.reason} {one.worst}" for one in wrong]
-    shown = "\n".join([*table(found), *told, *(f"refused {one.index}: {one.reason}" for one in refused)])
+    shown = "\n".join([summary(found), *told, *(f"refused {one.index}: {one.reason}" for one in refused)])
     assert not wrong, shown
     # A study that refuses everything would be honest and worthless.
     assert len(refused) <= len(found) / 2, shown

@@ -20,6 +20,7 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
+from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -81,7 +82,8 @@ def hopf(draw: Draw) -> Question:
 
 
 def bautin(draw: Draw) -> Question:
-    return _with_more(partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e"))), draw.choice((6, 12)))
+    ask = partial(draw.disk().bautin_points, draw.choice(("A", "B", "m", "r", "e")))
+    return _with_more(ask, draw.choice((6, 12)))
 
 
 def one_harmonic_law(draw: Draw) -> Question:
@@ -110,22 +112,23 @@ def slow_manifold_series(draw: Draw) -> Question:
     omega = draw.told(decimal(float(omega_crit(disk)) * draw.uniform(0.5, 1.5)))
 
     def ask() -> Any:
-        return vars(slow_manifold.study(disk, omega, order)) | {"right order": True}
+        found = slow_manifold.study(disk, omega, order)
+        return vars(found) | {"right order": True, "place": (found.beta, found.gamma)}
 
     def truth(found: Any) -> Any:
         ctx, constants, speed = slow_manifold._numbers(disk, omega, 400)
-        points = [[quotient(ctx, part) for part in point] for point in slow_manifold.POINTS]
+        where = (found["place"], *slow_manifold.POINTS)
+        place, *points = [[quotient(ctx, part) for part in point] for point in where]
         rows = [slow_manifold.invariance_residuals(ctx, constants, speed, *point, order) for point in points]
         terms = [slow_manifold.orders(ctx, constants, speed, *point, 10) for point in points]
+        reduced = found["reduced_omega_crit"] is not None
         sizes = [max(abs(row[n]) for row in terms) * constants.epsilon**n for n in range(1, 11)]
         return {
-            "h": [
-                _exactly(h) for h in slow_manifold.orders(ctx, constants, speed, ctx.mpf(6) / 5, ctx.mpf(3) / 10, order)
-            ],
+            "h": [_exactly(h) for h in slow_manifold.orders(ctx, constants, speed, *place, order)],
             "residual": [_exactly(max(abs(row[n]) for row in rows)) for n in range(order + 1)],
             "residual_slope": [_exactly(n + 1) for n in range(order + 1)],
             "smallest_term": _exactly(min(sizes)),
-            "reduced_omega_crit": order and slow_manifold.reduced_omega_crit(disk, order, 40),
+            "reduced_omega_crit": reduced and slow_manifold.reduced_omega_crit(disk, order, 40),
             "right order": found["best_order"] == 1 + sizes.index(min(sizes)),
         }
 
@@ -155,6 +158,8 @@ def _flown(request: Request) -> Question:
     """Every number of a run in double beside the same run in quadruple precision, or in one wider still."""
 
     def ask() -> Any:
+        if request.events and at_rest(request):
+            raise Shortfall("at rest to rounding: no event is looked for")
         found = default_engine()(request)
         if not found.status.usable or found.error is None or not max(found.error.state) < float("inf"):
             raise Shortfall(f"{found.status.name}, or the two runs did not end alike")
@@ -247,7 +252,7 @@ def _rough_omega_h(disk: Parameters) -> Fraction:
 
 
 def _librating(draw: Draw, law: str = "linear") -> tuple[Disk, Fraction]:
-    """A disk, and a speed on the side of its Omega_crit where cycles are: mostly above Omega_h, where that is known."""
+    """A disk, and a speed on the side of its Omega_crit where cycles are, mostly above Omega_h."""
     unlike = ("near-equal", "spread", "tiny-eccentricity", "heavy", "far", "far")
     disk = draw.disk((*STRUCTURED, *STRUCTURED, *unlike), law, _STIFFEST)
     crit, side = omega_crit(disk, 30).value, -1 if criticality(disk) == "subcritical" else 1
@@ -273,7 +278,8 @@ def cycle(draw: Draw, law: str) -> Question:
     """To a number of digits: in double if it holds them."""
     disk, omega = _librating(draw, law)
     digits = draw.choice((6, 9, 12, 12, 20))
-    return Question(lambda: disk.limit_cycle(omega, digits=digits), partial(_true_cycle, disk=disk, digits=digits + 10))
+    truth = partial(_true_cycle, disk=disk, digits=digits + 10)
+    return Question(lambda: disk.limit_cycle(omega, digits=digits), truth)
 
 
 def cycle_in_double(draw: Draw, law: str) -> Question:
