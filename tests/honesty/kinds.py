@@ -190,12 +190,14 @@ def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
     }
 
 
-def motion(draw: Draw, events: Any = ((), ()), loose: bool = False, half: bool = False, **options: Any) -> Question:
+def motion(
+    draw: Draw, laws: Any = _LAWS, events: Any = ((), ()), loose: bool = False, half: bool = False, **options: Any
+) -> Question:
     """A run of up to a second, or up to ten: its end, samples, events and derivatives.
 
     ``events`` are those in the angles themselves and those in shifted ones; ``half`` periods begin on the section.
     """
-    disk = draw.disk(law=draw.choice(_LAWS))
+    disk = draw.disk(law=draw.choice(laws))
     omega, place, shift = draw.speed(disk), draw.state(), draw.choice((False, True)) or half
     if half:
         place = exact("pi/2"), place[1], draw.told(exact(decimal(-draw.log_uniform(1e-3, 20))))
@@ -458,26 +460,26 @@ def krawczyk(draw: Draw) -> Question:
 _EVERY = (*VARIATIONS, "r", "e", "a", "b", "g", "k")
 #: The kinds; draws in the default tests, those of the slow ones besides, and the minutes that these take.
 KINDS = (
-    Kind("right-hand side", right_hand_side, 12, 300, flown=False),
-    Kind("equilibria", equilibria, 12, 300, flown=False),
-    Kind("Hopf point", hopf, 8, 200, flown=False),
-    Kind("Bautin points", bautin, 8, 200, flown=False),
-    Kind("one-harmonic law", one_harmonic_law, 8, 200, flown=False),
-    Kind("limit epsilon to 0", melnikov, 1, 8, flown=False),
-    Kind("slow manifold", slow_manifold_series, 1, 6, flown=False),
-    Kind("proved closed forms", proved_closed_forms, 4, 60, flown=False),
-    Kind("flow", motion, 15, 200),
-    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 12, 120),
-    Kind("derivatives", partial(motion, variations=VARIATIONS), 3, 60),
-    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 6, 80),
-    Kind("derivatives by parameters", partial(motion, variations=_EVERY), 0, 20),
-    Kind("flow at a tolerance", partial(motion, loose=True), 6, 60),
-    Kind("solution", solution, 4, 30),
-    Kind("passage of the saddles", passage, 3, 20),
-    Kind("limit cycle", partial(cycle, law="linear"), 2, 16),
-    Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 8),
-    Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 3, 20),
-    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 2, 15),
+    Kind("right-hand side", right_hand_side, 12, 300, 0.1, flown=False),
+    Kind("equilibria", equilibria, 12, 300, 0.1, flown=False),
+    Kind("Hopf point", hopf, 8, 200, 0.1, flown=False),
+    Kind("Bautin points", bautin, 8, 200, 0.1, flown=False),
+    Kind("one-harmonic law", one_harmonic_law, 8, 200, 0.1, flown=False),
+    Kind("limit epsilon to 0", melnikov, 1, 8, 0.3, flown=False),
+    Kind("slow manifold", slow_manifold_series, 1, 6, 0.3, flown=False),
+    Kind("proved closed forms", proved_closed_forms, 4, 60, 0.1, flown=False),
+    Kind("flow", motion, 15, 500, 0.8),
+    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 12, 400, 0.4),
+    Kind("derivatives", partial(motion, variations=VARIATIONS), 2, 60, 0.5),
+    Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 200, 0.5),
+    Kind("derivatives by parameters", partial(motion, laws=("linear",), variations=_EVERY), 0, 20, 0.3),
+    Kind("flow at a tolerance", partial(motion, loose=True), 6, 100, 0.2),
+    Kind("solution", solution, 4, 30, 0.2),
+    Kind("passage of the saddles", passage, 3, 20, 0.1),
+    Kind("limit cycle", partial(cycle, law="linear"), 2, 16, 0.6),
+    Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 8, 0.6),
+    Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 3, 40, 0.7),
+    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 1, 15, 0.4),
     Kind("harmonic balance", balanced, 3, 20, flown=False),
     Kind("branch", branch, 1, 6),
     Kind("folds", folds, 0, 5),

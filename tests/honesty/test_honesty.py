@@ -22,6 +22,11 @@ from tippedisk_verify.theory.hopf import criticality
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))
+#: Draws that take some seconds each: what is planted there is noticed in the slow tests, by the draws of every run.
+LONG = (
+    *("limit epsilon to 0", "slow manifold", "limit cycle", "limit cycle in double", "branch", "next to Omega_h"),
+    *("Omega_h by manifolds", "Omega_h by limit cycles", "fold of rotating cycles", "basin boundary"),
+)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.draws], ids=lambda kind: kind.name)
@@ -41,7 +46,10 @@ def test_more_draws_hold(kind: Kind) -> None:
     assert_honest(kind, [run(kind, index, SEED, here[index % len(here)]) for index in indices])
 
 
-@pytest.mark.parametrize("where", PLANTS)
+@pytest.mark.parametrize(
+    "where",
+    [pytest.param(where, marks=pytest.mark.slow(minutes=0.2) if PLANTS[where] in LONG else ()) for where in PLANTS],
+)
 def test_a_half_width_a_hundred_times_too_narrow_is_noticed(where: str) -> None:
     kind = kind_named(PLANTS[where])
     for index in range(kind.draws):
