@@ -331,7 +331,7 @@ def next_to_omega_h(draw: Draw, law: str) -> Question:
     """A cycle a named distance above Omega_h."""
     disk = draw.disk(STRUCTURED, law, 500)
     above = draw.told(decimal(draw.choice((draw.log_uniform(1e-5, 1e-2), draw.log_uniform(1e-12, 1e-5))), 4))
-    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 8)
+    return _with_more(partial(disk.limit_cycle, above_het=above), 12, 12)
 
 
 def connection(draw: Draw, method: str, law: str = "linear") -> Question:
@@ -388,7 +388,7 @@ def rotation_fold(draw: Draw) -> Question:
 def below_omega_h(draw: Draw) -> Question:
     disk = draw.disk(STRUCTURED, draw.choice(_LAWS), 500)
     below = draw.told(decimal(draw.log_uniform(1e-20, 1e-2), 4))
-    return _with_more(partial(disk.rotating_cycle, below_het=below), 10)
+    return _with_more(partial(disk.rotating_cycle, below_het=below), 10, 14)
 
 
 def basin_boundary(draw: Draw) -> Question:
