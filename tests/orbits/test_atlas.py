@@ -15,6 +15,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.orbits.atlas import Atlas, Curve, atlas
+from tippedisk_verify.orbits.connection_curve import ConnectionPoint
 from tippedisk_verify.orbits.fold_curves import Plane
 from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits, libration_folds
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
