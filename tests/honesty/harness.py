@@ -23,7 +23,7 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import PI, Exact, exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import NAMED_SETS, PAPER_SETS, PRINTED, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
@@ -81,7 +81,7 @@ class Draw(Random):
 
     def _parameters(self, family: str) -> Parameters:
         if family == "named":
-            return PAPER_SETS[self.choice(sorted(PAPER_SETS))]
+            return NAMED_SETS[self.choice(sorted(NAMED_SETS))]
         if family == "friction":
             mu, epsilon = self.log_uniform(0.01, 3), self.log_uniform(0.001, 3)
             return PRINTED.changed(mu=decimal(mu), epsilon=decimal(epsilon))
