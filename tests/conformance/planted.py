@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["FAULTS", "PARAMETERS", "Fault", "Program", "on", "other", "outputs", "rhs", "right", "shifted", "swapped"]
+__all__ = ["FAULTS", "Fault", "Program", "outputs", "rhs", "right"]
 
 Sheet = dict[str, str]
 PARAMETERS = {"r": 0.045, "e": 2.5e-3, "m": 0.435, "A": 0.249e-3, "B": 0.227e-3, "g": 9.81, "mu": 0.3, "eps": 0.1}
@@ -129,28 +129,9 @@ def on(*names: str, by: Callable[[float], float]) -> Output:
     return lambda q, store: by(right(q)) if placed(q.name)[0] in names else None
 
 
-def other(rename: Callable[[str], str], sign: float = 1.0) -> Output:
-    """The answer to another question, where there is one."""
-
-    def change(q: Quantity, store: Store) -> float | None:
-        other = store.get(rename(q.id))
-        return None if other is None else sign * right(other)
-
-    return change
-
-
 def swapped(one: str, two: str) -> Output:
-    return other(lambda id_: id_.replace(one, "\0").replace(two, one).replace("\0", two))
-
-
-def shifted(by: int) -> Output:
-    """Crossings counted from another one."""
-
-    def rename(id_: str) -> str:
-        head, mark, n = id_.partition("#")
-        return f"{head}#{int(n) + by}" if mark else id_
-
-    return other(rename)
+    """The answer to another question: the same with two words in each other's place."""
+    return lambda q, store: right(store[q.id.replace(one, "\0").replace(two, one).replace("\0", two)])
 
 
 def _model(name: str, words: str, *changes: tuple[str, str], **values: float) -> Fault:

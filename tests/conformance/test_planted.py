@@ -1,24 +1,23 @@
-"""Planted faults: most are named, none is named wrongly. `planted` and `planted_later` have the list."""
+"""Planted faults of the right-hand side: most are named, none is named wrongly. `planted` has the list.
+
+The lists of unseen programs (`test_blind_faults`) hold the same of all levels.
+"""
 
 from __future__ import annotations
 
 import math
 import random
-from collections import Counter
 
 import pytest
 
 from tests.conformance.planted import FAULTS, Fault, Program, outputs, rhs, right
-from tests.conformance.planted_later import LATER, tight
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnosed
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.reference_values.store import Quantity, Store, stored
 
-EVERY = (*FAULTS, *LATER)
-#: Beyond what a diagnosis knows: two numbers at once, a sum of squares of two answers, and integrators whose errors are
-#: as large as those of wrong equations.
-UNNAMED = {"h5-bracket", "eig-modulus", "fly-1e-3", "fly-euler"}
+#: Beyond what a diagnosis knows: two numbers at once.
+UNNAMED = {"h5-bracket"}
 
 
 def _small_term(q: Quantity, store: Store) -> float | None:
@@ -40,7 +39,6 @@ OTHERS = (
     Fault("mu-and-g", "", rhs(Program(mu=0.31, g=9.8))),
     Fault("noise", "", outputs(_noise, *_RHS)),
     Fault("crossing-times-wander", "", outputs(_wandering, *_FLY)),
-    Fault("orbits-of-another-disk", "", tight(mu=0.3002, g=9.8101)),
     Fault("cycles-of-noise", "", outputs(_noise, "printed/linear/limit-cycle/")),
 )  # fmt: skip
 #: Found by a fit alone: two terms at once, and a factor that depends on the place; and by a slip alone.
@@ -50,7 +48,7 @@ FITTED = (
     Fault("rho-beta", "in rho: r + e sin(beta) for", rhs(Program(("e*sg", "e*sb")))),
     Fault("squared-size", "in lambda_ty: gamma_y^2 + epsilon for", rhs(Program(("(size + eps)", "(size*size + eps)")))),
 )
-SAMPLE = [fault for fault in EVERY[::9] if not fault.name.startswith("fly-")]
+SAMPLE = FAULTS[::9]
 
 
 def _diagnosed(fault: Fault, store: Store) -> list[Diagnosis]:
@@ -68,7 +66,7 @@ def _judged(fault: Fault, diagnoses: list[Diagnosis]) -> str:
 
 
 def test_the_list_is_one_of_different_faults() -> None:
-    assert len({fault.name for fault in EVERY}) == len(EVERY) >= 150
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
 
 
 @pytest.mark.parametrize("fault", [*SAMPLE, *FITTED], ids=lambda fault: fault.name)
@@ -76,24 +74,6 @@ def test_a_planted_fault_is_named(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == ("unexplained" if fault.name in UNNAMED else "named")
 
 
-#: All single slips are tried on orbits that nothing else explains.
-_LONG = ("orbits-of-another-disk",)
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [pytest.param(fault, marks=pytest.mark.slow if fault.name in _LONG else ()) for fault in OTHERS],
-    ids=lambda fault: fault.name,
-)
+@pytest.mark.parametrize("fault", OTHERS, ids=lambda fault: fault.name)
 def test_what_only_looks_like_a_known_mistake_stays_unexplained(fault: Fault) -> None:
     assert _judged(fault, _diagnosed(fault, stored())) == "unexplained"
-
-
-@pytest.mark.slow(minutes=4)
-def test_most_planted_faults_are_named_and_none_wrongly() -> None:
-    """All of the list: about four minutes, most of them for orbits."""
-    store = stored()
-    judged = {fault.name: _judged(fault, _diagnosed(fault, store)) for fault in EVERY}
-    assert [name for name, verdict in judged.items() if verdict == "wrong"] == []
-    assert {name for name, verdict in judged.items() if verdict == "unexplained"} <= UNNAMED
-    assert Counter(judged.values())["named"] > 0.85 * len(EVERY)
