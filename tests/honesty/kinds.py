@@ -392,7 +392,10 @@ def below_omega_h(draw: Draw) -> Question:
 
 
 def basin_boundary(draw: Draw) -> Question:
-    """Against bisection in quadruple precision on what becomes of a start."""
+    """Against bisection in quadruple precision on what becomes of a start.
+
+    Brent's method asks for the same run twice, so that no bits may be moved.
+    """
     disk = draw.disk(("named",), draw.choice(("linear", "linear", "smooth")))
     omega = draw.told(_near(omega_crit(disk, 20).value + Fraction(draw.choice(("-0.2", "0.5")))))
     gamma, v = draw.told(draw.uniform(-1.5, 4.7)), draw.told(draw.uniform(-6, 6))
@@ -470,7 +473,7 @@ KINDS = (
     Kind("proved closed forms", proved_closed_forms, 4, 60, 0.1, flown=False),
     Kind("flow", motion, 15, 500, 0.8),
     Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 12, 400, 0.4),
-    Kind("derivatives", partial(motion, variations=VARIATIONS), 2, 60, 0.5),
+    Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 60, 0.5),
     Kind("half periods", partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS), 4, 200, 0.5),
     Kind("derivatives by parameters", partial(motion, laws=("linear",), variations=_EVERY), 0, 20, 0.3),
     Kind("flow at a tolerance", partial(motion, loose=True), 6, 100, 0.2),
@@ -479,27 +482,27 @@ KINDS = (
     Kind("limit cycle", partial(cycle, law="linear"), 2, 16, 0.6),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 8, 0.6),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 3, 40, 0.7),
-    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 1, 15, 0.4),
-    Kind("harmonic balance", balanced, 3, 20, flown=False),
-    Kind("branch", branch, 1, 6),
-    Kind("folds", folds, 0, 5),
-    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 4),
-    Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2),
-    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 6),
-    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 5),
-    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 8),
-    Kind("Omega_h by SciPy", partial(connection, method="scipy"), 0, 2),
-    Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 3),
-    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 4),
-    Kind("rotating cycle", partial(rotating, law="linear"), 2, 10),
-    Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 4),
-    Kind("collocated rotating cycle", collocated_rotation, 0, 4, flown=False),
-    Kind("rotating branch", rotating_branch, 1, 3),
-    Kind("fold of rotating cycles", rotation_fold, 1, 4),
-    Kind("rotating, next to Omega_h", below_omega_h, 0, 4),
-    Kind("basin boundary", basin_boundary, 1, 4),
-    Kind("proved cycle", proved_cycle, 0, 4, widest=1000),
-    Kind("Krawczyk's test", krawczyk, 1, 12, widest=math.inf),
+    Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 15, 0.4),
+    Kind("harmonic balance", balanced, 3, 20, 0.3, flown=False),
+    Kind("branch", branch, 1, 6, 0.6),
+    Kind("folds", folds, 0, 5, 0.4),
+    Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 1, 4, 0.6),
+    Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 1.0),
+    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 6, 0.2),
+    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 5, 0.2),
+    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 8, 0.2),
+    Kind("Omega_h by SciPy", partial(connection, method="scipy"), 0, 2, 0.3),
+    Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 3, 0.4),
+    Kind("Omega_h, smooth, by bisection", partial(connection, method="bisection", law="smooth"), 0, 4, 0.2),
+    Kind("rotating cycle", partial(rotating, law="linear"), 2, 10, 0.6),
+    Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 4, 0.5),
+    Kind("collocated rotating cycle", collocated_rotation, 0, 4, 0.5, flown=False),
+    Kind("rotating branch", rotating_branch, 1, 3, 0.4),
+    Kind("fold of rotating cycles", rotation_fold, 1, 4, 0.4),
+    Kind("rotating, next to Omega_h", below_omega_h, 0, 4, 0.8),
+    Kind("basin boundary", basin_boundary, 1, 4, 0.4, flown=False),
+    Kind("proved cycle", proved_cycle, 0, 4, 0.5, widest=1000),
+    Kind("Krawczyk's test", krawczyk, 0, 12, 0.6, widest=math.inf),
 )
 
 
