@@ -235,7 +235,8 @@ def compared(claims: Any, truths: Any) -> list[Number]:
         away, place = abs(value - true.value), text.lower().partition("e")
         last = Fraction(10) ** (int(place[2] or 0) - len(place[0].partition(".")[2])) / 2
         holds = away <= (half or true.uncertainty)
-        found.append(Number(name, float(half), float(away), float(half / max(away, last)), holds))
+        ratio = float(half / max(away, last)) if half else 1.0  # what is exact is neither too wide nor too narrow
+        found.append(Number(name, float(half), float(away), ratio, holds))
     if not found:
         raise Shortfall("nothing to compare")
     return found
