@@ -22,7 +22,6 @@ from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.branches import Branch
-from tippedisk_verify.orbits.continuation import continued
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
@@ -193,10 +192,7 @@ def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
     assert connection.parameters == smooth
 
 
-def test_a_cycle_of_another_law_does_not_start_a_family() -> None:
-    cycle = tv.Disk("printed").limit_cycle("30.4")
-    with pytest.raises(tv.InputError, match="another friction law"):
-        list(continued(tv.Disk("printed", friction="smooth"), [30.41], tv.Taylor(), first=cycle))
+def test_the_interpolant_is_of_the_linear_law() -> None:
     with pytest.raises(tv.InputError, match="linear friction law only"):
         tv.BranchInterpolant(tv.Disk("printed", friction="smooth"), tv.BatchTaylor(), 30.08)
 

@@ -1,7 +1,7 @@
 """JSON kept on disk with its checksum: written whole, and read back as it was written or not at all.
 
-What becomes of damage is up to who reads. Results (`cache`) and pieces of reference data are computed anew, the journal
-of a sweep is cut off before the damage, and whole reference data are refused, with a word on how to get them anew.
+What becomes of damage is up to who reads. Results (`cache`) and pieces of reference data are computed anew; whole
+reference data are refused, with a word on how to get them anew.
 """
 
 from __future__ import annotations

@@ -7,14 +7,11 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
-import pytest
-
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.continuation import continued, paper_sets
-from tippedisk_verify.orbits.periodic import limit_cycle
+from tippedisk_verify.orbits.continuation import paper_sets
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -27,15 +24,6 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
         for before, after in pairwise((sets.start, *speeds)):
             # The recursion in double: an ulp of Omega, 3.6e-15, per step.
             assert abs(after - (before + (end - before) / 100)) < 1e-14
-
-
-@pytest.mark.slow
-def test_tangent_prediction_meets_independent_cycles(taylor) -> None:
-    speeds = [30.7, 30.5, 30.3, 30.15, 30.07]
-    for cycle, speed in zip(continued(PRINTED, speeds, taylor), speeds, strict=True):
-        alone = limit_cycle(PRINTED, speed, taylor, digits=20)
-        for name in ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_fast"):
-            assert getattr(cycle, name).holds(getattr(alone, name).value), name
 
 
 def test_the_overview_is_monotone_and_stable(taylor) -> None:

@@ -27,49 +27,11 @@ _TOML = (
 )
 _ID = "printed/linear/hopf/point/omega_crit"
 _TOKENS = (
-    *(
-        b"\0",
-        b"\xff\xfe",
-        b"\xef\xbb\xbf",
-        b'"',
-        b"'",
-        b"\\",
-        b"\n",
-        b"\r",
-        b",",
-        b";",
-        b"{",
-        b"}",
-        b"[",
-        b"]",
-        b"=",
-        b"nan",
-    ),
-    *(
-        b"1e99999",
-        b"-",
-        b"\xed\xa0\x80",
-        b"\x1b[31m",
-        b"../",
-        b"__import__('os')",
-        b"!!python/object",
-        b"cos\nsystem\n",
-        b"\x80\x04",
-    ),
-    *(
-        b"9" * 5000,
-        b"[" * 2000,
-        b'{"a":' * 500,
-        b"null",
-        b"true",
-        b"#",
-        b"\xe2\x80\xae",
-        b"1e400",
-        b"'''",
-        b'"""',
-        b"inf",
-    ),
-)
+    *(b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b'"', b"'", b"\\", b"\n", b"\r", b",", b";", b"{", b"}", b"[", b"]", b"="),
+    *(b"nan", b"inf", b"1e400", b"1e99999", b"-", b"null", b"true", b"#", b"\xed\xa0\x80", b"\xe2\x80\xae"),
+    *(b"\x1b[31m", b"../", b"__import__('os')", b"!!python/object", b"cos\nsystem\n", b"\x80\x04", b"'''", b'"""'),
+    *(b"9" * 5000, b"[" * 2000, b'{"a":' * 500),
+)  # fmt: skip
 
 
 def damaged(content: bytes, draw: random.Random) -> bytes:

@@ -1,27 +1,23 @@
-"""The family of limit cycles: continuation in Omega with a tangent predictor, and the paper's sets of speeds."""
+"""Limit cycles at a speed, on the family where no guess is at hand, and the paper's sets of speeds."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.errors import InputError, NoSuchCycleError, OutsideFamilyError, Shortfall
+from tippedisk_verify.errors import NoSuchCycleError, OutsideFamilyError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily, Place
 from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["PaperSets", "continued", "cycles_at_speed", "followed_cycle", "paper_sets"]
+__all__ = ["PaperSets", "cycles_at_speed", "followed_cycle", "paper_sets"]
 
 _STEPS = 400
-_FEWEST_HALVINGS = 12
 _NEXT_TO_A_FOLD = 1e-5  # of the abscissa
-_EXPLAINED_AFTER = 3  # halvings; whether the speed is beyond the family's end costs about as much as they do
 
 
 @dataclass(frozen=True)
@@ -46,31 +42,6 @@ def paper_sets(parameters: Parameters, omega_h: Fraction) -> PaperSets:
         return tuple(float(end + (start - end) * Fraction(99, 100) ** n) for n in range(1, _STEPS + 1))
 
     return PaperSets(float(start), steps(crit), steps(omega_h))
-
-
-def continued(
-    parameters: Parameters,
-    omegas: Sequence[float | Fraction],
-    engine: Engine,
-    *,
-    first: LimitCycle | None = None,
-) -> Iterator[LimitCycle]:
-    """Limit cycles at one speed after the other, each predicted along the tangent of the one before.
-
-    ``first`` is a cycle to start from, near the first speed; without it harmonic balance starts the family. Where a
-    prediction does not converge, the step is halved, up to twelve times. Raises NoSuchCycleError where that does not
-    help, InputError for a first cycle of another disk or friction law.
-    """
-    if first is not None and first.parameters != parameters:
-        raise InputError("the first cycle is of another disk, or of another friction law")
-    previous = first
-    for omega in omegas:
-        target = Fraction(omega)
-        if previous is None:
-            previous = limit_cycle(parameters, target, engine, precision=DOUBLE)
-        else:
-            previous = _reached(parameters, previous, target, engine)
-        yield previous
 
 
 def followed_cycle(
@@ -137,40 +108,3 @@ def _on_piece(family: AmplitudeFamily, place: Place, cycle: LimitCycle) -> Limit
             f"{float(cycle.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
         )
     return cycle
-
-
-def _reached(parameters: Parameters, here: LimitCycle, target: Fraction, engine: Engine) -> LimitCycle:
-    for halvings in range(_FEWEST_HALVINGS + 1):
-        try:
-            cycle = here
-            parts = 2**halvings
-            begin = here.omega.value
-            for part in range(1, parts + 1):
-                omega = begin + (target - begin) * part / parts
-                guess = _predicted(cycle, omega)
-                cycle = limit_cycle(parameters, omega, engine, guess=guess, precision=DOUBLE)
-            return cycle
-        except NoSuchCycleError:
-            if halvings == _FEWEST_HALVINGS:
-                raise
-            if halvings == _EXPLAINED_AFTER:
-                _refuse_outside(parameters, target, engine)
-    raise AssertionError("unreachable")  # pragma: no cover
-
-
-def _predicted(here: LimitCycle, omega: Fraction) -> tuple[float, float]:
-    step = float(omega - here.omega.value)
-    return (
-        float(here.gamma_bar_0) + step * float(here.dgamma_bar_0_domega),
-        float(here.v_0) + step * float(here.dv_0_domega),
-    )
-
-
-def _refuse_outside(parameters: Parameters, omega: Fraction, engine: Engine) -> None:
-    """Raises NoSuchCycleError with the reason if the speed is not on the family, as far as that can be told."""
-    try:
-        family = AmplitudeFamily(parameters, engine)
-    except NoSuchCycleError:
-        return
-    if not any(family.places(float(omega))):
-        raise NoSuchCycleError(family.refusal(float(omega))) from None
