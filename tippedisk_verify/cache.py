@@ -1,27 +1,29 @@
-"""Results kept from run to run, as JSON files named by what they depend on.
+"""Results kept from run to run, as JSON files named by what they depend on, each with its checksum.
 
-In the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing, ``code`` nothing but
-the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file
-is written whole with its checksum (`checksums`), so runs may use the cache at the same time. A cache that is damaged or
-cannot be used is no error: what is not found in it is computed.
+They lie in the user's cache folder, or in what TIPPEDISK_VERIFY_CACHE names; ``off`` there keeps nothing, ``code``
+nothing but the compiled code (`tippedisk_verify.model.code_cache`), which lies in the same folder. Each file is written
+whole, so runs may use the cache at the same time. A cache that is damaged or cannot be used is no error: what is not
+found in it is computed.
 
-No library does it: the entries of joblib and diskcache are pickles, which are code, and have no checksums.
+joblib's Memory keeps pickles, which are programs and have no checksum, and keeps only what was computed by calling it,
+where `verify` keeps what its workers send; diskcache has had no release since 2023.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.checksums import read_checked, write_checked
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import read_bytes, write_bytes
+from tippedisk_verify.provenance import digest
 
-__all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
+__all__ = ["VARIABLE", "Cache", "code_folder", "default_folder", "read_checked", "write_checked"]
 
 VARIABLE = "TIPPEDISK_VERIFY_CACHE"
 _OFF = ("off", "0", "no", "")
@@ -32,7 +34,7 @@ _OURS = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_]{8}")
 
 
 def default_folder() -> Path | None:
-    """Where results are kept: the platform's folder for caches; None if they are not to be kept."""
+    """Where results are kept: the user's folder for caches; None if they are not to be kept."""
     return None if os.environ.get(VARIABLE, "").strip().lower() == _CODE else code_folder()
 
 
@@ -41,18 +43,27 @@ def code_folder() -> Path | None:
     chosen = os.environ.get(VARIABLE, _CODE)
     if chosen.strip().lower() != _CODE:
         return None if chosen.strip().lower() in _OFF else Path(chosen)
+    named = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        home = Path.home()
+        base = named if named.is_absolute() else Path.home() / ".cache"  # a relative one counts as unset
     except RuntimeError:
         return None
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = home / "Library" / "Caches"
-    else:
-        named = Path(os.environ.get("XDG_CACHE_HOME", ""))
-        base = named if named.is_absolute() else home / ".cache"  # a relative one counts as unset
     return base / "tippedisk-verify"
+
+
+def write_checked(path: Path, value: object) -> Path:
+    """Replace the file by the value's checksum and, on a second line, its JSON. Raises InputError as `write_bytes`."""
+    text = json.dumps(value, ensure_ascii=False).encode()
+    return write_bytes(path, digest(text).encode() + b"\n" + text)
+
+
+def read_checked(path: Path, largest: int) -> Any:
+    """What `write_checked` wrote; None if there is no such file, or it is damaged or larger than so many bytes."""
+    try:
+        checksum, _, text = read_bytes(path, largest).partition(b"\n")
+        return json.loads(text) if checksum.decode("ascii") == digest(text) else None
+    except (OSError, ValueError, RecursionError, MemoryError):
+        return None
 
 
 class Cache:
@@ -67,26 +78,22 @@ class Cache:
         if self._folder is None or self._fresh:
             return None
         path = self._folder / f"{key}.json"
-        value = read_checked(path, _MOST_BYTES)
         with suppress(OSError):
             os.utime(path)  # its last use, for `tidy`
-        return value
+        return read_checked(path, _MOST_BYTES)
 
     def put(self, key: str, value: Any) -> None:
         """Keep the value, if that can be done."""
-        if self._folder is None:
-            return
-        with suppress(OSError, InputError):
-            self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            write_checked(self._folder / f"{key}.json", value)
+        if self._folder is not None:
+            with suppress(OSError, InputError):
+                self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+                write_checked(self._folder / f"{key}.json", value)
 
     def tidy(self) -> None:
         """Remove what has not been used for long. Only files that are named like ours are touched."""
-        if self._folder is None:
-            return
         before = time.time() - _KEPT_DAYS * 86400
         with suppress(OSError):
-            for path in self._folder.iterdir():
+            for path in () if self._folder is None else self._folder.iterdir():
                 with suppress(OSError):
                     if _OURS.fullmatch(path.name) and path.lstat().st_mtime < before:
                         path.unlink()

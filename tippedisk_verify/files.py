@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from glob import escape
 from pathlib import Path
 
@@ -15,35 +16,30 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
-    "alone",
-    "csv_text",
-    "output_file",
-    "output_folder",
-    "printable",
-    "read_bytes",
-    "read_text",
-    "remains_of",
-    "sole_writer",
-    "write_bytes",
-    "write_csv",
-    "write_text",
+    *("alone", "csv_text", "output_file", "output_folder", "printable", "read_bytes", "read_text", "remains_of"),
+    *("sole_writer", "write_bytes", "write_csv", "write_text"),
 ]
 
 
-@unbroken()
 def output_folder(path: str | Path) -> Path:
     """The folder, made if it is missing and proved writable. Raises InputError if it cannot be used."""
     folder = Path(path)
-    try:
+    with _refused(f"output folder {_named(folder)} cannot be written"):
         if not str(path) or "\0" in str(path):
             raise OSError("that is no name of a folder")
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor, probe = tempfile.mkstemp(prefix=".writable-", dir=folder)
-        os.close(descriptor)
-        os.unlink(probe)
-    except OSError as fault:
-        raise InputError(f"output folder {_named(folder)} cannot be written: {fault.strerror or fault}") from None
+        with unbroken(), tempfile.TemporaryFile(dir=folder):
+            pass
     return folder
+
+
+def output_file(path: str) -> Path:
+    """The file to write to. Raises InputError if it cannot be one."""
+    file = Path(path)
+    with _refused(f"'{_named(file)}' cannot be written"):
+        if not path or "\0" in path or not file.parent.is_dir() or (file.exists() and not file.is_file()):
+            raise OSError("it needs an existing folder and a file name")
+    return file
 
 
 def write_bytes(path: Path, content: bytes) -> Path:
@@ -51,43 +47,29 @@ def write_bytes(path: Path, content: bytes) -> Path:
 
     A link stays; what it points to is replaced. Raises InputError for what is no regular file, or cannot be written.
     """
-    if path.is_symlink():
-        path = path.resolve()
-    if path.exists() and not path.is_file():
-        raise InputError(f"{_named(path)} cannot be written: it is not a regular file")
-    try:
-        return _write_beside(path, content)
-    except OSError as fault:
-        raise InputError(f"{_named(path)} cannot be written: {fault.strerror or fault}") from None
-
-
-@unbroken()
-def _write_beside(path: Path, content: bytes) -> Path:
-    descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(beside, 0o666 & ~mask)  # mkstemp makes it private; what a user asked for is not
-        os.replace(beside, path)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(beside)
-        raise
+    path = path.resolve() if path.is_symlink() else path
+    with _refused(f"{_named(path)} cannot be written"), unbroken():
+        if path.exists() and not path.is_file():
+            raise OSError("it is not a regular file")
+        descriptor, beside = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+        try:
+            with os.fdopen(descriptor, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.umask(mask := os.umask(0))
+            os.chmod(beside, 0o666 & ~mask)  # mkstemp makes it private; what a user asked for is not
+            os.replace(beside, path)
+        except BaseException:
+            with suppress(OSError):
+                os.unlink(beside)
+            raise
     return path
 
 
 def remains_of(path: Path) -> list[Path]:
     """What an interrupted `write_bytes` of this path left beside it."""
-    return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8)) if path.parent.is_dir() else []
-
-
-def printable(text: str) -> str:
-    """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
-    return "".join(character if character.isprintable() else "?" for character in text)
+    return sorted(path.parent.glob(f".{escape(path.name)}-" + "[a-z0-9_]" * 8))
 
 
 def write_text(path: Path, content: str) -> Path:
@@ -109,18 +91,6 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     return write_text(path, csv_text(header, rows))
 
 
-def output_file(path: str) -> Path:
-    """The file to write to. Raises InputError if it cannot be one."""
-    file = Path(path)
-    try:
-        usable = path and "\0" not in path and file.parent.is_dir() and (not file.exists() or file.is_file())
-    except OSError as fault:
-        raise InputError(f"'{_named(file)}' cannot be written: {fault.strerror or fault}") from None
-    if not usable:
-        raise InputError(f"'{_named(file)}' cannot be written: it needs an existing folder and a file name")
-    return file
-
-
 @contextmanager
 def alone(lock: Path, refusal: str) -> Iterator[None]:
     """Hold a lock file, made if it is missing; the system forgets the lock of a run that was killed.
@@ -128,48 +98,32 @@ def alone(lock: Path, refusal: str) -> Iterator[None]:
     Raises InputError with ``refusal`` if another run holds it, and in other words where there are no locks, and for a
     link or anything else that is no file.
     """
-    try:
-        import fcntl
-    except ImportError:  # no such lock on this system: two runs would only repeat each other's work
-        yield
-        return
-    try:
+    import fcntl
+
+    with _refused(f"{_named(lock)} cannot be written"):
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
-    except OSError as fault:
-        raise InputError(f"{_named(lock)} cannot be written: {fault.strerror or fault}") from None
-    try:
+    with os.fdopen(handle, "rb"):
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError):  # the latter where a network's file system says so
-            raise InputError(refusal) from None
-        except OSError as fault:
-            raise InputError(
-                f"{_named(lock)} cannot be locked ({fault.strerror or fault}), so two runs could write at once: "
-                "give a place on another file system"
-            ) from None
-        try:
             # Whoever held it may have ended and removed it since it was opened.
             held = os.path.samestat(os.fstat(handle), os.lstat(lock))
-        except FileNotFoundError:
+        except (BlockingIOError, PermissionError, FileNotFoundError):  # the second from a network's file system
             held = False
+        except OSError as fault:
+            reason = f"({fault.strerror or fault}), so two runs could write at once"
+            raise InputError(f"{_named(lock)} cannot be locked {reason}: give a place on another file system") from None
         if not held:
             raise InputError(refusal)
         yield
-    finally:
-        os.close(handle)
 
 
 @contextmanager
 def sole_writer(path: str | Path) -> Iterator[Path]:
     """`output_folder`, while no other run writes into it through this. Raises InputError if one does."""
     folder = output_folder(path)
-    lock = folder / ".lock"
-
-    def remove() -> None:
-        lock.unlink(missing_ok=True)
-
+    remove = partial((folder / ".lock").unlink, missing_ok=True)
     refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
-    with alone(lock, refusal), undoing(remove):
+    with alone(folder / ".lock", refusal), undoing(remove):
         try:
             yield folder
         finally:
@@ -189,21 +143,33 @@ def read_text(path: Path, largest: int) -> str:
 
 def read_bytes(path: Path, largest: int) -> bytes:
     """The bytes of a regular file of at most ``largest`` of them. Raises InputError if it cannot be read so."""
-    try:
+    with _refused(f"{_named(path)} cannot be read"):
         if "\0" in str(path) or not path.exists():
-            raise InputError(f"{_named(path)} cannot be read: there is no such file")
+            raise OSError("there is no such file")
         if not path.is_file():
             raise InputError(f"{_named(path)} is not a regular file")
         with open(path, "rb") as stream:
             content = stream.read(largest + 1)
-    except OSError as fault:
-        raise InputError(f"{_named(path)} cannot be read: {fault.strerror or fault}") from None
     if len(content) > largest:
         raise InputError(f"{_named(path)} is larger than {largest} bytes")
     return content
+
+
+def printable(text: str) -> str:
+    """The text with everything that a terminal would act on, or cannot show, replaced by question marks."""
+    return "".join(character if character.isprintable() else "?" for character in text)
 
 
 def _named(path: Path) -> str:
     """A path in a message: its end, if it is long."""
     text = printable(str(path))
     return text if len(text) <= 200 else f"...{text[-197:]}"
+
+
+@contextmanager
+def _refused(what: str) -> Iterator[None]:
+    """Whatever the system says against it becomes an InputError of one line."""
+    try:
+        yield
+    except OSError as fault:
+        raise InputError(f"{what}: {fault.strerror or fault}") from None

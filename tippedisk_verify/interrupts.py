@@ -4,7 +4,7 @@ Python raises KeyboardInterrupt wherever it happens to be. In a destructor, a ca
 module the exception is printed and lost; in an import it leaves half a module behind. So the command line raises
 nothing. It undoes what must not stay, writes its line and leaves, from within the signal's handler.
 
-Only the first two functions touch the process's signals, and only the command line's entry calls them. In a program
+Only the first function touches the process's signals, and only the command line's entry calls it. In a program
 that imports the package, signals do what that program wants.
 """
 
@@ -16,10 +16,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-__all__ = ["answer_interrupts", "answer_no_more", "deaf_children", "unbroken", "undoing"]
+__all__ = ["answering", "deaf_children", "unbroken", "undoing"]
 
-# SIGHUP is what a terminal sends when it is closed; some systems have none.
-_ANSWERED = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_ANSWERED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # the last is what a terminal sends when it is closed
 
 # Lists, because appending and removing are single steps to other threads and to the handler.
 _holding: list[None] = []
@@ -27,20 +26,21 @@ _undoing: list[Callable[[], object]] = []
 _pressed: list[int] = []
 
 
-def answer_interrupts() -> None:
-    """From now on these signals end this process as described above. For the main thread.
+@contextmanager
+def answering() -> Iterator[None]:
+    """In here these signals end this process as described above. For the main thread.
 
-    TERM and HUP stay ignored where they are: `nohup` wants that.
+    TERM and HUP stay ignored where they are: `nohup` wants that. Afterwards all is done and said; what Python tears
+    down then should neither be cut short nor complain.
     """
     for number in _ANSWERED:
         if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _handle)
-
-
-def answer_no_more() -> None:
-    """All is done and said. What Python tears down now should neither be cut short nor complain."""
-    for number in _ANSWERED:
-        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number in _ANSWERED:
+            signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
@@ -74,9 +74,6 @@ def deaf_children() -> Iterator[None]:
 
     TERM they hear: it is how Python ends the rest of a pool that has lost a process.
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {*_ANSWERED} - {signal.SIGTERM})
     try:
         yield

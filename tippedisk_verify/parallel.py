@@ -21,12 +21,10 @@ def as_done(
     An executor is given each job as soon as ``jobs`` has it.
     """
     if executor is None:
-        for job in jobs:
-            yield job, function(job)
+        yield from ((job, function(job)) for job in jobs)
         return
     waiting = {executor.submit(function, job): job for job in jobs}
-    for future in as_completed(waiting):
-        yield waiting[future], future.result()
+    yield from ((waiting[future], future.result()) for future in as_completed(waiting))
 
 
 def usable_cores() -> int:

@@ -1,65 +1,71 @@
-"""Where a result comes from: the code of this package, the packages that compute, and the processor.
-
-A result that is kept is named by all of it. A change of any file of the package counts, so nobody has to know which
-module needs which.
-"""
+"""Where a result comes from: this package's code, the packages that compute or draw, Python, and the processor."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import platform
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from pkgutil import iter_modules
 
-from tippedisk_verify.checksums import digest
+__all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "processor", "versions"]
 
-__all__ = ["DRAWING", "NUMERICAL", "code_version", "key", "processor", "versions"]
-
+_ROOT = Path(__file__).parent
+_COMPUTING = ("model", "theory", "flow", "orbits", "checker", "certified", "reference_values", "sweep")
 #: The packages that numbers come from.
 NUMERICAL = ("heyoka", "numpy", "mpmath", "gmpy2", "scipy", "python-flint")
 #: And those that pictures come from.
 DRAWING = (*NUMERICAL, "matplotlib")
 
 
-@lru_cache(maxsize=1)
-def code_version() -> str:
-    """One line: this package's version with a hash of its code, and the numerical packages.
-
-    Two processes with the same line may share their results. The processor is left out: half-widths hold on each. The
-    answer is kept, because a process goes on with the code that it began with.
-    """
-    from tippedisk_verify import __version__
-
-    root = Path(__file__).parent
-    code = digest({path.relative_to(root).as_posix(): digest(path.read_bytes()) for path in root.rglob("*.py")})
-    packages = ", ".join(f"{name} {number}" for name, number in versions(NUMERICAL).items())
-    return f"tippedisk_verify {__version__} (code {code[:16]}), {packages}"
-
-
-def key(inputs: dict[str, Any], packages: tuple[str, ...] = NUMERICAL) -> str:
-    """64 hexadecimal digits that change with the inputs (as JSON), the code, these packages, Python and the processor.
+def fingerprint(inputs: object, packages: tuple[str, ...] = NUMERICAL) -> str:
+    """64 hexadecimal digits that change with the inputs (as JSON), this package's code, those packages and the machine.
 
     Compiled code uses what the processor has, and may round differently on another.
     """
     machine = (platform.python_version(), platform.system(), platform.machine(), processor())
-    return digest({"inputs": inputs, "code": code_version(), "versions": versions(packages), "machine": machine})
+    return digest([inputs, _code(), versions(packages), machine])
 
 
+@cache
+def code_version() -> str:
+    """This package's version, a digest of its code, and the versions of the numerical packages, as words of a message.
+
+    Two processes with the same one may share their results; the processor is left out, because half-widths hold on
+    each. What computes is loaded at once and the answer kept: a process that has run for weeks goes on saying which
+    code it runs, whatever has been installed meanwhile.
+    """
+    code = _code()
+    for room in _COMPUTING:
+        for module in iter_modules([str(_ROOT / room)], f"tippedisk_verify.{room}."):
+            with suppress(ImportError):  # what needs a package that is not there computes nothing
+                import_module(module.name)
+    return ", ".join([code, *(f"{name} {number}" for name, number in versions(NUMERICAL).items())])
+
+
+@cache
+def _code() -> str:
+    from tippedisk_verify import __version__
+
+    files = {path.relative_to(_ROOT).as_posix(): digest(path.read_bytes()) for path in _ROOT.rglob("*.py")}
+    return f"tippedisk_verify {__version__} (code {digest(files)[:16]})"
+
+
+@cache
 def versions(packages: tuple[str, ...]) -> dict[str, str]:
     """The installed version of each package."""
-    return {package: _installed(package) for package in packages}
+    found = dict.fromkeys(packages, "not installed")
+    for package in packages:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
-@lru_cache(maxsize=64)
-def _installed(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"
-
-
-@lru_cache(maxsize=1)
+@cache
 def processor() -> str:
     """The processor's name, as well as the system tells it."""
     try:
@@ -67,3 +73,9 @@ def processor() -> str:
             return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration, UnicodeDecodeError):
         return platform.processor() or platform.machine()
+
+
+def digest(content: object) -> str:
+    """The SHA-256 of bytes, or of anything that JSON can hold whatever the order of its keys: 64 hexadecimal digits."""
+    text = content if isinstance(content, bytes) else json.dumps(content, sort_keys=True).encode()
+    return hashlib.sha256(text).hexdigest()

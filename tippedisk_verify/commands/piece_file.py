@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tippedisk_verify.checksums import read_checked, write_checked
+from tippedisk_verify.cache import read_checked, write_checked
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file
 from tippedisk_verify.provenance import code_version

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.checksums import digest, read_checked, write_checked
+from tippedisk_verify.cache import read_checked, write_checked
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, output_folder, read_text, remains_of
+from tippedisk_verify.files import output_folder, read_text, remains_of, sole_writer
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.parallel import as_done
-from tippedisk_verify.provenance import code_version
+from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_doubles
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
@@ -94,12 +94,10 @@ def generate(
     for name in sets:
         if name not in SETS:
             raise InputError(f"reference data are made for {', '.join(SETS)}, not '{name[:40]}'")
-    folder = output_folder(out)
-    work = output_folder(folder / ".work")
-    with alone(work / "lock", f"another run is generating into {folder}: wait for it, or give another --out"):
+    with sole_writer(out) as folder:
         _remove_remains(folder)
         _others(folder, kinds, sets)  # damage is told before hours of work
-        return _generate(folder, work, kinds, sets, executor, advance)
+        return _generate(folder, output_folder(folder / ".work"), kinds, sets, executor, advance)
 
 
 def _others(folder: Path, kinds: Sequence[Kind], sets: Sequence[str]) -> dict[str, str]:

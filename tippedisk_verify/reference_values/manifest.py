@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify import __version__
-from tippedisk_verify.checksums import digest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_bytes, write_text
+from tippedisk_verify.provenance import digest
 
 __all__ = [
     "COMMAND",

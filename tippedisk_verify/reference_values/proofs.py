@@ -11,13 +11,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, output_folder
+from tippedisk_verify.files import sole_writer
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.parallel import as_done
@@ -153,16 +152,8 @@ def prove(
 
     Raises InputError if the folder cannot be used or nothing in it can be proved, Shortfall if a proof fails.
     """
-    work = output_folder(folder / ".work")
-    try:
-        with alone(work / "lock", f"another run writes into {folder}: wait for it"):
-            try:
-                return _prove(folder, prefixes, executor, advance)
-            finally:
-                (work / "lock").unlink(missing_ok=True)
-    finally:
-        with suppress(OSError):  # somebody's lock, or what an interrupted `generate` has computed, is left alone
-            work.rmdir()
+    with sole_writer(folder):
+        return _prove(folder, prefixes, executor, advance)
 
 
 def _prove(

@@ -13,8 +13,7 @@ from tippedisk_verify.audit.catalogue import GROUPS, claims_drawn_in, group_of, 
 from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.provenance import DRAWING
-from tippedisk_verify.provenance import key as named_by
+from tippedisk_verify.provenance import DRAWING, fingerprint
 
 __all__ = ["AuditJob", "Outcome", "Task", "compute", "key", "run", "tasks_for"]
 
@@ -68,10 +67,10 @@ def key(order: AuditJob, task: Task) -> str:
         "digits": order.digits,
     }
     if task.kind == "claim":
-        return named_by(inputs)
+        return fingerprint(inputs)
     if task.kind == "formulas":
-        return named_by({"latex": _formulas(order)}, DRAWING)
-    return named_by(inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
+        return fingerprint({"latex": _formulas(order)}, DRAWING)
+    return fingerprint(inputs | {"claims": _of_figure(order, task.name)}, DRAWING)
 
 
 def _formulas(order: AuditJob) -> list[str]:
