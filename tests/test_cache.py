@@ -17,17 +17,14 @@ VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω"
 
 
 def test_what_was_put_comes_back(tmp_path: Path) -> None:
-    Cache(tmp_path / "new" / "folder").put(KEY, VALUE)
-    assert Cache(tmp_path / "new" / "folder").get(KEY) == VALUE
+    folder = tmp_path / "new" / "folder"
+    Cache(folder).put(KEY, VALUE)
+    assert Cache(folder).get(KEY) == VALUE
     assert Cache(tmp_path).get(KEY) is None
-
-
-def test_fresh_finds_nothing_but_replaces(tmp_path: Path) -> None:
-    Cache(tmp_path).put(KEY, VALUE)
-    fresh = Cache(tmp_path, fresh=True)
+    fresh = Cache(folder, fresh=True)  # finds nothing but replaces
     assert fresh.get(KEY) is None
     fresh.put(KEY, "newer")
-    assert Cache(tmp_path).get(KEY) == "newer"
+    assert Cache(folder).get(KEY) == "newer"
 
 
 @pytest.mark.parametrize(
@@ -56,15 +53,13 @@ def test_damage_is_as_if_it_were_not_there(damage, tmp_path: Path) -> None:
 def test_a_cache_that_cannot_be_used_is_no_error(tmp_path: Path) -> None:
     in_the_way = tmp_path / "file"
     in_the_way.write_text("not a folder")
-    for folder in (None, in_the_way, in_the_way / "below", Path("/proc/nothing")):
+    (tmp_path / f"{KEY}.json").mkdir()
+    for folder in (None, in_the_way, in_the_way / "below", Path("/proc/nothing"), tmp_path):
         cache = Cache(folder)
         cache.put(KEY, VALUE)
         assert cache.get(KEY) is None
         cache.tidy()
     assert in_the_way.read_text() == "not a folder"
-    (tmp_path / f"{KEY}.json").mkdir()
-    Cache(tmp_path).put(KEY, VALUE)
-    assert Cache(tmp_path).get(KEY) is None
 
 
 def test_runs_at_the_same_time_see_whole_files(tmp_path: Path) -> None:
@@ -96,18 +91,14 @@ def test_only_old_files_of_ours_are_removed(tmp_path: Path) -> None:
 
 
 def test_where_it_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "off")
-    assert default_folder() is code_folder() is None
-    monkeypatch.setenv(VARIABLE, str(tmp_path))
-    assert default_folder() == code_folder() == tmp_path
-    monkeypatch.delenv(VARIABLE)
-    monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert default_folder() == code_folder() == tmp_path / "tippedisk-verify"
-    monkeypatch.setenv(VARIABLE, "code")
-    assert (default_folder(), code_folder()) == (None, tmp_path / "tippedisk-verify")
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    for chosen, results, code in (
+        ("off", None, None),
+        (str(tmp_path), tmp_path, tmp_path),
+        ("code", None, tmp_path / "own" / "tippedisk-verify"),
+        (None, *[tmp_path / "own" / "tippedisk-verify"] * 2),
+    ):
+        monkeypatch.delenv(VARIABLE, raising=False) if chosen is None else monkeypatch.setenv(VARIABLE, chosen)
+        assert (default_folder(), code_folder()) == (results, code)
     monkeypatch.setenv("XDG_CACHE_HOME", "relative/folder")
     assert default_folder() == Path.home() / ".cache" / "tippedisk-verify"
-    monkeypatch.setattr(sys, "platform", "darwin")
-    assert default_folder() == Path.home() / "Library" / "Caches" / "tippedisk-verify"

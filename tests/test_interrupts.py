@@ -43,7 +43,7 @@ def struck(tmp_path: Path) -> Struck:
         *((_ORBIT, f"import {name} 1") for name in ("gmpy2.gmpy2", "heyoka")),
         ("heteroclinic --method scipy", "import scipy.integrate 1"),
         ("scene d --out {folder} --quiet", "import matplotlib.ft2font 1"),
-        (_ORBIT, "sqlite3.connect * 1"),
+        (_ORBIT, "import sqlite3 1"),
         # In the midst of starting processes, waiting for them, and with their work at hand.
         *((f"{_SWEEP} --jobs 2", f"call spawnv_passfds {n}") for n in (1, 2, 3)),
         *((f"{_SWEEP} --jobs 2", step) for step in ("call wait 1", "call wait 10", "call keep 1")),

@@ -1,4 +1,4 @@
-"""What a kept result is named by: it changes with whatever the result depends on."""
+"""A fingerprint changes with what a result depends on; a code version is that of the code that runs."""
 
 from __future__ import annotations
 
@@ -11,49 +11,84 @@ import pytest
 
 from tests.dask_cluster import changed_package, surroundings
 from tippedisk_verify import provenance
-from tippedisk_verify.provenance import DRAWING, code_version, key
+from tippedisk_verify.provenance import DRAWING, NUMERICAL, code_version, fingerprint
 
 # Dependencies that no number and no picture comes from.
 PRESENTATION = {"click", "rich", "jinja2", "fastjsonschema"}
 PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
 
 
-def test_a_key_changes_with_inputs_packages_and_processor(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = [key({"digits": 12}), key({"digits": 13}), key({"digits": 12}, DRAWING)]
-    monkeypatch.setattr(provenance, "processor", lambda: "another")
-    seen.append(key({"digits": 12}))
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch):
+    """Lets nothing that is remembered, or found while this is used, stay."""
+    remembered = (provenance._code, provenance.processor, provenance.versions)
+
+    def forget() -> None:
+        for function in remembered:
+            function.cache_clear()
+
+    forget()
+    yield forget
     monkeypatch.undo()
-    monkeypatch.setattr(provenance, "_installed", lambda package: "0")
-    seen.append(key({"digits": 12}))
-    monkeypatch.undo()
-    monkeypatch.setattr(provenance, "code_version", lambda: "another")
-    seen.append(key({"digits": 12}))
-    assert len(set(seen)) == len(seen)
-    monkeypatch.undo()
-    assert key({"digits": 12}) == seen[0]
+    forget()
 
 
-def test_a_process_says_which_code_it_began_with(tmp_path: Path) -> None:
-    """Not what is installed later while the process still has the old code."""
+def test_a_fingerprint_changes_with_all_that_a_result_depends_on(
+    fresh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "room").mkdir()
+    module = tmp_path / "room" / "module.py"
+    module.write_text("x = 1\n")
+    monkeypatch.setattr(provenance, "_ROOT", tmp_path)
+    found = [fingerprint({"digits": 12}), fingerprint({"digits": 13}), fingerprint({"digits": 12}, DRAWING)]
+    assert fingerprint({"digits": 12}) == found[0]
+    module.write_text("x = 2\n")
+    assert fingerprint({"digits": 12}) == found[0]  # what runs was read before
+    for change in (
+        lambda: module.rename(module.with_name("other.py")),
+        lambda: monkeypatch.setattr(provenance, "version", lambda package: "0"),
+        lambda: monkeypatch.setattr(provenance.platform, "machine", lambda: "another"),
+        lambda: monkeypatch.setattr(provenance.platform, "python_version", lambda: "4.0"),
+        lambda: monkeypatch.setattr("tippedisk_verify.__version__", "0"),
+    ):
+        fresh()
+        found.append(fingerprint({"digits": 12}))
+        change()
+    fresh()
+    found.append(fingerprint({"digits": 12}))
+    assert len(set(found)) == len(found)
+
+
+def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
+    """Not of what is installed later while the process still has the old code; the processor is not in it."""
     other = changed_package(tmp_path, "theory/hopf.py", "from __future__", "# other words\nfrom __future__")
-    path = other / "tippedisk_verify" / "theory" / "hopf.py"
     program = (
-        "from tippedisk_verify.provenance import code_version\nbefore = code_version()\n"
-        f"open({str(path)!r}, 'a').write('# and more')\nassert code_version() == before\nprint(before)"
+        "import sys\nfrom pathlib import Path\nfrom tippedisk_verify.provenance import code_version\n"
+        "before = code_version()\n"
+        "for path in sys.argv[1:]: Path(path).write_text('raise SystemExit(9)')\n"
+        "assert code_version() == before\n"
+        "import tippedisk_verify.orbits.heteroclinic, tippedisk_verify.certified.cover\n"  # loaded before the change
+        "print(before)"
     )
 
-    def told() -> str:
+    def told(*changed: Path) -> str:
+        run = [sys.executable, "-c", program, *map(str, changed)]
         return subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=tmp_path,
-            env=surroundings(other),
-        ).stdout.strip()  # fmt: skip
+            run, capture_output=True, check=True, cwd=tmp_path, env=surroundings(other), text=True
+        ).stdout
 
-    assert len({code_version(), told(), told()}) == 3
+    package = other / "tippedisk_verify"
+    mine, first = code_version(), told()
+    second = told(
+        package / "theory" / "hopf.py", package / "orbits" / "heteroclinic.py", package / "certified" / "cover.py"
+    )
+    assert first == second != mine + "\n"
+    assert [part.partition(" ")[0] for part in mine.split(", ")] == ["tippedisk_verify", *NUMERICAL]
+    assert mine.split(", ")[1:] == first.strip().split(", ")[1:]
 
 
 def test_every_dependency_is_classified() -> None:
     """A new dependency must be named in one of the lists: as what numbers depend on, or as what they do not."""
     project = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]
-    required = [*project["dependencies"], *project["optional-dependencies"]["certify"]]
-    names = {text.split(">")[0].split("<")[0].split("=")[0].strip() for text in required}
+    names = {text.split(">")[0].split("<")[0].split("=")[0].strip() for text in project["dependencies"]}
     assert names == set(DRAWING) | PRESENTATION

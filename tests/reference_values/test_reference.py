@@ -26,7 +26,7 @@ from tests.dask_cluster import changed_package, surroundings
 from tests.problems import paper_rates
 from tests.stress.runs import LONGEST
 from tests.stress.strikes import Struck, ended_by
-from tippedisk_verify.checksums import read_checked
+from tippedisk_verify.cache import read_checked
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact
@@ -423,8 +423,7 @@ def test_workers_end_with_their_parent(how: signal.Signals, tmp_path: Path) -> N
 
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
     fcntl = pytest.importorskip("fcntl")
-    (tmp_path / ".work").mkdir()
-    with open(tmp_path / ".work" / "lock", "w") as handle:
+    with open(tmp_path / ".lock", "w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="another run"):
             generate(tmp_path, only=("hopf",))

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.checksums import digest
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.catches import catches, mistakes_json
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.checking import check
 from tippedisk_verify.reference_values.definitions import DEFINITIONS, definition
 from tippedisk_verify.reference_values.kinds import KINDS

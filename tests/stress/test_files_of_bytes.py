@@ -277,9 +277,8 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:
     """A lock that is a link would be made, or emptied, elsewhere; so would a journal."""
     (tmp_path / "secret").write_text("mine")
-    work = tmp_path / "out" / ".work"
-    work.mkdir(parents=True)
-    (work / "lock").symlink_to(tmp_path / "secret")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".lock").symlink_to(tmp_path / "secret")
     assert_refused(["reference", "generate", "--only", "hopf", "--jobs", "1", "--out", str(tmp_path / "out")])
     (tmp_path / ".a.csv.journal").symlink_to(tmp_path / "elsewhere")
     assert_refused(["sweep", "hopf", "--over", "mu=0.3", "--executor", "serial", "--out", str(tmp_path / "a.csv")])
