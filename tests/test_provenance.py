@@ -46,7 +46,7 @@ def test_a_fingerprint_changes_with_all_that_a_result_depends_on(
     assert fingerprint({"digits": 12}) == found[0]  # what runs was read before
     for change in (
         lambda: module.rename(module.with_name("other.py")),
-        lambda: monkeypatch.setattr(provenance, "version", lambda package: "0"),
+        lambda: monkeypatch.setattr("importlib.metadata.version", lambda package: "0"),
         lambda: monkeypatch.setattr(provenance.platform, "machine", lambda: "another"),
         lambda: monkeypatch.setattr(provenance.platform, "python_version", lambda: "4.0"),
         lambda: monkeypatch.setattr("tippedisk_verify.__version__", "0"),

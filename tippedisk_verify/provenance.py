@@ -8,7 +8,6 @@ import platform
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from pkgutil import iter_modules
 
@@ -58,6 +57,8 @@ def _code() -> str:
 @cache
 def versions(packages: tuple[str, ...]) -> dict[str, str]:
     """The installed version of each package."""
+    from importlib.metadata import PackageNotFoundError, version  # ten milliseconds that most starts need not spend
+
     found = dict.fromkeys(packages, "not installed")
     for package in packages:
         with suppress(PackageNotFoundError):
