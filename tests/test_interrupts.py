@@ -32,38 +32,30 @@ def struck(tmp_path: Path) -> Struck:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "step"),
+    ("arguments", "step", "number"),
     [
-        *(("--version", f"call * {10**n}") for n in range(5)),
-        *(("hopf", f"call * {n}") for n in (2_000, 8_000, 32_000)),
-        # Where Python has nobody to hand an exception to, it prints it and goes on.
-        *((_ORBIT, step) for step in ("import mpmath 1 destructor", "import mpmath 1 weakref")),
-        # Imports by Python, by an extension module, and of one.
-        *((_ORBIT, f"import {name} 1") for name in ("click", "numpy", "numpy.dtypes", "datetime")),
-        *((_ORBIT, f"import {name} 1") for name in ("gmpy2.gmpy2", "heyoka")),
-        ("heteroclinic --method scipy", "import scipy.integrate 1"),
-        ("scene d --out {folder} --quiet", "import matplotlib.ft2font 1"),
-        (_ORBIT, "import sqlite3 1"),
-        # In the midst of starting processes, waiting for them, and with their work at hand.
-        *((f"{_SWEEP} --jobs 2", f"call spawnv_passfds {n}") for n in (1, 2, 3)),
-        *((f"{_SWEEP} --jobs 2", step) for step in ("call wait 1", "call wait 10", "call keep 1")),
+        *((*case, signal.SIGINT) for case in [
+            *(("--version", f"call * {10**n}") for n in range(5)),
+            *(("hopf", f"call * {n}") for n in (2_000, 8_000, 32_000)),
+            # Where Python has nobody to hand an exception to, it prints it and goes on.
+            (_ORBIT, "import mpmath 1 weakref"),
+            # Imports by Python, by an extension module, and of one.
+            *((_ORBIT, f"import {name} 1") for name in ("click", "numpy", "numpy.dtypes", "datetime")),
+            *((_ORBIT, f"import {name} 1") for name in ("gmpy2.gmpy2", "heyoka", "sqlite3")),
+            ("heteroclinic --method scipy", "import scipy.integrate 1"),
+            ("scene d --out {folder} --quiet", "import matplotlib.ft2font 1"),
+            # In the midst of starting processes, waiting for them, and with their work at hand.
+            *((f"{_SWEEP} --jobs 2", f"call spawnv_passfds {n}") for n in (1, 3)),
+            *((f"{_SWEEP} --jobs 2", step) for step in ("call wait 1", "call wait 10")),
+        ]),
+        *((*case, number) for number in (signal.SIGINT, *_OTHERS) for case in [
+            ("--version", "call * 50"),
+            (_ORBIT, "import mpmath 1 destructor"),
+            *((f"{_SWEEP} --jobs 2", step) for step in ("call spawnv_passfds 2", "call keep 1")),
+        ]),
     ],
 )  # fmt: skip
-def test_interrupt_is_130(arguments: str, step: str, struck: Struck, tmp_path: Path) -> None:
-    assert struck.at(step, arguments.format(folder=tmp_path).split())[::2] == (130, INTERRUPTED)
-
-
-@pytest.mark.parametrize("number", _OTHERS)
-@pytest.mark.parametrize(
-    ("arguments", "step"),
-    [
-        ("--version", "call * 100"),
-        (_ORBIT, "import mpmath 1 destructor"),
-        (f"{_SWEEP} --jobs 2", "call spawnv_passfds 2"),
-        (f"{_SWEEP} --jobs 2", "call keep 1"),
-    ],
-)
-def test_other_signals_end_as_ctrl_c_does(
+def test_a_signal_is_one_line(
     arguments: str, step: str, number: signal.Signals, struck: Struck, tmp_path: Path
 ) -> None:
     assert struck.at(step, arguments.format(folder=tmp_path).split(), number)[::2] == ended_by(number)
@@ -103,7 +95,10 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
 
 @pytest.mark.parametrize(
     ("step", "number", "left"),
-    [("call _run 1", signal.SIGINT, []), *(("call keep 3", n, [".a.csv.journal"]) for n in (signal.SIGINT, *_OTHERS))],
+    [
+        ("call _run 1", signal.SIGINT, []),
+        *(("call keep 3", number, [".a.csv.journal"]) for number in (signal.SIGINT, *_OTHERS)),
+    ],
 )
 def test_a_sweep_keeps_a_journal_of_what_it_has(
     step: str, number: signal.Signals, left: list[str], struck: Struck, tmp_path: Path

@@ -477,7 +477,7 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     assert "2 arcs" in _run(capsys, "--to", str(float(NEXT)), "--arcs", path, status=1)
     other = _run(capsys, "--parameters", "calibrated", "--arcs", path, status=2)
     assert "another disk" in other
-    monkeypatch.setattr("tippedisk_verify.commands.piece_file.version", lambda name: "0.1")
+    monkeypatch.setattr("tippedisk_verify.commands.piece_file.code_version", lambda: "python-flint 0.1")
     assert "python-flint" in _run(capsys, "--arcs", path, status=2)
     (tmp_path / "arcs").write_text("x" + (tmp_path / "arcs").read_text())
     assert "damaged" in _run(capsys, "--arcs", path, status=2)

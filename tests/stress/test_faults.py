@@ -85,14 +85,14 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     assert not list(folder.glob(".*journal"))
 
 
-def test_kills_leave_whole_files(tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 4, signal.SIGKILL))) == 4
+_SLOW = [(signal.SIGINT, 100), (signal.SIGKILL, 100), (signal.SIGTERM, 4), (signal.SIGHUP, 4)]
 
 
-@pytest.mark.slow(minutes=2)
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_leave_whole_files(number: int, tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, 25, number))) == 25
+@pytest.mark.parametrize(
+    ("number", "count"), [(signal.SIGKILL, 4), *(pytest.param(*case, marks=pytest.mark.slow) for case in _SLOW)]
+)
+def test_strikes_leave_whole_files(number: int, count: int, tmp_path: Path) -> None:
+    assert len(list(_strikes(tmp_path, count, number))) == count
 
 
 def test_a_pool_that_is_killed_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,13 +80,6 @@ def _flight(engine: Taylor, precision: Precision, asked: str) -> Callable[[], ob
     return run
 
 
-@pytest.mark.slow
-def test_the_measure_sees_a_single_number() -> None:
-    kept = []
-    number = heyoka.real("0.3", 256)
-    assert _grown(lambda: kept.append(+number), 100) >= 100 * 32
-
-
 def test_arrays_of_these_numbers_are_what_to_avoid() -> None:
     """When this fails, the flow may make arrays again."""
     number = heyoka.real("0.3", 256)
@@ -94,20 +87,12 @@ def test_arrays_of_these_numbers_are_what_to_avoid() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("asked", ["samples, derivatives, divergence"])
-def test_orbits_take_no_more(taylor: Taylor, asked: str) -> None:
-    assert _grown(_flight(taylor, bits(256), asked), 15) <= 15 * 64
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("asked", _ASKED)
 @pytest.mark.parametrize("precision", [QUADRUPLE, bits(256)], ids=lambda one: one.name)
-def test_a_thousand_orbits_take_no_more(precision: Precision, asked: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_thousand_orbits_take_no_more(precision: Precision, asked: str) -> None:
     count = 1_000 if "samples" in asked else 200
-    grown = _grown(_flight(Taylor(), precision, asked), count)
-    with capsys.disabled():
-        print(f"\n{precision.name}, {asked}: a second {count} orbits took {grown} bytes for good")
-    assert grown <= 4 * count  # less than the smallest block there is, an orbit
+    # Less than the smallest block there is, an orbit.
+    assert _grown(_flight(Taylor(), precision, asked), count) <= 4 * count
 
 
 @pytest.mark.slow
