@@ -14,8 +14,8 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.orbits.atlas import Atlas, Curve, atlas
-from tippedisk_verify.orbits.connection_curve import ConnectionPoint
+from tippedisk_verify.orbits.atlas import Atlas, Curve, CurvePoint, atlas
+from tippedisk_verify.orbits.connection_curve import SpecialPoint
 from tippedisk_verify.orbits.fold_curves import Plane
 from tippedisk_verify.orbits.folds import LibrationFold, fold_to_digits, libration_folds
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -64,7 +64,7 @@ def test_folds_are_those_of_each_disks_own_family(taylor: Taylor, by_inertia: At
         assert point.omega.uncertainty < point.omega.value / 10**12
 
 
-def by_bisection(disk: Parameters, point: ConnectionPoint) -> Measured:
+def by_bisection(disk: Parameters, point: CurvePoint | SpecialPoint) -> Measured:
     """The saddle value at Omega_h by bisection, which must be the point's."""
     found = heteroclinic(disk, default_engine(), digits=6, method="bisection")
     apart = abs(point.omega.value - found.omega_h.value)
