@@ -220,7 +220,9 @@ def _odefun(problem: Problem, digits: int) -> Prepared:
 
 
 def _at(outcome: Outcome, problem: Problem, duration: float) -> Any:
-    """The end of a run, of a method without anything but its samples."""
+    """The end of a run, of a method without anything but its samples. Raises RuntimeError if it has not come there."""
+    if outcome.status != "reached":
+        raise RuntimeError(outcome.status)
     return outcome.samples[problem.times.index(duration)]
 
 
