@@ -21,6 +21,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
 from tippedisk_verify.flow.start import at_rest
+from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -158,7 +159,7 @@ def _flown(request: Request) -> Question:
     """Every number of a run in double beside the same run in quadruple precision, or in one wider still."""
 
     def ask() -> Any:
-        if request.events and at_rest(request):
+        if request.events and (at_rest(request) or _next_to_rest(request)):
             raise Shortfall("at rest to rounding: no event is looked for")
         found = default_engine()(request)
         if not found.status.usable or found.error is None or not max(found.error.state) < float("inf"):
@@ -170,6 +171,13 @@ def _flown(request: Request) -> Question:
         return _numbers_of(run, None) | {"alike": [record.name for record in run.events] == answer["names"]}
 
     return Question(ask, truth, partial(truth, wide=bits(QUADRUPLE.bits + 90)))
+
+
+def _next_to_rest(request: Request) -> bool:
+    """Whether the start moves slower than what the rounding of pi/2 makes of it, also in extended arithmetic."""
+    number, disk = QUADRUPLE.number, request.parameters
+    flow = field(QUADRUPLE.ops, disk.at(QUADRUPLE), number(request.omega), disk.friction)
+    return not request.shifted and max(abs(float(rate)) for rate in flow(*map(number, request.state))) < 2.0**-60
 
 
 def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
