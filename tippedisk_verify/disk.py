@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,10 +62,9 @@ class Solution:
         """What an engine answered: the samples that were reached, and the end."""
         import numpy
 
-        precision, samples, error = request.precision, result.samples, result.error
-        times = precision.array([] if samples is None else list(request.times)[: len(samples)])
-        if samples is None:
-            samples = numpy.empty((0, 3))
+        precision, error = result.precision or request.precision, result.error
+        samples = numpy.empty((0, 3)) if result.samples is None else result.samples
+        times = numpy.empty(0) if request.times is None else precision.sequence(request.times)[: len(samples)]
         widths, last, time = numpy.full(samples.shape, numpy.inf), numpy.full(3, numpy.inf), 0.0
         if error is not None:
             widths, last, time = widths if error.samples is None else error.samples, error.state, error.time
@@ -105,11 +103,13 @@ class Solution:
         return result.dense
 
     def __call__(self, t: Any) -> Any:
-        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy.
+        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy or the digits asked for.
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
         import numpy
+
+        from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 
         given = numpy.asarray(t)
         if given.ndim > 1:
@@ -121,7 +121,12 @@ class Solution:
         first, last = sorted((0 * self.t[-1], self.t[-1]))
         if any(not first <= time <= last for time in times):
             raise InputError(f"the solution is known from {float(first):.10g} s to {float(last):.10g} s")
-        states = self._dense(times).T
+        if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
+            order = numpy.unique(times if self.t[-1] >= 0 else -times, return_inverse=True)
+            wanted = replace(self._request, times=abs(order[0]) if self.t[-1] >= 0 else -order[0], events=())
+            states = self._engine(wanted).samples.T[:, order[1]]
+        else:
+            states = self._dense(times).T
         return states if given.ndim else states[:, 0]
 
 
@@ -210,14 +215,17 @@ class Disk(Parameters):
         as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``. Raises InputError for
         what makes no sense; a run that ends early does not raise.
         """
+        import numpy
+
         from tippedisk_verify.flow.contract import Request
+        from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
         from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 
         flown = self._engine(engine)
-        precision = DOUBLE if checked_digits(digits) <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + 8))
-        if times is None:
-            end = exact(duration)
-            times = [end * Fraction(n, _SAMPLES - 1) for n in range(_SAMPLES)] if float(end) else None
+        corrected = flown.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
+        precision = DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
+        if times is None and (end := float(exact(duration))):
+            times = numpy.linspace(0, end, _SAMPLES)
         request = Request(
             self,
             omega,
@@ -228,6 +236,7 @@ class Disk(Parameters):
             times=times,
             events=events,
             error_estimate=flown.measures_error,
+            digits=digits if corrected else PLAIN_DIGITS,
         )
         return Solution.of(request, flown(request), flown)
 

@@ -103,8 +103,9 @@ def test_only_what_is_needed_is_built() -> None:
     engine(Request(PRINTED, 30.4, STARTS[1], 0.1))
     assert engine.builds[-1].events == ("flat",)
     engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True))
-    assert engine.builds[-1].precision == "extended"
-    assert len(engine.builds) == 3
+    assert len(engine.builds) == 2  # a run's own series show its error
+    engine(Request(PRINTED, 30.4, STARTS[1], 0.1, domain="none", error_estimate=True, variations=("v",)))
+    assert [build.precision for build in engine.builds[2:]] == ["double", "quadruple"]
 
 
 @pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name)

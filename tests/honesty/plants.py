@@ -21,7 +21,8 @@ __all__ = ["PLANTS", "planted"]
 
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
-    "flow.error_estimate:budgeted": "flow",
+    "flow.error_estimate:_Run._half_widths": "flow",
+    "flow.comparison:_half_widths": "half periods",
     "orbits.cycle_budget:half_widths_by_twins": "limit cycle in double",
     "orbits.cycle_budget:half_widths_by_wider_run": "limit cycle",
     "orbits.branch_budget:BranchBudget.half_widths": "branch",

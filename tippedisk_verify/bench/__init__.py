@@ -1,1 +1,1 @@
-"""Run time against error: the `problems`, the `methods` that solve them, the `race` between them, the `overhead`."""
+"""Run time against error: the `problems`, the `methods` that solve them, the `peers`, the `race` between them."""

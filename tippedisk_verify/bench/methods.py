@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from tippedisk_verify.bench.problems import Problem
-from tippedisk_verify.bench.shooting import Flight, period_by_newton
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.flow.contract import STATE_VARIATIONS, Engine, Request, Status
+from tippedisk_verify.flow.contract import Engine, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
-from tippedisk_verify.model.equations import jacobian, shifted
+from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits, heyoka_module
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, heyoka_module
 
-__all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates", "double_rates", "guess_of", "solving"]
+__all__ = ["METHODS", "Method", "Outcome", "Prepared", "compiled_rates"]
 
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -38,10 +37,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A method set up for a problem.
-
-    ``run`` goes to a time and returns the state there (of a period solve: gamma_bar, v, T); ``sampled`` gives samples.
-    """
+    """A method set up for a problem: ``run`` goes to a time and returns the state there, ``sampled`` gives samples."""
 
     run: Callable[[float], Any]
     sampled: Callable[[], Outcome]
@@ -52,18 +48,10 @@ class Method:
     """A competitor. ``prepare`` does what is done once: compiling, allocating."""
 
     name: str
-    family: str  #: heyoka, scipy, mpmath, reduced, or the peer's name
+    family: str  #: heyoka, bare, half-widths, scipy, mpmath, reduced, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]
-    solve: Callable[[Problem, Any], Prepared] | None = None  #: the same for a period solve
-    suits: Callable[[Problem], bool] = lambda problem: True
-
-    def fits(self, problem: Problem) -> bool:
-        """Whether it takes part."""
-        return (not problem.periodic or self.solve is not None) and self.suits(problem)
-
-    def prepared(self, problem: Problem, setting: Any) -> Prepared:
-        return (self.solve if problem.periodic and self.solve else self.prepare)(problem, setting)
+    fits: Callable[[Problem], bool] = lambda problem: True  #: whether it takes part
 
     def label(self, setting: Any) -> str:
         return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
@@ -87,66 +75,49 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
     return Prepared(run, sampled)
 
 
-def solving(flight: Flight, rates: Any, guess: tuple[Any, Any, Any], tolerance: float) -> Prepared:
-    """The period solve by Newton's iteration on that flow."""
-
-    def run(duration: float = 0.0) -> Any:
-        return period_by_newton(flight, rates, guess, tolerance)
-
-    return Prepared(run, lambda: Outcome("reached", [run()]))
+def _engine(make: Callable[..., Engine], *options: str, **more: bool) -> Callable[[Problem, float], Prepared]:
+    """How an engine, made anew for each problem and tolerance, integrates."""
+    return lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance)
 
 
-def guess_of(problem: Problem) -> tuple[float, float, float]:
-    """gamma_bar, v and half the period to start from."""
-    return problem.start[1], problem.start[2], problem.duration
+_PRECISIONS = {"double": DOUBLE, "extended": EXTENDED, "quadruple": QUADRUPLE, "50 digits": bits(170)}
+_DIGITS = (12, 14, 16, 18, 20, 22, 25)
 
 
-def double_rates(problem: Problem) -> Any:
-    """The linear law's field in shifted angles on floats."""
-    return vector_field(shifted(math), problem.parameters.at(DOUBLE), problem.omega, problem.friction)
-
-
-def _solving_by_engine(engine: Engine, problem: Problem, precision: Precision = DOUBLE, **options: Any) -> Prepared:
-    def flight(gamma_bar: Any, v: Any, duration: Any) -> Any:
-        request = Request(
-            problem.parameters, problem.omega, (zero, gamma_bar, v), duration, shifted=True, precision=precision,
-            variations=STATE_VARIATIONS, domain="none", **options,
-        )  # fmt: skip
-        result = engine(request)
-        if result.status is not Status.REACHED:
-            raise ArithmeticError(result.status.value)
-        if precision == DOUBLE:  # Python's own floats are faster than numpy's
-            return result.state.tolist(), result.derivatives[:, 1:].tolist()
-        return result.state, result.derivatives[:, 1:]
-
-    zero = precision.number(0)
-    if precision == DOUBLE:
-        return solving(flight, double_rates(problem), guess_of(problem), options["tolerance"])
-    constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
-    rates = vector_field(shifted(precision.ops), constants, omega, problem.friction)
-    gamma_bar, v, half = (precision.number(part) for part in guess_of(problem))
-    return solving(flight, rates, (gamma_bar, v, half), float(precision.epsilon))
-
-
-def _engine(
-    make: Callable[..., Engine], *options: str, **more: bool
-) -> tuple[Callable[[Problem, float], Prepared], Callable[[Problem, float], Prepared]]:
-    """How an engine, made anew for each problem and tolerance, integrates, and how it solves for the period."""
-    return (
-        lambda problem, tolerance: _by_engine(make(*options, **more), problem, tolerance=tolerance),
-        lambda problem, tolerance: _solving_by_engine(make(*options, **more), problem, tolerance=tolerance),
-    )
-
-
-_PRECISIONS = {"extended": EXTENDED, "quadruple": QUADRUPLE, "50 digits": bits(170)}
-
-
-def _taylor_beyond_double(problem: Problem, precision: str) -> Prepared:
+def _beyond_double(problem: Problem, precision: str) -> Prepared:
     return _by_engine(Taylor(), problem, precision=_PRECISIONS[precision])
 
 
-def _period_beyond_double(problem: Problem, precision: str) -> Prepared:
-    return _solving_by_engine(Taylor(), problem, _PRECISIONS[precision])
+def _with_half_widths(problem: Problem, digits: int) -> Prepared:
+    """As `Disk.integrate` flies: the error is estimated, and beyond 12 digits taken out."""
+    return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
+
+
+def _bare(problem: Problem, name: str) -> Prepared:
+    """heyoka as its manual has it, with nothing around it: the distance to it is what the suite adds."""
+    precision = _PRECISIONS[name]
+    constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
+    hy, state, rates = _in_symbols(problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction))
+    start = precision.array(problem.start)
+    options = {"prec": precision.bits} if precision.kind == "real" else {}
+    stepper = hy.taylor_adaptive(
+        list(zip(state, rates, strict=True)), start.tolist(), fp_type=precision.type,
+        compact_mode=precision != DOUBLE, **options,
+    )  # fmt: skip
+
+    def run(duration: float) -> Any:
+        return _flown([duration])[0]
+
+    def _flown(times: Sequence[float]) -> list[Any]:
+        stepper.time = precision.number(0)
+        stepper.state[:] = start
+        ends = []
+        for end in times:
+            stepper.propagate_until(precision.number(end))
+            ends.append(precision.owned(stepper.state))
+        return ends
+
+    return Prepared(run, lambda: Outcome("reached", _flown(problem.times)))
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
@@ -258,17 +229,19 @@ def _linear(problem: Problem) -> bool:
 
 
 METHODS: tuple[Method, ...] = (
-    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor)),
-    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, *_engine(Taylor, fast_math=True)),
-    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), *_engine(Taylor, high_accuracy=True)),
-    Method("taylor beyond double", "heyoka", tuple(_PRECISIONS), _taylor_beyond_double, _period_beyond_double),
+    Method("bare heyoka", "bare", tuple(_PRECISIONS), _bare, _linear),
+    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor)),
+    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor, fast_math=True)),
+    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), _engine(Taylor, high_accuracy=True)),
+    Method("taylor beyond double", "heyoka", tuple(_PRECISIONS)[1:], _beyond_double),
+    Method("with half-widths, digits", "half-widths", _DIGITS, _with_half_widths),
     *(
-        Method(f"scipy {name}", "scipy", _TOLERANCES, *_engine(Baseline, name))
+        Method(f"scipy {name}", "scipy", _TOLERANCES, _engine(Baseline, name))
         for name in ("RK45", "LSODA", "Radau", "BDF")
     ),
-    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, *_engine(Baseline, "DOP853")),
-    Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), None, _linear),
-    Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), None, _linear),
-    Method("mpmath odefun", "mpmath", (20,), _odefun, None, _linear),
-    Method("reduced flow, order", "reduced", (0, 1, 2), _reduced, None, _linear),
+    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(Baseline, "DOP853")),
+    Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
+    Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
+    Method("mpmath odefun", "mpmath", (20,), _odefun, _linear),
+    Method("reduced flow, order", "reduced", (0, 1, 2), _reduced, _linear),
 )

@@ -1,4 +1,4 @@
-"""What to race on: six initial-value problems and a period solve, with truths whose own uncertainty is known.
+"""What to race on: six initial-value problems, with truths whose own uncertainty is known.
 
 The truth is integrated in 60 digits and seen against 80, at the inputs that doubles are: a method in doubles is not
 blamed for what rounding them does.
@@ -14,11 +14,9 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
-from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
@@ -39,7 +37,6 @@ class Problem:
     omega: float  #: [rad/s]
     start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
     duration: float  #: [s]
-    periodic: bool = False  #: solve for the limit cycle from this guess; start is shifted, duration half a period
 
     @property
     def friction(self) -> Friction:
@@ -59,9 +56,8 @@ class Problem:
 class Truth:
     """Samples to some 55 digits, and the largest of their half-widths."""
 
-    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3); of the period solve one, (gamma_bar, v, T)
+    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
     uncertainty: float
-    rates: tuple[float, ...]  #: (3,) the flow at the end, to tell an error in phase from one in shape
 
 
 def _with_epsilon(value: str) -> Parameters:
@@ -82,8 +78,6 @@ PROBLEMS: tuple[Problem, ...] = (
             (_HALF_PI, 2.0, 0.0), 2.0),
     Problem("epsilon-1e-4", "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second", _with_epsilon("0.0001"), _BELOW,
             (_HALF_PI, 2.0, 0.0), 0.2),
-    Problem("period", "period and state of the limit cycle from a guess that is 1e-3 off", PRINTED, _BELOW,
-            (0.0, 1.691, -1.6455), 0.547, periodic=True),
 )  # fmt: skip
 
 
@@ -98,29 +92,15 @@ def problem_named(name: str) -> Problem:
 @lru_cache(maxsize=16)
 def truth_of(problem: Problem) -> Truth:
     """The samples, from two precisions. Raises ArithmeticError if an integration fails."""
-    if problem.periodic:
-        return _cycle(problem)
     rough, sharp = (_samples(problem, working) for working in (_BITS, _WIDER))
     held = [
         [Measured.compared(a, b, bits(_BITS).epsilon) for a, b in zip(row, other, strict=True)]
         for row, other in zip(rough.samples, sharp.samples, strict=True)
     ]
-    precision = bits(_BITS)
-    rates = right_hand_side(
-        precision.ops, problem.parameters.at(precision), precision.number(problem.omega), rough.state, problem.friction
-    )
     return Truth(
         samples=tuple(tuple(row) for row in held),
         uncertainty=float(max(cell.uncertainty for row in held for cell in row)),
-        rates=tuple(float(rate) for rate in rates),
     )
-
-
-def _cycle(problem: Problem) -> Truth:
-    """(gamma_bar, v, T): one sample."""
-    cycle = limit_cycle(problem.parameters, problem.omega, default_engine(), precision=bits(_BITS))
-    sample = (cycle.gamma_bar_0, cycle.v_0, cycle.period)
-    return Truth((sample,), float(max(part.uncertainty for part in sample)), ())
 
 
 def _samples(problem: Problem, working: int) -> Result:

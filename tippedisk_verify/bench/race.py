@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import platform
 import statistics
@@ -23,7 +22,7 @@ _REPEATS = 5
 _BRIEF = 0.03  # s; what takes longer is repeated less
 _LONG = 0.3  # s; tighter settings of a method that took this long are not run
 _BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # on the error, for the ratios
-_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer"}  # by family
+_GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer", "numbalsoda": "peer"}  # by family
 
 
 @dataclass(frozen=True)
@@ -35,10 +34,8 @@ class Score:
     family: str
     setting: str
     status: str  #: reached, or why not
-    error: float | None  #: largest over the components at the ends of runs of three lengths; of a period solve, of T
-    error_over_samples: float | None  #: largest at the samples, interpolated as the method does; or in state and T
-    phase: float | None  #: [s] how far ahead or behind at the end, along the flow; of a period solve, of T
-    shape: float | None  #: what is left of the error at the end; of a period solve, of the state
+    error: float | None  #: largest over the components at the ends of runs of three lengths
+    error_over_samples: float | None  #: largest at the samples, interpolated as the method does
     seconds: float | None  #: median of the repeats, warm
     spread: float | None  #: (largest - smallest) / median of the repeats
     preparation: float | None  #: [s] compiling (or taking from the code cache) and the first run; the others are warm
@@ -71,12 +68,10 @@ def raced(
 ) -> list[Score]:
     """Every method on every problem that it fits, at every setting. Failures are scores, too.
 
-    ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed, and then
-    fills the code cache for the period solves, which would take this one a minute. (``map`` itself does nothing.)
+    ``mapping`` is ``map``, or an executor's, so that another process computes the truths, which are not timed.
     """
     scores = []
     truths = iter(mapping(truth_of, problems))
-    mapping(_compiled, [(problem, method.name) for problem in problems if problem.periodic for method in METHODS])
     for problem in problems:
         entries = []
         for method in methods:
@@ -97,16 +92,6 @@ def raced(
     return scores
 
 
-def _compiled(job: tuple[Problem, str]) -> None:
-    """Has what a method of heyoka's compiles for a problem in double put into the code cache."""
-    problem, name = job
-    (method,) = (method for method in METHODS if method.name == name)
-    if method.family == "heyoka":
-        for setting in method.settings:
-            if isinstance(setting, float):
-                method.prepared(problem, setting).run(problem.duration)
-
-
 def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
     begin = time.perf_counter()
     result = action()
@@ -124,7 +109,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
             entry.status = f"not run: the setting before took {longest:.1f} s"
             continue
         try:
-            spent, entry.prepared = _timed(partial(method.prepared, problem, setting))
+            spent, entry.prepared = _timed(partial(method.prepare, problem, setting))
             cold, entry.outcome = _timed(entry.prepared.sampled)
             entry.preparation = spent + cold
             entry.status = entry.outcome.status
@@ -142,8 +127,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
 
 def _score(entry: _Entry, truth: Truth) -> Score:
     reached = entry.status == "reached" and entry.outcome is not None
-    errors = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome is not None else None
-    error, over_samples, phase, shape = errors or (None, None, None, None)
+    error, over_samples = _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome else (None, None)
     seconds = statistics.median(entry.seconds) if entry.seconds else None
     return Score(
         problem=entry.problem.name,
@@ -153,8 +137,6 @@ def _score(entry: _Entry, truth: Truth) -> Score:
         status=entry.status,
         error=error,
         error_over_samples=over_samples,
-        phase=phase,
-        shape=shape,
         seconds=seconds,
         spread=(max(entry.seconds) - min(entry.seconds)) / seconds if entry.seconds and seconds else None,
         preparation=entry.preparation,
@@ -164,31 +146,16 @@ def _score(entry: _Entry, truth: Truth) -> Score:
     )
 
 
-def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[float, float, float, float] | None:
-    """(ends, samples, phase, shape) against the truth, which is exact: differences above double are taken exactly."""
+def _errors(outcome: Outcome, stopped: dict[int, Any], truth: Truth) -> tuple[float | None, float | None]:
+    """(ends, samples) against the truth, which is exact: differences above double are taken exactly."""
     if len(outcome.samples) != len(truth.samples):
-        return None
-    if not truth.rates:  # a period solve
-        ((gamma_bar, v, period),) = outcome.samples
-        state_away = [_distance(a, b) for a, b in zip((gamma_bar, v), truth.samples[0], strict=False)]
-        late = _distance(period, truth.samples[0][2])
-        return abs(late), max(abs(late), *map(abs, state_away)), late, math.hypot(*state_away)
-    away = [[_distance(a, b) for a, b in zip(row, right, strict=True)]
-            for row, right in zip(outcome.samples, truth.samples, strict=True)]  # fmt: skip
-    ends = {
-        stop: [_distance(a, b) for a, b in zip(state, truth.samples[stop], strict=True)]
-        for stop, state in stopped.items()
-    }
-    end = ends[len(away) - 1]
-    square = sum(rate * rate for rate in truth.rates)
-    phase = sum(part * rate for part, rate in zip(end, truth.rates, strict=True)) / square if square else 0.0
-    shape = math.sqrt(sum((part - phase * rate) ** 2 for part, rate in zip(end, truth.rates, strict=True)))
-    return (
-        max(abs(part) for row in ends.values() for part in row),
-        max(abs(part) for row in away for part in row),
-        phase,
-        shape,
-    )
+        return None, None
+
+    def away(states: Iterable[Any], right: Iterable[Any]) -> float:
+        pairs = (pair for row, true in zip(states, right, strict=True) for pair in zip(row, true, strict=True))
+        return max(abs(_distance(a, b)) for a, b in pairs)
+
+    return away(stopped.values(), [truth.samples[stop] for stop in stopped]), away(outcome.samples, truth.samples)
 
 
 def _distance(value: Any, truth: Any) -> float:

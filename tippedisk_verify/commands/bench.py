@@ -20,18 +20,18 @@ __all__ = ["COMMANDS"]
     "--only",
     multiple=True,
     metavar="PROBLEM",
-    help="These only: a problem, or overhead (what the suite adds to heyoka's own time).",
+    help="These only.",
 )
 @click.option("--out", metavar="DIR", help="Write figure, CSV and JSON there.")
 @plain_options
 def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -> int:
-    """Run time against error: six initial-value problems and a period solve."""
+    """Run time against error: six initial-value problems."""
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.problems import PROBLEMS, problem_named
     from tippedisk_verify.bench.race import machine, raced, ratios
 
     names = list(dict.fromkeys(only)) or [problem.name for problem in PROBLEMS]
-    problems = [problem_named(name) for name in names if name != "overhead"]
+    problems = [problem_named(name) for name in names]
     methods = METHODS
     if peers:
         from tippedisk_verify.bench.peers import peer_methods
@@ -47,19 +47,11 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         "runs": [score.json() for score in scores],
         "ratios": ratios(scores),
     }
-    if "overhead" in names:
-        from tippedisk_verify.bench.overhead import overheads
-
-        result["overhead"] = [overhead.json() for overhead in overheads()]
     if folder is not None:
         from tippedisk_verify.report.tables import write_bench
 
         write_bench(folder, scores, result)
     lines = [*map(_score_line, scores), *_ratio_lines(result)]
-    lines += [
-        f"{one['what']}: {one['over_bare']:.1%} more than a bare integrator's {one['bare_seconds'] * 1e3:.3g} ms"
-        for one in result.get("overhead", ())
-    ]
     print_result(common, result, lines)
     return 0
 

@@ -23,6 +23,8 @@ _STYLES = {
     "taylor, fast math": ("#0072B2", "", "--"),
     "taylor, high accuracy": ("#0072B2", "s", ":"),
     "taylor beyond double": ("#0072B2", "*", ""),
+    "bare heyoka": ("#56B4E9", "+", ""),
+    "with half-widths, digits": ("#CC0000", "o", "-"),
     "scipy RK45": ("#E69F00", "v", "--"),
     "scipy DOP853": ("#D55E00", "^", "-"),
     "scipy DOP853, compiled": ("#D55E00", "2", ":"),
@@ -35,17 +37,19 @@ _STYLES = {
     "CVODE BDF": ("#000000", "<", "-"),
     "CVODE Adams": ("#000000", ">", "--"),
     "diffrax Dopri8": ("#8A6D00", "d", "-."),
-    "diffrax Kvaerno5": ("#8A6D00", "H", "-."),
+    "numbalsoda LSODA": ("#8A6D00", "1", "-"),
+    "numbalsoda DOP853": ("#8A6D00", "2", "-"),
 }
-_LEAST, _MOST = 1e-18, 1e2  # of the errors shown; a run with more digits sits on the lower edge
+_LEAST, _MOST = 1e-27, 1e2  # of the errors shown; a run with more digits sits on the lower edge
 _UNFINISHED = 3e1  # where a run without an end is drawn
 
 
 #: What the report races: seconds in all. `bench` has the other problems and methods.
 _PROBLEMS = ("cycle", "passage")
 _METHODS = {
+    "bare heyoka": None,
     "taylor": None,
-    "taylor beyond double": ("extended", "quadruple"),
+    "with half-widths, digits": None,
     "scipy DOP853": None,
     "scipy LSODA": None,
     "scipy Radau": (1e-4, 1e-6, 1e-8),
@@ -70,7 +74,7 @@ def draw_bench(scores: Sequence[Score], most_columns: int = 4) -> Any:
         if place + columns >= len(names):  # nothing below it
             axis.set_xlabel("run time, warm [s]")
         if place % columns == 0:
-            axis.set_ylabel("error [rad, rad/s; of T in s]")
+            axis.set_ylabel("error [rad, rad/s]")
     axes[-1].legend(shown.values(), shown.keys(), loc="center", frameon=False, fontsize=8)
     figure.tight_layout()
     return figure

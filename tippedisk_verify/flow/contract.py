@@ -13,7 +13,6 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -61,9 +60,9 @@ class Event:
     """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
 
     ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
-    run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing (but for sin(beta)
-    = 0 as the edge of the domain), and an orbit at rest there has none. Define an event once and pass the same object:
-    engines keep what they built for it.
+    run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
+    function stays below 64 roundings, at most 2^-15 s (but for sin(beta) = 0 as the edge of the domain), and an orbit
+    at rest there has none. Define an event once and pass the same object: engines keep what they built for it.
     """
 
     name: str
@@ -118,9 +117,10 @@ class Request:
         False  #: the integral of div f along the orbit (Liouville: log of the flow's Jacobian determinant)
     )
     events: tuple[Event, ...] = ()
-    error_estimate: bool = False  #: repeat in a companion precision and report how far the results lie apart
+    error_estimate: bool = False  #: half-widths that hold the error of all numbers (`flow.error_estimate`)
+    digits: int = 12  #: beyond 12, in doubles and with an error estimate: the error is taken out of the result
     domain: Literal["event", "samples", "none"] = "event"
-    rounding: Rounding | None = None  #: a twin of the run, with other last bits
+    rounding: int | None = None  #: a twin of the run: the pattern by which inputs' last bits move (`flow.rounding`)
     max_steps: int = 100_000  #: an hour of ordinary motion; what needs more is stuck, or asks for it
 
     def __post_init__(self) -> None:
@@ -147,7 +147,12 @@ class Request:
         """The friction law."""
         return self.parameters.friction
 
-    def starting_at(self, state: Sequence[object], rounding: Rounding | None = None) -> Request:
+    @property
+    def estimated_by_defect(self) -> bool:
+        """Whether half-widths come from the defect of the run's series, which gives the samples too."""
+        return self.error_estimate and self.precision == DOUBLE and not self.variations
+
+    def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
         """The same from another state, for a fraction of what `replace` takes: nothing else is checked again."""
         _check_state(state)
         other = object.__new__(Request)
@@ -226,6 +231,8 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, where the method counts them
     built: tuple[Build, ...] = ()  #: what the engine used for it
+    series: Any = None  #: the polynomials of the steps (`flow.series.Series`), where something is taken from them
+    precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 
 class Engine(Protocol):

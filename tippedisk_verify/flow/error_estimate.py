@@ -1,123 +1,335 @@
-"""How far a run is off: the distance to a wider run, and what the wider run itself may be off.
+"""How far a run in doubles is off, and its numbers without that, from the defect of its series.
 
-The budget of every number q of a run, derived in docs/error_budgets.md:
-
-    half-width = DISTANCES |q - q_wide| + share * spread + ulp(q)
-
-The distance is the error itself, but for that of the wider run. Where that is truncation, it is a small part of the
-distance, because the wider run's tolerance is so much tighter; twice the distance leaves it a half. Where it is
-rounding, inputs' and parameters' included, the distance says nothing of it: that may be small by chance. What one
-rounding of each kind does to q is therefore measured: by the spread of a few twins, the same run with the last bits of
-its inputs and of each step moved. The wider run makes the same roundings, smaller by the ratio of the two arithmetics.
-
-All of this takes for granted that a rounding's effect is in proportion to it. Where runs have parted (`parted`), it no
-longer is: then the wider run must agree with one that is wider still.
+Up to twelve digits a run stays as the integrator gives it, and half-widths hold the error that its defect has led to.
+Beyond, that error is added, and half-widths hold what is left of it. Both are derived in docs/error_of_a_run.md. Where
+an error is too large for that, or decides whether an event is met, runs in wider arithmetic tell (`flow.comparison`).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.flow.contract import ErrorEstimate, Result, Status
+from tippedisk_verify.flow.contract import FLAT, ErrorEstimate, Event, EventRecord, Request, Result, Status
+from tippedisk_verify.flow.defect import Defect
+from tippedisk_verify.flow.start import ROUNDINGS
+from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.measured import DISTANCES
-from tippedisk_verify.model.precision import Precision
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits, companion
 
-__all__ = ["TWINS", "budgeted", "parted", "twins_needed", "undecided"]
+__all__ = ["CORRECTED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 
-#: The spread of so many and the run itself is less than a 64th of their standard deviation once in a million times.
-TWINS = 3
-#: The wider run's error, in units of the spread brought to its arithmetic: four standard deviations of an error
-#: whose twins lie within a 64th of one.
-_WIDER_SHARE = 256
-#: With so many bits more the wider run's error is nothing: a distance that is smaller by chance is less likely than a
-#: fault of the machine. Half of the bits are left for events that are only touched, whose times go with the root.
-_FAR_WIDER = 48
-#: The least half-width, in units of the last place: the number's own rounding.
-_LAST_PLACE = 1
-#: Angles [rad] and relative velocities that differ by more are no longer moved in proportion to a rounding.
-_IN_PROPORTION = 2.0**-6
+#: Digits up to which a run in doubles is left as it is.
+PLAIN_DIGITS = 12
 
 
-def twins_needed(precision: Precision, wider: Precision) -> int:
-    """How many twins the budget asks for."""
-    return TWINS if wider.bits - precision.bits < _FAR_WIDER else 0
+class _Method(NamedTuple):
+    """How the defect is evaluated and carried for so many digits."""
+
+    digits: int
+    wide: Precision
+    nodes: int
+    fewer: int  #: nodes of the second time, for what the number of nodes leaves out; 0: `_THREE_NODES` says that
 
 
-def budgeted(
-    precision: Precision, wider: Precision, result: Result, check: Result, twins: Sequence[Result]
-) -> ErrorEstimate:
-    """Half-widths of all numbers of ``result``, by the same run ``check`` in a wider arithmetic and by its twins.
+_METHODS = (
+    _Method(PLAIN_DIGITS, EXTENDED, 3, 0),
+    _Method(PLAIN_DIGITS, EXTENDED, 8, 5),
+    _Method(16, EXTENDED, 5, 3),
+    _Method(20, QUADRUPLE, 10, 8),
+    _Method(25, QUADRUPLE, 18, 16),
+)
+#: Digits up to which a run in doubles is enough, its error added.
+CORRECTED_DIGITS = _METHODS[-1].digits
+#: A quarter more than the error that is left in a result, for whatever the estimate has in common with it.
+_QUARTER_MORE = 1.25
+#: What three nodes leave out, in carried roundings, where they are enough: each rate times the step is below this, what
+#: grows does so by less than this, and the last terms of the polynomials are below this, in parts of the state.
+_THREE_NODES = 1 / 16
+_SHORT, _STEADY, _LAST_TERM = 7.0, 1.0, 2.0**-55
+#: Rates times steps up to which two numbers of nodes differ by what they are off, where errors decay. Where they grow
+#: it is the smaller number of nodes: five of them follow growth by e^5 to a thirtieth.
+_LONG = 64.0
+#: What the evaluation of the defect leaves, in carried roundings of the wider arithmetic.
+_EVALUATION = 16
+#: Errors [rad, rad/s] from which on their squares may be more than a hundredth of a rounding, for second derivatives of
+#: the field of up to 1e5.
+_SQUARES = 1e-11
+_MOST_SWEEPS = 4
+_DOUBLES = 2.0**-48  #: of an error, and at least of a carried rounding: what errors in doubles leave
+_MOST_BYTES = 2**29  #: of the collocation's matrices
+_NEWTON_STEPS = 8  #: for a crossing: two do as a rule, because each has the gradient to nine digits
+_DIFFERENCE = 2.0**-20  #: of the state, for an event's gradient
+_AHEAD = 1e-6  #: s, for how an event's rate changes
+_NEARLY, _TOUCHED = 1 / 8, 1 / 64  #: of an event's function nearby: what may be a touch, and what is one
+_FINER = 65  #: places between three nodes
+_BESIDE = 1.25  #: of the distance to a neighbour: a parabola is a little off
+_SMALL = 2.0**-10  #: of a carried rounding, or of an error: what is of the next order
+_LARGE = 2.0**-6  #: [rad, rad/s] an error for which no sweep is tried
 
-    Infinite where the runs do not end alike: rounding decides what happens. A twin that ends unlike the other two is
-    left out; at least one must be like them, if there are any.
-    """
-    alike = [twin for twin in twins if _alike(result, twin)]
-    if result.status is Status.NON_FINITE or not _alike(result, check) or (twins and not alike):
-        return undecided()
-    ulp = wider.array([_LAST_PLACE * precision.epsilon])  # an array: numpy would lose the digits of an MPFR number
-    share = _WIDER_SHARE * 2.0 ** (precision.bits - wider.bits)
 
-    def widths(values: Any, truths: Any, others: Sequence[Any]) -> Any:
-        exact = _widened(values, wider)
-        bound = abs(exact - truths) * DISTANCES + abs(exact) * ulp
-        if others:
-            known = numpy.stack((values, *others))
-            bound = bound + share * (known.max(axis=0) - known.min(axis=0))
-        return bound.astype(float) if precision.kind == "double" else bound
+class Unresolved(ArithmeticError):
+    """The steps are too long for the nodes, or too many."""
 
-    def time_width(mine: Any, theirs: Any, others: Sequence[Any]) -> float:
-        each = [precision.array([time]) for time in others]
-        return float(widths(precision.array([mine]), wider.array([theirs]), each)[0])
 
-    def of_all(name: str) -> Any:
-        values = getattr(result, name)
-        return None if values is None else widths(values, getattr(check, name), [getattr(t, name) for t in alike])
+class NotInProportion(ArithmeticError):
+    """The error is too large, or an event too close to a mere touch, for a first-order estimate."""
 
-    return ErrorEstimate(
-        state=of_all("state"),
-        time=0.0
-        if result.status is Status.REACHED
-        else time_width(result.time, check.time, [twin.time for twin in alike]),
-        samples=of_all("samples"),
-        events=tuple(
-            time_width(mine.time, theirs.time, [other.time for other in others])
-            for mine, theirs, *others in zip(result.events, check.events, *(twin.events for twin in alike), strict=True)
-        ),
-        variations=of_all("derivatives"),
+
+def from_defect(request: Request, result: Result) -> Result | None:
+    """The result with half-widths, and to as many digits as the request has; None where the defect cannot tell."""
+    if not request.estimated_by_defect or not result.status.usable or not result.steps:
+        return None
+    for method in _METHODS:
+        if request.digits <= method.digits and _has(method.wide):
+            try:
+                found = _refined(request, result, method)
+            except Unresolved:
+                continue
+            except NotInProportion:
+                return None
+            if request.digits <= PLAIN_DIGITS:
+                return found
+            if _reached(request.digits, found):
+                return _handed_out(found, method.wide)
+    return None
+
+
+def _handed_out(found: Result, wide: Precision) -> Result:
+    """The result in numbers that users of the engine know: quadruple ones as MPFR's of as many bits."""
+    if wide is EXTENDED:
+        return found._replace(precision=EXTENDED)
+    precision = bits(wide.bits)
+
+    def known(values: Any) -> Any:
+        return None if values is None else precision.array(values.ravel().tolist()).reshape(values.shape)
+
+    events = tuple(EventRecord(one.name, precision.number(one.time), known(one.state)) for one in found.events)
+    return found._replace(
+        precision=precision,
+        time=precision.number(found.time),
+        state=known(found.state),
+        samples=known(found.samples),
+        events=events,
     )
 
 
-def undecided() -> ErrorEstimate:
-    """What is said where rounding decides what happens."""
-    return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
+def _has(wide: Precision) -> bool:
+    """Whether this machine computes with arrays of these numbers."""
+    return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
-def parted(one: Result, other: Result) -> bool:
-    """Whether two runs that end alike lie so far apart that rounding's effect on them is no longer in proportion."""
-    if not _alike(one, other):
-        return False
-    for mine, theirs in ((one.state, other.state), (one.samples, other.samples)):
-        if mine is not None and len(mine):
-            known = mine.astype(float)
-            away, size = abs(theirs.astype(float) - known), 1 + abs(known)
-            if (away[..., :2] > _IN_PROPORTION).any() or (away[..., 2] > _IN_PROPORTION * size[..., 2]).any():
-                return True
-    return False
+def _reached(digits: int, found: Result) -> bool:
+    """Whether every half-width is at most a unit in the last of these digits, of the number or of 1."""
+    assert found.error is not None
+    times = numpy.array([float(record.time) for record in found.events])
+    pairs = [(found.state, found.error.state), (times, numpy.array(found.error.events))]
+    if found.samples is not None:
+        pairs.append((found.samples, found.error.samples))
+    unit = 10.0 ** (1 - digits)
+    return all((widths <= unit * numpy.maximum(1, abs(values.astype(float)))).all() for values, widths in pairs)
 
 
-def _alike(result: Result, other: Result) -> bool:
-    """Whether two runs ended in the same way, with the same events and as many samples."""
-    lengths = [None if run.samples is None else len(run.samples) for run in (result, other)]
-    names = [[record.name for record in run.events] for run in (result, other)]
-    return result.status is other.status and names[0] == names[1] and lengths[0] == lengths[1]
+def _refined(request: Request, result: Result, method: _Method) -> Result:
+    run = _Run(request, result, method)
+    times = numpy.empty(0) if request.times is None else method.wide.sequence(request.times)
+    reached = times[abs(times.astype(float)) <= abs(result.time)]
+    crossings = [run.crossing(record) for record in result.events]
+    ended = result.status is not Status.REACHED
+    last = crossings[-1].time if ended else run.wide.array([request.duration])
+    run.check_missed(last, result)
+    order = abs(numpy.concatenate([crossing.time for crossing in crossings] + [last]))
+    if (order[1:] < order[:-1]).any():
+        raise NotInProportion
+    values, widths = run.numbers(numpy.concatenate((reached, last)), result.state)
+    if ended:  # the state moves on with the time of the event
+        widths[:, -1] += crossings[-1].moves
+    return result._replace(
+        time=result.time if run.plain else last[0],
+        state=values[:, -1],
+        samples=None if request.times is None else values[:, :-1].T,
+        events=result.events if run.plain else tuple(crossing.record for crossing in crossings),
+        error=ErrorEstimate(
+            state=widths[:, -1],
+            time=crossings[-1].width if ended else 0.0,
+            samples=None if request.times is None else widths[:, :-1].T,
+            events=tuple(crossing.width for crossing in crossings),
+        ),
+    )
 
 
-def _widened(values: Any, wider: Precision) -> Any:
-    """An array in a wider arithmetic, exactly."""
-    if wider.kind == "extended":
-        return values.astype(numpy.longdouble)
-    return wider.array(values.ravel().tolist()).reshape(values.shape)
+class _Crossing(NamedTuple):
+    """Where the true motion crosses the surface of an event."""
+
+    record: EventRecord  #: in wide arithmetic
+    time: Any  #: (1,) in wide arithmetic [s]
+    width: float  #: of the time that the run has, or of this one beyond twelve digits [s]
+    moves: Any  #: (3,) by how much the state moves in what is not known of the time
+
+
+class _Run:
+    """One run with the error that its defect has led to."""
+
+    def __init__(self, request: Request, result: Result, method: _Method) -> None:
+        self.wide, self.plain = method.wide, request.digits <= PLAIN_DIGITS
+        self._request = request
+        self._ops = shifted(numpy) if request.shifted else numpy
+        self._constants, self._omega = request.parameters.at(self.wide), self.wide.number(request.omega)
+        if result.steps * (3 * method.nodes) ** 2 * 8 > _MOST_BYTES:
+            raise Unresolved
+        self._defect = Defect(request, result.series, self.wide, method.nodes)
+        if not self._resolved(method.fewer):
+            raise Unresolved
+        #: What the errors may be off, in carried roundings.
+        self._share = _EVALUATION * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
+        if method.fewer:
+            self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
+        else:
+            self._share += _THREE_NODES
+
+    def _resolved(self, fewer: int) -> bool:
+        """Whether the steps are short enough for the nodes, and for what is said of their number to hold."""
+        found = self._defect
+        if fewer:
+            return found.fastest < _LONG and found.growing < fewer
+        return found.fastest < _SHORT and found.growing < _STEADY and found.last_term < _LAST_TERM
+
+    def _swept(self) -> float:
+        """Correct the errors by what is of second order, and say what may be left, in carried roundings."""
+        largest = float(abs(self._defect.errors).max())
+        if not largest < _LARGE:
+            raise NotInProportion
+        if self.wide is EXTENDED and largest < _SQUARES:
+            return 0.0
+        for _ in range(_MOST_SWEEPS):
+            # Each sweep leaves as much of its correction as the first one was of the error.
+            change = self._defect.sweep()
+            if change < _SMALL:
+                largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
+                return DISTANCES * max(change * _SMALL, _DOUBLES, _DOUBLES * largest)
+        raise NotInProportion
+
+    def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
+        """The states (3, k) at these times, of which the last is where the result has ``at_end``, and half-widths."""
+        places, errors, left = self._at(times)
+        values = places.astype(float) if self.plain else places + errors
+        if self.plain:
+            values[:, -1] = at_end
+        return values, self._half_widths(values, (places - values).astype(float) + errors, left)
+
+    def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
+        """Of values that are ``off`` by so much and a rest that is ``left``; beyond twelve digits only by that."""
+        if self.plain:
+            return _QUARTER_MORE * abs(off) + left
+        return left + abs(values).astype(float) * float(self.wide.epsilon)
+
+    def _at(self, times: Any) -> tuple[Any, Any, Any]:
+        """Polynomials, errors, and what the errors may be off, (3, k) at wide times (k,)."""
+        places, errors, roundings, nodes = self._defect.at(times, self.plain)
+        return places, errors, self._left(roundings, nodes)
+
+    def _left(self, roundings: Any, nodes: Any) -> Any:
+        return self._share * roundings + DISTANCES * nodes
+
+    def crossing(self, record: EventRecord) -> _Crossing:
+        """A recorded crossing of the true motion. Raises NotInProportion for what is nearly a mere touch."""
+        event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
+        first = time = self.wide.array([record.time])
+        for _ in range(_NEWTON_STEPS):
+            places, errors, left = self._at(time)
+            states = places + errors
+            gradient, speed = self._rates(event, states)
+            change = self._value(event, states) / self.wide.number(speed)
+            unknown = float(abs(gradient) @ left[:, 0]) / abs(speed) + abs(record.time) * float(self.wide.epsilon)
+            time = time - change
+            if abs(float(change)) <= _SMALL * unknown:
+                break
+        else:
+            raise NotInProportion
+        moved = abs(float((time - first)[0]))
+        rates = self._defect.rates(states)
+        ahead = self._rates(event, states + rates * self.wide.array([_AHEAD]))[1]
+        if not (moved + unknown) * abs(ahead - speed) / _AHEAD < _SMALL * abs(speed):
+            raise NotInProportion
+        around = [self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)]
+        if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
+            raise NotInProportion
+        found = EventRecord(record.name, time[0], states[:, 0])
+        width = _QUARTER_MORE * moved + unknown if self.plain else unknown
+        return _Crossing(found, time, width, abs(rates[:, 0].astype(float)) * unknown)
+
+    def _value(self, event: Event, states: Any) -> Any:
+        """An event's function at a wide state (3, 1)."""
+        return event.function(self._ops, self._constants, self._omega, *states[:, 0])
+
+    def _rates(self, event: Event, states: Any) -> tuple[Any, float]:
+        """The gradient (3,) of an event's function at a wide state (3, 1), and how fast it changes along the motion."""
+        gradient = self._gradient(event, states.astype(float))[:, 0]
+        speed = float(gradient @ self._defect.rates(states)[:, 0].astype(float))
+        if not speed:
+            raise NotInProportion
+        return gradient, speed
+
+    def _gradient(self, event: Event, states: Any) -> Any:
+        """(3, k), by central differences."""
+        moves = _DIFFERENCE * numpy.eye(3)[:, :, None]
+        rows = [self._plainly(event, states + move) - self._plainly(event, states - move) for move in moves]
+        return numpy.stack(rows) / (2 * _DIFFERENCE)
+
+    def _plainly(self, event: Event, states: Any) -> Any:
+        """(k,) an event's function in doubles."""
+        constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
+        return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
+
+    def check_missed(self, last: Any, result: Result) -> None:
+        """Raises NotInProportion where errors decide whether an event is met at all.
+
+        That is where its function is no larger than its error, at a node or at the ``last`` time, which has an error of
+        its own, or comes close to zero without changing its sign. The parabola through three nodes tells, and where
+        that is close to zero, one through more.
+        """
+        times, *known = self._defect.known()
+        start = 0 * last
+        at_start, at_end = self._defect.at(start), self._defect.at(last)
+        states, errors, roundings, nodes = (
+            numpy.concatenate(parts, axis=1) for parts in zip(at_start, known, at_end, strict=True)
+        )
+        times = numpy.concatenate((start.astype(float), times, last.astype(float)))
+        states, reach = states.astype(float), abs(errors) + self._left(roundings, nodes)
+        reach[:, -1:] += abs((self._defect.rates(at_end[0]) * (last - self.wide.number(result.time))).astype(float))
+        ending = None if result.status is Status.REACHED else result.events[-1].name
+        for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
+            values = self._plainly(event, states)
+            lost = abs(values) <= DISTANCES * (abs(self._gradient(event, states)) * reach).sum(axis=0)
+            known_from = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)  # a start on the surface is no crossing
+            known_to = -1 if event.name == ending else None
+            signs = numpy.sign(values[known_from:known_to])
+            turns = numpy.diff(signs) * (1 if times[-1] >= 0 else -1) / 2
+            turned = numpy.count_nonzero(turns * event.direction > 0 if event.direction else turns)
+            named = sum(record.name == event.name for record in result.events) - (event.name == ending)
+            if lost[1:known_to].any() or turned != named:
+                raise NotInProportion
+            for k in _touching(times, values, _NEARLY):
+                inside = numpy.linspace(times[k - 1], times[k + 1], _FINER)
+                finer = self._plainly(event, self._defect.at(inside.astype(self.wide.type))[0].astype(float))
+                if len(_touching(inside, finer, _TOUCHED)):
+                    raise NotInProportion
+
+
+def _touching(times: Any, values: Any, share: float) -> Any:
+    """Where the parabola through three neighbours of one sign turns back next to zero, by a share of the largest."""
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]
+    rise, fall = (here - before) / left, (after - here) / right
+    bend = (fall - rise) / (left + right)
+    slope = rise + bend * left
+    with numpy.errstate(divide="ignore", invalid="ignore"):
+        away = -slope / (2 * bend)
+        turn = here + away * slope / 2
+    among = (away / left >= -_BESIDE) & (away / right <= _BESIDE)
+    size = numpy.maximum(abs(before), abs(after))
+    return (
+        numpy.flatnonzero((before * here > 0) & (here * after > 0) & among & (turn * numpy.sign(here) < share * size))
+        + 1
+    )

@@ -38,8 +38,7 @@ class StartSurfaces(NamedTuple):
 
     names: tuple[str, ...]
     window: float = 0.0  #: for how long it lies there [s]
-    samples: Sequence[list[Any]] = ()  #: states at the sample times that were passed
-    ended: bool = False  #: whether another terminal event ended the run on the way
+    ended: tuple[Any, Any] | None = None  #: outcome and smallest step of a run that another event ended on the way
 
 
 NO_SURFACES = StartSurfaces(())

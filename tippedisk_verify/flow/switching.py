@@ -22,7 +22,7 @@ from tippedisk_verify.model.equations import Ops, field, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import Precision
 
-__all__ = ["FrictionSign", "FrictionSigns", "Pieces"]
+__all__ = ["FrictionSign", "FrictionSigns"]
 
 _LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
 _MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
@@ -181,22 +181,3 @@ class FrictionSigns:
         right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -_LEFT_OVER * 2.0**-52
         right[list(self._doubtful)] = False
         return right
-
-
-class Pieces:
-    """Continuous output in several parts, each up to its end time."""
-
-    def __init__(self, parts: Sequence[tuple[Any, Any]], forward: bool) -> None:
-        self._parts = [(end, output) for end, output in parts if output is not None]
-        self._forward = forward
-
-    def __call__(self, times: Any) -> Any:
-        rows = []
-        for time in times:
-            chosen = self._parts[-1][1]
-            for end, output in self._parts:
-                if (time <= end) if self._forward else (time >= end):
-                    chosen = output
-                    break
-            rows.append(chosen(numpy.array([time], dtype=type(time)))[0].copy())
-        return numpy.array(rows)

@@ -9,25 +9,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.comparison import compared
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import budgeted, parted, twins_needed, undecided
+from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
 from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
-from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.flow.start import at_rest
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
 __all__ = ["Taylor"]
-
-# The tolerance of the run that shows another one's error, in units of the wider arithmetic's round-off. heyoka's is
-# absolute for states below 1, and truncation of small states would otherwise stand far above their rounding.
-_TIGHTER = Fraction(1, 2**12)
 
 
 class Taylor:
@@ -86,7 +81,7 @@ class Taylor:
         if integrator is None:
             integrator = self._built(key, request, events)
         result: Result = integrator.run(request)
-        if request.domain == "samples" and _outside(result, request.shifted):
+        if request.domain == "samples" and _outside(request, result):
             # Rare: only now is the event worth building, and only it can say when the disk lay flat.
             return self(replace(request, domain="event"))
         if request.error_estimate:
@@ -104,33 +99,29 @@ class Taylor:
             return integrator
 
     def _with_error(self, request: Request, result: Result) -> Result:
+        """By the run's defect, or where that cannot tell by a wider run."""
         begin = time.perf_counter()
-        plain = replace(request, error_estimate=False, dense=False)
-
-        def checked(wider: Precision, most_steps: int) -> Result:
-            return self(replace(plain, precision=wider, tolerance=wider.epsilon * _TIGHTER, max_steps=most_steps))
-
-        wider = companion(request.precision)
-        check = checked(wider, request.max_steps)
-        count = 0 if at_rest(request) else twins_needed(request.precision, wider)
-        twins = [self(replace(plain, rounding=Rounding(number, steps=True))) for number in range(1, count + 1)]
-        agreed = not any(parted(result, other) for other in (check, *twins))
-        if not agreed and wider == EXTENDED and result.status.usable:
-            # Where rounding has grown out of proportion a wider run may be as wrong, unless a third one agrees with it.
-            before, wider = check, companion(wider)
-            # It has twice the order, so fewer steps, unless it runs away itself.
-            check = checked(wider, min(request.max_steps, 2 * result.steps))
-            agreed = not parted(before, check)
-        error = budgeted(request.precision, wider, result, check, twins) if agreed else undecided()
-        error = replace(error, seconds=time.perf_counter() - begin)
-        return result._replace(error=error, built=result.built + check.built)
+        found = from_defect(request, result)
+        if found is None and request.digits > PLAIN_DIGITS:
+            return self(
+                replace(
+                    request, precision=bits(bits_for_digits(request.digits + 8)), tolerance=None, digits=PLAIN_DIGITS
+                )
+            )
+        if found is None:
+            if request.estimated_by_defect:
+                result = result._replace(samples=result.series.samples(request, result.status))
+            found = compared(self, request, result)
+        assert found.error is not None
+        return found._replace(error=replace(found.error, seconds=time.perf_counter() - begin), series=None)
 
 
-def _outside(result: Result, shift: bool) -> bool:
+def _outside(request: Request, result: Result) -> bool:
     """Whether the end or a sample has sin(beta) <= 0."""
     if not result.status.usable or result.status is Status.FLAT:
         return False
-    angles = [result.state[0], *(() if result.samples is None else result.samples[:, 0])]
+    samples = result.series.samples(request, result.status) if request.estimated_by_defect else result.samples
+    angles = [result.state[0], *(() if samples is None else samples[:, 0])]
     # Far from rounding, for an event to be seen: the float's sign is the number's.
-    sine = numpy.cos if shift else numpy.sin
+    sine = numpy.cos if request.shifted else numpy.sin
     return bool((sine([float(angle) for angle in angles]) <= 0).any())

@@ -128,6 +128,7 @@ def shown(value: object) -> str:
         return "a number of thousands of digits"
 
 
+@lru_cache(maxsize=1024)
 def _parse(text: str) -> Exact:
     shown = text.strip()[:60]
     complaint = f"'{shown}' is not a finite decimal number such as 30.4, 1e-3, 1/3 or pi/2+0.4"

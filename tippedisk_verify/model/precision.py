@@ -134,6 +134,12 @@ class Precision:
 
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
+    def sequence(self, values: Any) -> Any:
+        """The same of any sequence. An array of this arithmetic stays as it is, one of doubles is exact in it."""
+        if self.kind != "real" and getattr(values, "dtype", None) in (self.type, float):
+            return values.astype(self.type, copy=False)
+        return self.array(list(values))
+
     def owned(self, view: Any) -> Any:
         """A copy of memory that heyoka will write over: of objects, where the numbers are MPFR's.
 

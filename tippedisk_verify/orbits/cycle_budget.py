@@ -25,7 +25,7 @@ from typing import Any
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.flow.rounding import Rounding, nudged
+from tippedisk_verify.flow.rounding import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -84,7 +84,7 @@ def numbers_at(
     state: tuple[Any, Any],
     here: HalfMap,
     precision: Precision,
-    rounding: Rounding | None = None,
+    rounding: int | None = None,
 ) -> dict[str, Any]:
     """All numbers of the cycle through ``state``, a fixed point of the map, from the map's derivatives there."""
     flight = flights(state, divergence=True, events=flights.recorded, rounding=rounding)
@@ -123,9 +123,8 @@ def twins(flights: HalfFlights, state: tuple[Any, Any], count: int = TWINS) -> l
     first, second = flights.unknowns
     known = []
     for pattern in range(1, count + 1):
-        rounding = Rounding(pattern)
-        here = flights.map(state, rounding)
-        numbers = numbers_at(flights, state, here, DOUBLE, rounding)
+        here = flights.map(state, pattern)
+        numbers = numbers_at(flights, state, here, DOUBLE, pattern)
         # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
         # same, often zero, over many starts. One unit more or less in the arrival's last place brings it to light.
         arrival = [now + before for now, before in zip(here.residual, state, strict=True)]

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status, Variation
-from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -86,7 +85,7 @@ class HalfFlights:
         *,
         divergence: bool = False,
         events: tuple[Event, ...] = (),
-        rounding: Rounding | None = None,
+        rounding: int | None = None,
     ) -> Result:
         """To the next crossing, without derivatives."""
         key = (divergence, events)
@@ -94,7 +93,7 @@ class HalfFlights:
             self._plain[key] = self._request(state, divergence=divergence, events=(self.returns, *events))
         return self._flown(self._plain[key].starting_at(self._start(state), rounding))
 
-    def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> HalfMap:
+    def map(self, state: Sequence[Any], rounding: int | None = None) -> HalfMap:
         """The map and its derivatives at ``state``."""
         time, rows, end = self._varied(state, rounding)
         beta_row, gamma_row, v_row = rows
@@ -110,7 +109,7 @@ class HalfFlights:
             (v, v_rate),
         )
 
-    def _varied(self, state: Sequence[Any], rounding: Rounding | None) -> tuple[Any, Any, Any]:
+    def _varied(self, state: Sequence[Any], rounding: int | None) -> tuple[Any, Any, Any]:
         """Time, derivatives and state of a flight with variational equations."""
         if self._mapped is None:
             self._mapped = self._request(state, variations=VARIATIONS, events=(self.returns,))

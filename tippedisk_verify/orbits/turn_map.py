@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Event, Request, Result, Status
-from tippedisk_verify.flow.rounding import Rounding
 from tippedisk_verify.orbits.cycles import RotatingCycle
 from tippedisk_verify.orbits.half_map import EXTREME, HalfFlights
 
@@ -47,7 +46,7 @@ class TurnFlights(HalfFlights):
     returns = ROUND
     recorded = (EXTREME, BOTTOM)
 
-    def map(self, state: Sequence[Any], rounding: Rounding | None = None) -> TurnMap:  # type: ignore[override]
+    def map(self, state: Sequence[Any], rounding: int | None = None) -> TurnMap:  # type: ignore[override]
         time, rows, end = self._varied(state, rounding)
         rates = self._rates(*end)
         # On the section time moves with start and speed, dt = -d(gamma) / gamma', and takes beta and v along.

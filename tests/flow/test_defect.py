@@ -1,0 +1,180 @@
+"""The error of a run from its defect: against runs of sixty digits, and where it must not be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy
+import pytest
+from numpy.polynomial import legendre
+
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.flow import defect, error_estimate
+from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Request
+from tippedisk_verify.flow.defect import Defect
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import PRINTED, Friction, Parameters
+from tippedisk_verify.model.precision import EXTENDED, QUADRUPLE, Precision, bits
+
+TRUTH = bits(200)
+LAWS: tuple[Friction, ...] = ("linear", "smooth")
+START = ("pi/2", "pi/2 + 0.4", 0)
+PASSED = (
+    Event("each section", SECTION.function, terminal=False),
+    Event("each reversal", SLIDING_REVERSAL.function, terminal=False),
+)
+#: Half a radian from the noninverted state; on the section; on the surface where the smooth law switches; backward.
+REQUESTS = [
+    Request(PRINTED, "30.4", START, 3, events=PASSED),
+    Request(PRINTED, "30.05", ("pi/2", "-pi/2", "1e-3"), 2),
+    Request(PRINTED, "31.4", ("1.2", "pi/2", "2"), 1),
+    Request(PRINTED, "30.7", ("2.1", "3.0", "0.7"), "-0.05"),
+    Request(PRINTED.changed(e="0.02", mu="1.1"), "23", ("1.4", "0.1", "-3"), "0.7", events=PASSED),
+]  # fmt: skip
+
+
+def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The series that the engine keeps for an error estimate."""
+    kept: list[Any] = []
+    monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", lambda _, result: kept.append(result.series))
+    taylor(replace(request, error_estimate=True))
+    return kept[0]
+
+
+def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
+    """What the run and its error at the end miss of the truth, in carried roundings."""
+    places, errors, roundings, _ = found.at(wide.array([request.duration]))
+    exact = [
+        TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place)) for true, place in zip(truth.state, places[:, 0], strict=True)
+    ]
+    return (
+        numpy.array([float(part - TRUTH.mpf(float(e))) for part, e in zip(exact, errors[:, 0], strict=True)])
+        / roundings[:, 0]
+    )
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_more_nodes_and_wider_arithmetic_miss_less(taylor: Taylor, friction: Friction, monkeypatch) -> None:
+    request = Request(PRINTED.with_friction(friction), "30.4", START, 3)
+    truth = taylor(replace(request, precision=TRUTH))
+    series = series_of(taylor, request, monkeypatch)
+    found = [
+        abs(missed(Defect(request, series, QUADRUPLE, nodes), QUADRUPLE, request, truth)).max() for nodes in (3, 5, 8)
+    ]
+    assert found[0] > 4 * found[1] > 16 * found[2]  # what is missed falls with the nodes, by far more than this
+    # Carried roundings of extended arithmetic are 2^-11 of those of doubles, and a field has some ten of them.
+    assert abs(missed(Defect(request, series, EXTENDED, 8), EXTENDED, request, truth)).max() < 10 * 2.0**-11
+
+
+def test_a_second_sweep_takes_out_what_is_of_second_order(taylor: Taylor, monkeypatch) -> None:
+    """A start that is off by 1e-7: its error squared stands far above the roundings."""
+    request = Request(PRINTED, "30.4", START, 3)
+    series = series_of(taylor, request, monkeypatch)
+    away = replace(request, state=("pi/2", "pi/2 + 0.4000001", 0))
+    truth = taylor(replace(away, precision=TRUTH))
+    found = Defect(away, series, QUADRUPLE, 12)
+    before = abs(missed(found, QUADRUPLE, away, truth)).max()
+    found.sweep()
+    after = abs(missed(found, QUADRUPLE, away, truth)).max()
+    assert before > 1
+    assert after < 1e-4 * before
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_its_transition_matrix_is_that_of_the_variational_equations(taylor: Taylor, friction: Friction, monkeypatch):
+    request = Request(PRINTED.with_friction(friction), "30.4", START, 3)
+    found = Defect(request, series_of(taylor, request, monkeypatch), EXTENDED, 12).transition
+    derivatives = taylor(replace(request, variations=("beta", "gamma", "v"))).derivatives
+    # Both are in doubles: some hundred roundings of their entries, which grow and fall by a few powers of ten.
+    assert abs(found - derivatives).max() < 1e-12 * abs(derivatives).max()
+
+
+@pytest.mark.parametrize("digits", [12, 15, 20, 25])
+@pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.parametrize("number", range(len(REQUESTS)))
+def test_half_widths_hold(taylor: Taylor, number: int, friction: Friction, digits: int) -> None:
+    request = replace(REQUESTS[number], parameters=REQUESTS[number].parameters.with_friction(friction))
+    times = [Fraction(request.duration) * Fraction(n, 7) for n in range(8)]
+    mine = taylor(replace(request, times=times, error_estimate=True, digits=digits))
+    truth = taylor(replace(request, times=times, precision=TRUTH))
+    assert mine.error is not None
+    assert mine.status is truth.status
+    triples = [(mine.state, mine.error.state, truth.state), (mine.samples, mine.error.samples, truth.samples)]
+    records = zip(mine.events, mine.error.events, truth.events, strict=True)
+    triples += [([one.time], [width], [true.time]) for one, width, true in records]
+    for values, widths, exact in triples:
+        for value, width, true in zip(*(numpy.ravel(part) for part in (values, widths, exact)), strict=True):
+            assert abs(TRUTH.mpf(value) - TRUTH.mpf(true)) <= float(width)
+            assert digits == 12 or float(width) <= 10.0 ** (1 - digits) * max(1.0, abs(float(value)))
+
+
+def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatch) -> None:
+    """As on processors that have no 80-bit registers."""
+    monkeypatch.setattr(error_estimate, "_has", lambda wide: wide is not EXTENDED)
+    for digits in (12, 15):
+        test_half_widths_hold(taylor, 0, "smooth", digits)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_digits_that_the_defect_does_not_give_are_flown(taylor: Taylor, law: Friction) -> None:
+    """Backward, along the stiff direction, an error in doubles is as large as the state."""
+    disk = Disk("printed", friction=law)
+    sol = disk.integrate("30.4", ("1.3", "2", "0.3"), "-0.4", digits=20)
+    truth = taylor(Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=bits(400)))
+    for value, width, true in zip(sol.y[:, -1], sol.uncertainty[:, -1], truth.state, strict=True):
+        assert not numpy.isfinite(width) or abs(bits(400).mpf(value) - bits(400).mpf(true)) <= float(width)
+
+
+def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None:
+    """An event that the run misses by less than its error may not be claimed not to be."""
+    request = Request(PRINTED, "30.4", START, 1)
+    near = taylor(replace(request, events=(Event("extreme", SECTION.function, terminal=False),)))
+    extreme = float(near.events[-1].state[1])  # where cos(beta) = 0, gamma turns
+    found: list[bool] = []
+    estimate = error_estimate.from_defect
+
+    def asked(*both: Any) -> Any:
+        answer = estimate(*both)
+        found.append(answer is not None)
+        return answer
+
+    monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", asked)
+    for level in (extreme, extreme + 1e-3, extreme - 1e-3):
+        event = Event("level", lambda ops, constants, omega, beta, gamma, v, level=level: gamma - level, terminal=False)
+        taylor(replace(request, events=(event,), error_estimate=True))
+    assert found[0] is False
+    assert found[1:] == [True, True]
+
+
+@pytest.mark.parametrize("nodes", [3, 8, 18])
+def test_integrals_of_the_basis_are_exact(nodes: int) -> None:
+    """Against the antiderivative of a Legendre series, which NumPy forms another way."""
+    places, weights, basis = defect._gauss(nodes)
+    assert weights @ places ** (nodes - 1) == pytest.approx(1 / nodes, rel=1e-14)  # roundings of the nodes
+    shares = numpy.linspace(0, 1, 9)
+    values = legendre.legval(2 * places - 1, numpy.arange(1, nodes + 1))
+    antiderivative = legendre.Legendre(numpy.arange(1, nodes + 1), domain=[0, 1]).integ(lbnd=0)
+    found = defect._integrals(shares, basis) @ values
+    assert found == pytest.approx(antiderivative(shares), abs=1e-12 * nodes)  # sums of values of size nodes^2
+
+
+def test_samples_cost_little_and_lie_at_the_times_asked_for() -> None:
+    disk = Disk("printed")
+    sol = disk.integrate("30.4", START, 1, times=["0.25", "1/3", "0.5"], digits=20)
+    assert [str(time)[:6] for time in sol.t] == ["2.5000", "3.3333", "5.0000", "1.0000"]
+    again = sol(sol.t[:3])
+    assert (abs((again - sol.y[:, :3]).astype(float)) < 1e-15).all()
+    assert isinstance(disk.integrate("30.4", START, 1, digits=15).y, numpy.ndarray)
+    assert disk.integrate("30.4", START, 1, digits=15).y.dtype == numpy.longdouble
+
+
+def test_other_parameters_than_the_run_had_are_part_of_the_error(taylor: Taylor, monkeypatch) -> None:
+    """What rounding does to the inputs is in the defect: of a disk moved by a rounding, the estimate finds the move."""
+    request = Request(PRINTED, "30.4", START, 3)
+    series = series_of(taylor, request, monkeypatch)
+    moved: Parameters = PRINTED.changed(e=PRINTED.e * (1 + Fraction(1, 10**12)))
+    there = replace(request, parameters=moved)
+    truth = taylor(replace(there, precision=TRUTH))
+    assert abs(missed(Defect(there, series, QUADRUPLE, 8), QUADRUPLE, there, truth)).max() < 1e-4
