@@ -5,7 +5,7 @@ Where a rule is asked for by itself, the motion is made up: its numbers are smal
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from types import SimpleNamespace
 from typing import Any
@@ -131,6 +131,29 @@ def test_a_step_is_refused_that_is_too_long_or_backwards() -> None:
             Step(tube, arb(share))
     with pytest.raises(checker.Unproved, match="amplitude"):
         curve_of(scaled=True, top="0.999")
+
+
+@pytest.mark.parametrize("length", [1, 2, 4, 8, 11, 12, 13])
+@pytest.mark.parametrize("moment", range(5))
+def test_a_step_whose_series_are_cut_off_is_refused(moment: int, length: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is ten times too long, and the remainder that says so would read as zero."""
+    tube, calls = Tube(curve_of((1e-4, 1e-3))), iter(range(5))
+
+    def meddled(known: Callable[..., Any]) -> Callable[..., Any]:
+        def evaluated(*arguments: Any) -> Any:
+            before = ctx.cap
+            ctx.cap = length if next(calls) == moment else before
+            try:
+                return known(*arguments)
+            finally:
+                ctx.cap = before
+
+        return evaluated
+
+    for name in ("series", "derivatives"):
+        monkeypatch.setattr(curves.Motion, name, meddled(getattr(curves.Motion, name)))
+    with pytest.raises(checker.Unproved, match=r"cut off|stay in its enclosure"):
+        Step(tube, arb("0.1"))
 
 
 def orbit(start: Sequence[Any], w: Any, time: Any, count: int = 8) -> tuple[list[Any], Any]:

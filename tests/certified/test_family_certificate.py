@@ -5,6 +5,11 @@ from __future__ import annotations
 import copy
 import json
 import math
+import random
+import sys
+import threading
+import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
@@ -348,3 +353,40 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         checker.proved(content, mapped)
     with pytest.raises(checker.Unproved, match="amplitude_end"):
         checker.proved(sealed(content), mapped)
+
+
+@pytest.mark.slow(minutes=4)
+def test_an_arc_with_merged_steps_is_never_accepted_beside_a_thread_that_cuts_series_short(quick) -> None:  # noqa: F811
+    """Four of its steps merged into one: too long, as the remainder says that a shorter series has not."""
+    pieces = [first(PRINTED), second()]
+    content = json.loads(family_certificate(BranchProof(PRINTED, tuple(pieces))))
+    disk, arc = content["claim"]["parameters"], content["evidence"]["arcs"][1]
+    steps_ = arc["box"]["steps"]
+    shares = [Fraction(int(x, 16)) * Fraction(2) ** int(y) for x, y in (step["share"].split("p") for step in steps_)]
+    steps_[:4] = [{**steps_[3], "share": f"{int(sum(shares[:4]) * 2**200):x}p-200"}]
+    begin = time.perf_counter()
+    with pytest.raises(checker.Unproved, match="stay in its enclosure"):
+        checker.arc_shown((disk, Fraction("0.1"), 2, arc))
+    length, moments = time.perf_counter() - begin, random.Random(226)
+
+    def meddle(wait: float, hold: float, cap: int) -> None:
+        time.sleep(wait)
+        before, ctx.cap = ctx.cap, cap
+        time.sleep(hold)
+        ctx.cap = before
+
+    said: Counter[bool] = Counter()
+    sys.setswitchinterval(1e-5)
+    try:
+        for _ in range(2000):
+            drawn = moments.uniform(0, length), moments.uniform(0, 3e-3), moments.randint(1, 12)
+            thread = threading.Thread(target=meddle, args=drawn)
+            thread.start()
+            with pytest.raises(checker.Unproved) as refusal:
+                checker.arc_shown((disk, Fraction("0.1"), 2, arc))
+            said["cut off" in str(refusal.value)] += 1
+            thread.join()
+    finally:
+        sys.setswitchinterval(5e-3)
+        ctx.cap = 10  # python-flint's own
+    assert said.keys() == {True, False}  # it met both

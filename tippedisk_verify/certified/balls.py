@@ -48,6 +48,7 @@ __all__ = [
     "side_by_side",
     "upper",
     "within",
+    "working_bits",
     "working_precision",
 ]
 
@@ -84,6 +85,11 @@ def series_length(length: int) -> Iterator[None]:
             yield
         finally:
             ctx.cap = before
+
+
+def working_bits() -> int:
+    """Arb's working precision at present."""
+    return int(ctx.prec)
 
 
 def coefficient(series: Any, power: int) -> Any:

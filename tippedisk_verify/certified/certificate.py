@@ -16,10 +16,10 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from flint import arb_mat, ctx
+from flint import arb_mat
 
 from tippedisk_verify import checker
-from tippedisk_verify.certified.balls import arb, ball, ball_constants, series_length, working_precision
+from tippedisk_verify.certified.balls import arb, ball, ball_constants, series_length, working_bits, working_precision
 from tippedisk_verify.certified.cycle import CycleProof, OrbitProof
 from tippedisk_verify.certified.flow import Model, Step
 from tippedisk_verify.certified.fold import FoldProof
@@ -222,7 +222,7 @@ def _moments(piece: checker.Piece, index: int, level: Any) -> list[str]:
     ends = []
     for short in (lambda x: not x < 0, lambda x: x > 0):  # the last moment before, the first after
         low, high = ball(0), piece.length
-        while (high - low) * arb(2) ** (int(ctx.prec) - 8) > piece.length:
+        while (high - low) * arb(2) ** (working_bits() - 8) > piece.length:
             middle = ((low + high) / 2).mid()
             if short(piece.image(middle)[index] - level):
                 high = middle

@@ -16,10 +16,19 @@ from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from flint import arb_mat, ctx
+from flint import arb_mat
 
 from tippedisk_verify import checker
-from tippedisk_verify.certified.balls import arb, ball, ball_constants, hull, measured, series_length, working_precision
+from tippedisk_verify.certified.balls import (
+    arb,
+    ball,
+    ball_constants,
+    hull,
+    measured,
+    series_length,
+    working_bits,
+    working_precision,
+)
 from tippedisk_verify.certified.certificate import certificate_text, dyadic
 from tippedisk_verify.certified.connection_flight import fly_over
 from tippedisk_verify.certified.flow import Model
@@ -194,7 +203,7 @@ class _Writer:
 
     def _branch(self) -> dict[str, Any]:
         """The cone at the first saddle, and how many steps it takes each of the two branches to show its side."""
-        bits, given = int(ctx.prec), self._read()
+        bits, given = working_bits(), self._read()
         reach, length, orders = arb(2) ** -math.ceil(bits / 6), arb(2) ** -7, [10 + bits // 7] * 2
         omega_h, half = (Fraction(self.entry["omega_h"][name]) for name in ("value", "uncertainty"))
         both = Saddle(checker.Flow(self.disk, hull(omega_h - half, omega_h + half)), given["directions"])

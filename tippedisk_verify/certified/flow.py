@@ -48,6 +48,7 @@ from tippedisk_verify.certified.balls import (
     inside,
     side_by_side,
     upper,
+    working_bits,
     working_precision,
 )
 from tippedisk_verify.certified.frame import Frame
@@ -248,7 +249,7 @@ class Path:
 
     def _trials(self, longest: float | None) -> Step | None:
         """Steps of falling length until one passes."""
-        model, bits = self.model, _precision()
+        model, bits = self.model, working_bits()
         order = _order(bits)
         thin = model.orbit.coefficients(self.frame.middle, order)
         allowed, rough_allowed = self._allowed(bits)
@@ -350,12 +351,6 @@ def _from_zero(length: Any) -> Any:
 
 class _NotFiniteError(ArithmeticError):
     """A coefficient's ball is infinite: the step is too long, or the box too wide."""
-
-
-def _precision() -> int:
-    from flint import ctx
-
-    return int(ctx.prec)
 
 
 def _order(bits: int, least: int = _MEAN_VALUE_ORDER) -> int:

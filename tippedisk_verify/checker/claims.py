@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from flint import arb, arb_mat, ctx
+from flint import arb, arb_mat
 
 from tippedisk_verify.checker.connection import CHOICES, end_shown
 from tippedisk_verify.checker.family import CLAIM, EVIDENCE, Mapped, family_shown
@@ -21,6 +21,7 @@ from tippedisk_verify.checker.steps import (
     Unproved,
     after,
     column,
+    context,
     exact_ball,
     inside,
     need,
@@ -263,18 +264,15 @@ def proved(content: Any, mapped: Mapped = map) -> str:
     kind = _KINDS[parsed(content["claim"].get("kind"), one_of(*_KINDS), "claim kind")]
     claim, evidence = _shapes(kind)
     shape = {"format": str, "claim": claim, "bits": count, "evidence": evidence, "sha256": str}
-    precision, cap, bits = ctx.prec, ctx.cap, parsed(content.get("bits"), count, "bits")
+    bits = parsed(content.get("bits"), count, "bits")
     need(bits > 1, "one bit is not enough")
-    try:
-        ctx.prec = bits
+    with context(bits):
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
         if kind["proof"].endswith("family"):
             _family(file["claim"], file["evidence"], mapped)
         else:
             _PROOFS[kind["proof"]](file["claim"], file["evidence"])
-    finally:
-        ctx.prec, ctx.cap = precision, cap
     words = {name: value for name, value in file["claim"].items() if isinstance(value, str)}
     words |= {f"near_{name}": value for name, value in file["claim"].get("unique_within", {}).items()}
     words |= {name: f"{n['value']} ± {n['uncertainty']}" for name, n in file["claim"]["numbers"].items()}

@@ -23,10 +23,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from flint import arb, arb_mat, arb_series, ctx
+from flint import arb, arb_mat, arb_series
 
 from tippedisk_verify.checker.jets import Dual, Jet, at, polynomial, power_of, sines, small_sines, symmetric, values
-from tippedisk_verify.checker.steps import Flow, Unproved, column, inside, need, positive
+from tippedisk_verify.checker.steps import Flow, Unproved, coefficients, column, context, inside, need, positive
 
 __all__ = ["Arc", "Curve"]
 
@@ -200,14 +200,16 @@ class Step:
         held, matrix = enclosure[:3], [enclosure[k : k + 3] for k in range(3, len(enclosure), 3)]
         states = curve.all.series([Jet([part]) for part in held], _ORDER + 1)
         rough = curve.all.derivatives(states, matrix, _ROUGH + 1)
-        rest = [part.c[0][_ROUGH + 1] for part in (*states[:3], *(part for column in rough for part in column))]
+        beyond = [*states[:3], *(part for column in rough for part in column)]
+        rest = [coefficients(part.c[0], _ROUGH + 2)[-1] for part in beyond]
         for reach, part, room in zip(ranges, rest, enclosure, strict=False):
             shown = inside(reach + part * last * span, room)
             need(shown, "the states and derivatives over it are not shown to stay in its enclosure")
         self.enclosure = held
         thin = curve.thin.series(_entries(tube.middle), _ORDER)
         self.orbit = [
-            polynomial(part, _ORDER + 1, end.c[0][_ORDER + 1]) for part, end in zip(thin[:3], states[:3], strict=True)
+            polynomial(part, _ORDER + 1, coefficients(end.c[0], _ORDER + 2)[-1])
+            for part, end in zip(thin[:3], states[:3], strict=True)
         ]
         self.slopes = [polynomial(part, _ROUGH + 1, end) for part, end in zip(flat[3:], rest[3:], strict=True)]
 
@@ -257,31 +259,31 @@ class Flight:
     """From the section to the next crossing of it, for all s and all deviations. Raises Unproved."""
 
     def __init__(self, curve: Curve, steps: Sequence[dict[str, Any]], path: str) -> None:
-        cap, ctx.cap = ctx.cap, _ORDER + 8
         self.turning: list[tuple[Any, list[Jet]]] = []
         time = self.divergence = 0 * curve.total
         tube, number = Tube(curve), 0
         try:
-            need(positive(-tube.box()[2].range()), "v is not shown to be negative at the start")
-            need(bool(steps), "there are no steps")
-            for number, entry in enumerate(steps, 1):
-                last = number == len(steps)
-                step = Step(tube, entry["share"])
-                beta, _, v = step.enclosure
-                need(inside(beta, _UPRIGHT), "beta is not shown to stay upright")
-                need(positive(v) if last else positive(-v) or positive(-beta), "beta is not shown to move as it must")
-                need(("axes" in entry) is not last, "it ends where it must not")
-                if not (positive(v) or positive(-v)):
-                    self.turning += step.turning()
-                if last:
-                    self._land(step, time, curve.total - time)
-                else:
-                    self.divergence = self.divergence + values(step.slopes[-1:], step.length)[0]
-                    time, tube = time + step.length, step.after(arb_mat(entry["axes"]))
+            with context(length=_ORDER + 8):
+                need(positive(-tube.box()[2].range()), "v is not shown to be negative at the start")
+                need(bool(steps), "there are no steps")
+                for number, entry in enumerate(steps, 1):
+                    last = number == len(steps)
+                    step = Step(tube, entry["share"])
+                    beta, _, v = step.enclosure
+                    need(inside(beta, _UPRIGHT), "beta is not shown to stay upright")
+                    need(
+                        positive(v) if last else positive(-v) or positive(-beta), "beta is not shown to move as it must"
+                    )
+                    need(("axes" in entry) is not last, "it ends where it must not")
+                    if not (positive(v) or positive(-v)):
+                        self.turning += step.turning()
+                    if last:
+                        self._land(step, time, curve.total - time)
+                    else:
+                        self.divergence = self.divergence + values(step.slopes[-1:], step.length)[0]
+                        time, tube = time + step.length, step.after(arb_mat(entry["axes"]))
         except Unproved as fault:
             raise Unproved(f"{path}, step {number}: {fault}") from None
-        finally:
-            ctx.cap = cap
 
     def _land(self, step: Step, before: Jet, guess: Jet) -> None:
         """The return in the last step; ``guess`` is about when it is."""

@@ -13,12 +13,12 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from flint import arb, ctx
+from flint import arb
 
 from tippedisk_verify.checker.curves import Arc, Curve
 from tippedisk_verify.checker.jets import Jet
 from tippedisk_verify.checker.reading import count, decimal, dyadic, parsed
-from tippedisk_verify.checker.steps import Flow, exact_ball, need
+from tippedisk_verify.checker.steps import Flow, context, exact_ball, need
 
 __all__ = ["CLAIM", "EVIDENCE", "Job", "Mapped", "Shown", "arc_shown", "family_shown"]
 
@@ -40,12 +40,9 @@ Job = tuple[dict[str, str], Fraction, int, Any]  #: the disk, where the arc begi
 
 def arc_shown(job: Job) -> Shown:
     """One arc: how far its cycles are from the polynomials at most. Raises Unproved or Refused."""
-    precision, bits = ctx.prec, job[3].get("bits") if isinstance(job[3], dict) else None
-    try:
-        ctx.prec = max(2, parsed(bits, count, f"arc {job[2]} bits"))
+    bits = job[3].get("bits") if isinstance(job[3], dict) else None
+    with context(max(2, parsed(bits, count, f"arc {job[2]} bits"))):
         return _arc_shown(*job)
-    finally:
-        ctx.prec = precision
 
 
 def _arc_shown(disk: dict[str, str], low: Fraction, number: int, content: Any) -> Shown:
@@ -60,6 +57,7 @@ def _arc_shown(disk: dict[str, str], low: Fraction, number: int, content: Any) -
     p = [Jet(part) for part in (first, *rows)]
 
     def shown(name: str) -> Arc:
+        need(all(Fraction(part) > 0 for part in entry[name]["radii"]), f"{path}: a radius is not positive")
         away = [arb(0), *(arb(0, exact_ball(part).upper()) for part in entry[name]["radii"])]
         return Arc(Curve(Flow(disk, arb(1)), not low, p, away, Jet(half)), entry[name]["steps"], f"{path}, {name}")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_series
 
-from tippedisk_verify.checker.steps import Unproved, need
+from tippedisk_verify.checker.steps import Unproved, coefficients
 
 __all__ = ["Dual", "Jet", "at", "polynomial", "power_of", "sines", "small_sines", "symmetric", "values"]
 
@@ -105,9 +105,7 @@ def power_of(x: Any, exponent: int) -> Any:
 
 def polynomial(series: Jet, length: int, last: Any = None) -> Jet:
     """The first coefficients of power series in time, as lists, with one more for all s behind them."""
-    # Python-flint reads what was cut off as exact zeros.
-    need(all(row.prec >= length for row in series.c), "a series was cut off: something else changed flint.ctx.cap")
-    rows = [[row[k] for k in range(length)] for row in series.c]
+    rows = [coefficients(row, length) for row in series.c]
     if last is not None:
         for row, end in zip(rows, (last, *[arb(0)] * (len(rows) - 1)), strict=True):
             row.append(end)

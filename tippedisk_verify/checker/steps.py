@@ -15,7 +15,8 @@ it is shown to lie in the next set, whose points and boxes the certificate gives
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any
 
@@ -28,7 +29,9 @@ __all__ = [
     "States",
     "Unproved",
     "after",
+    "coefficients",
     "column",
+    "context",
     "exact_ball",
     "inside",
     "need",
@@ -68,8 +71,23 @@ def _horner(coefficients: Sequence[Any], variable: Any) -> Any:
     return total
 
 
-def _coefficients(series: Any, length: int) -> list[Any]:
-    # Python-flint reads what was cut off as exact zeros.
+@contextmanager
+def context(bits: int | None = None, length: int | None = None) -> Iterator[None]:
+    """Python-flint's precision and the length of its series within the block: the one place that touches them.
+
+    Another thread may change them all the same. Fewer bits make balls wider. What a shorter length cuts off of a series
+    is missed where it is read, by `coefficients`.
+    """
+    before = ctx.prec, ctx.cap
+    try:
+        ctx.prec, ctx.cap = bits or before[0], length or before[1]
+        yield
+    finally:
+        ctx.prec, ctx.cap = before
+
+
+def coefficients(series: Any, length: int) -> list[Any]:
+    """The first coefficients of a series; its end is not taken for zeros, as python-flint does. Raises Unproved."""
     need(series.prec >= length, "a series was cut off: something else in this process has changed flint.ctx.cap")
     return [series[k] for k in range(length)]
 
@@ -142,15 +160,15 @@ class Flow:
         """
         columns = [[value] for value in start]
         for k in range(order):
-            ctx.cap = k + 1
-            rates, _ = self.rates([arb_series(column, prec=k + 1) for column in columns[:3]])
+            with context(length=k + 1):
+                rates, _ = self.rates([arb_series(column, prec=k + 1) for column in columns[:3]])
             for column, rate in zip(columns, rates, strict=False):
-                column.append(_coefficients(rate, k + 1)[k] / (k + 1))
+                column.append(coefficients(rate, k + 1)[k] / (k + 1))
         if len(columns) == 3:
             return columns
-        ctx.cap = order
-        _, by = self.rates([arb_series(column, prec=order) for column in columns[:3]], True)
-        gb, gw, ab, ag, av, aw = (_coefficients(series, order) for series in by)
+        with context(length=order):
+            _, by = self.rates([arb_series(column, prec=order) for column in columns[:3]], True)
+        gb, gw, ab, ag, av, aw = (coefficients(series, order) for series in by)
         for k in range(order):
             for side in range(4):
                 first, second, third = columns[3 + side :: 4]
