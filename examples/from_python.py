@@ -4,7 +4,7 @@ import tippedisk_verify as tv
 
 disk = tv.Disk("printed")
 sol = disk.integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), 10)
-print(sol.message, sol.t[-1], sol.y[:, -1], sol.uncertainty[:, -1])
+print(sol.message, sol.end.time, sol.end.state, sol.end.uncertainty)
 cycle = disk.limit_cycle("30.4", digits=20)
 print(cycle.period, f"{cycle.multiplier_slow:.6f}", cycle.stable)
 t, y = cycle.orbit(400)

@@ -54,7 +54,7 @@ def _motion(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
     start = [float(inputs[name]) for name in ("beta", "gamma", "v")]
     times = [n / 2 for n in range(21)]
     crossing = tv.Event("crossing", SECTION.function, terminal=False)
-    run = disk.integrate(float(inputs["Omega"]), start, 10, times=times, events=(crossing,))
+    run = disk.integrate(float(inputs["Omega"]), start, 10, t_eval=times, events=(crossing,))
     numbers = {
         f"{name}@{time:g}": float(value)
         for name, row in zip(("beta", "gamma", "v"), run.y, strict=True)
@@ -67,7 +67,7 @@ def _motion(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
             f"crossing_gamma#{n}": float(record.state[1]),
             f"crossing_v#{n}": float(record.state[2]),
         }
-    return numbers | ({"flat_time": float(run.t[-1])} if run.status is tv.Status.FLAT else {})
+    return numbers | ({"flat_time": float(run.end.time)} if run.status is tv.Status.FLAT else {})
 
 
 def _cycle(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
     from tippedisk_verify.conformance.sheetless import grade
-    from tippedisk_verify.disk import Disk, Solution
+    from tippedisk_verify.disk import Disk
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
+    from tippedisk_verify.motion import Solution
     from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
     from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
@@ -72,7 +73,8 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
-    "disk": ("Disk", "Solution"),
+    "disk": ("Disk",),
+    "motion": ("Solution",),
     "errors": ("InputError", "Shortfall"),
     "audit.claims": ("Audit", "Verdict"),
     "conformance.grading": ("compare",),

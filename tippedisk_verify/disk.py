@@ -6,19 +6,20 @@ default engine unless another one is given. Results remember the disk that they 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
 
 if TYPE_CHECKING:
-    from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Request, Result, Status
+    from tippedisk_verify.flow.contract import Engine, Event
+    from tippedisk_verify.model.arrays import Array
+    from tippedisk_verify.motion import Solution
     from tippedisk_verify.orbits.basin_boundary import BasinBoundary
     from tippedisk_verify.orbits.basins import Basins
     from tippedisk_verify.orbits.branches import Branch
@@ -29,105 +30,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
-__all__ = ["Disk", "Solution"]
-
-_SAMPLES = 201  # of a solution, if no times are named
-_DOUBLE_DIGITS = 12
-
-
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
-
-    ``t`` (n,) [s], ``y`` (3, n) with rows beta, gamma [rad] and v [rad/s], ``uncertainty`` (3, n) the half-widths of
-    ``y``, infinite where rounding decides how the run ends. The last column is where the run ended, which is before the
-    final time if the disk lies flat or a terminal event ends it: ``status`` and ``message`` say so.
-    """
-
-    disk: Parameters
-    omega: object  #: [rad/s]
-    t: Any
-    y: Any
-    uncertainty: Any
-    status: Status
-    time_uncertainty: float  #: half-width of the last time [s]; 0 unless an event ended the run
-    events: tuple[EventRecord, ...]
-    engine: str
-    precision: str
-    _request: Request
-    _engine: Engine
-
-    @classmethod
-    def of(cls, request: Request, result: Result, engine: Engine) -> Solution:
-        """What an engine answered: the samples that were reached, and the end."""
-        import numpy
-
-        precision, error = result.precision or request.precision, result.error
-        samples = numpy.empty((0, 3)) if result.samples is None else result.samples
-        times = numpy.empty(0) if request.times is None else precision.sequence(request.times)[: len(samples)]
-        widths, last, time = numpy.full(samples.shape, numpy.inf), numpy.full(3, numpy.inf), 0.0
-        if error is not None:
-            widths, last, time = widths if error.samples is None else error.samples, error.state, error.time
-        while len(times) and abs(times[-1]) >= abs(result.time):  # the end itself is the last column
-            times, samples, widths = times[:-1], samples[:-1], widths[:-1]
-        return cls(
-            disk=request.parameters,
-            omega=request.omega,
-            t=numpy.append(times, result.time),
-            y=numpy.vstack((samples, result.state)).T,
-            uncertainty=numpy.vstack((widths, last)).T.astype(float),
-            status=result.status,
-            time_uncertainty=time,
-            events=result.events,
-            engine=engine.name,
-            precision=precision.name,
-            _request=request,
-            _engine=engine,
-        )
-
-    @property
-    def success(self) -> bool:
-        """Whether the run ended as it was asked to, or at the model's own end."""
-        return self.status.usable
-
-    @property
-    def message(self) -> str:
-        """How the run ended, in words."""
-        return self.status.value
-
-    @cached_property
-    def _dense(self) -> Any:
-        result = self._engine(replace(self._request, dense=True, times=None, error_estimate=False))
-        if result.dense is None:
-            raise InputError(f"{self.engine} gives no continuous output")
-        return result.dense
-
-    def __call__(self, t: Any) -> Any:
-        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy or the digits asked for.
-
-        The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
-        """
-        import numpy
-
-        from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
-
-        given = numpy.asarray(t)
-        if given.ndim > 1:
-            raise InputError("a solution is asked for at a time, or at a list of times")
-        try:
-            times = self._request.precision.array(given.ravel().tolist())
-        except (TypeError, OverflowError):
-            raise InputError("a solution is asked for at times, which are numbers") from None
-        first, last = sorted((0 * self.t[-1], self.t[-1]))
-        if any(not first <= time <= last for time in times):
-            raise InputError(f"the solution is known from {float(first):.10g} s to {float(last):.10g} s")
-        if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
-            order = numpy.unique(times if self.t[-1] >= 0 else -times, return_inverse=True)
-            wanted = replace(self._request, times=abs(order[0]) if self.t[-1] >= 0 else -order[0], events=())
-            states = self._engine(wanted).samples.T[:, order[1]]
-        else:
-            states = self._dense(times).T
-        return states if given.ndim else states[:, 0]
+__all__ = ["Disk"]
 
 
 class Disk(Parameters):
@@ -201,44 +104,51 @@ class Disk(Parameters):
         self,
         omega: object,
         state: Sequence[object],
-        duration: object,
+        time: object,
         *,
-        times: Any = None,
+        t_eval: Any = None,
         digits: int = 12,
-        events: tuple[Event, ...] = (),
+        events: Sequence[Event | str] = (),
+        variations: Sequence[str] = (),
         shifted: bool = False,
         engine: Engine | None = None,
+        **unknown: object,
     ) -> Solution:
-        """The motion from ``state`` (beta, gamma, v) for ``duration`` [s], backward if that is negative.
+        """The motion from ``state`` (beta, gamma, v) for a ``time`` [s], or from t0 to t1 of a pair; backward if less.
 
-        ``times`` are where the solution is wanted, strictly monotonic from 0 on; 201 even ones if left out. Texts such
-        as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``. Raises InputError for
-        what makes no sense; a run that ends early does not raise.
+        ``t_eval`` are where the solution is wanted, strictly monotonic and within that; 201 even ones if left out.
+        ``events`` are Events, or "section" (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is
+        zero), whose crossings are recorded. ``variations`` of "state" and "omega" add the derivatives of the end by
+        them. Texts such as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
+        Raises InputError for what makes no sense; a run that ends early does not raise.
+
+        >>> sol = Disk("printed").integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), (0, 10), t_eval=[1, 2], events=["section"])
+        >>> sol.y.shape, sol.end.time, len(sol.events)
+        ((3, 2), 10.0, 19)
         """
-        import numpy
+        from tippedisk_verify.motion import integrated
 
-        from tippedisk_verify.flow.contract import Request
-        from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
-        from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+        if unknown:
+            raise InputError(
+                f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
+                "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
+            )
+        return integrated(self, omega, state, time, t_eval, digits, events, variations, shifted, self._engine(engine))
 
-        flown = self._engine(engine)
-        corrected = flown.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
-        precision = DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
-        if times is None and (end := float(exact(duration))):
-            times = numpy.linspace(0, end, _SAMPLES)
-        request = Request(
-            self,
-            omega,
-            state,
-            duration,
-            shifted=shifted,
-            precision=precision,
-            times=times,
-            events=events,
-            error_estimate=flown.measures_error,
-            digits=digits if corrected else PLAIN_DIGITS,
-        )
-        return Solution.of(request, flown(request), flown)
+    def rhs(self, omega: object) -> Callable[[object, Any], Array]:
+        """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).
+
+        ``y`` is a state (3,) or states (3, k). Angles in rad, v in rad/s. Raises InputError for a speed <= 0.
+        """
+        from tippedisk_verify.model.arrays import RightHandSide
+
+        return RightHandSide(self, omega)
+
+    def jacobian(self, omega: object) -> Callable[[object, Any], Array]:
+        """The derivative of `rhs` by the state, ``jac(t, y)``: (3, 3), or (3, 3, k) for states (3, k)."""
+        from tippedisk_verify.model.arrays import Jacobian
+
+        return Jacobian(self, omega)
 
     def basins(self, omega: object, **options: Any) -> Basins:
         """What each of many initial states ends on; options as those of `orbits.basins.basins`."""

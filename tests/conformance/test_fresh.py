@@ -105,7 +105,7 @@ def test_half_widths_of_orbits_hold_what_more_digits_say(law: str, truths: Store
     samples = {quantity.name: quantity for quantity in truths.matching(f"fresh-5-1/{law}/trajectory/")}
     given = next(iter(samples.values())).inputs
     start = [given[name] for name in ("beta", "gamma", "v")]
-    run = disk.integrate(given["Omega"], start, 2, times=["0.5", "1", "1.5", "2"], digits=20)
+    run = disk.integrate(given["Omega"], start, 2, t_eval=["0.5", "1", "1.5", "2"], digits=20)
     for name, row in zip(("beta", "gamma", "v"), run.y, strict=True):
         for time, value in zip(("0.5", "1", "1.5", "2"), row, strict=True):
             assert samples[f"{name}@{time}"].measured().holds(value)

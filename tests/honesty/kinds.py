@@ -188,6 +188,7 @@ def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
         "status": run.status,
         "time": paired(run.time, error and error.time) if error is None or error.time else None,
         "events": paired([record.time for record in run.events], error and error.events),
+        "event_states": paired([record.state for record in run.events], error and error.event_states),
     }
 
 
@@ -239,7 +240,7 @@ def solution(draw: Draw) -> Question:
     duration = draw.told(decimal(min(1.0, _DECAYS / decay(disk)) * draw.uniform(0.1, 1)))
 
     def ask(digits: int) -> Any:
-        found = disk.integrate(omega, state, duration, times=[0, duration / 3, duration], digits=digits)
+        found = disk.integrate(omega, state, duration, t_eval=[0, duration / 3, duration], digits=digits)
         if not max(found.uncertainty[:, -1]) < float("inf"):
             raise Shortfall(f"rounding decides the end: {found.message}")
         pairs = zip(found.y.ravel().tolist(), found.uncertainty.ravel().tolist(), strict=True)

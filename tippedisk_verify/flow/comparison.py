@@ -76,11 +76,13 @@ def _half_widths(precision: Precision, wider: Precision, result: Result, check: 
         values = getattr(result, name)
         return None if values is None else widths(values, getattr(check, name))
 
+    crossings = list(zip(result.events, check.events, strict=True))
     return ErrorEstimate(
         state=of_all("state"),
         time=0.0 if result.status is Status.REACHED else time_width(result.time, check.time),
         samples=of_all("samples"),
-        events=tuple(time_width(one.time, other.time) for one, other in zip(result.events, check.events, strict=True)),
+        events=tuple(time_width(one.time, other.time) for one, other in crossings),
+        event_states=tuple(widths(one.state, other.state) for one, other in crossings),
         variations=of_all("derivatives"),
     )
 

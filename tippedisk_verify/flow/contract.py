@@ -6,6 +6,7 @@ computed. Engines are callables ``engine(request) -> Result``; `taylor` and `bas
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -161,11 +162,13 @@ class Request:
 
 
 class EventRecord(NamedTuple):
-    """One crossing: the event's name, the time [s] and the state there."""
+    """One crossing: the event's name, the time [s] and the state there, with half-widths where a `Solution` has it."""
 
     name: str
     time: Any
-    state: Any
+    state: Any  #: (3,) beta, gamma [rad] and v [rad/s]
+    time_uncertainty: float = math.inf
+    uncertainty: Any = (math.inf,) * 3  #: of the state at the crossing, wherever in its half-width that lies
 
 
 @dataclass(frozen=True)
@@ -199,14 +202,15 @@ class ErrorEstimate:
     """Half-widths that hold the error of a result, rounding of the inputs included.
 
     ``state`` has the state's shape, ``samples`` that of the samples (or is None), ``time`` is a scalar (0 unless an
-    event ended the run), ``events`` holds one half-width of the time of each recorded event. ``infinity`` says that
-    the two runs did not end alike: then rounding decides what happens.
+    event ended the run), ``events`` holds one half-width of the time of each recorded event and ``event_states`` the
+    three of its state. ``infinity`` says that the two runs did not end alike: then rounding decides what happens.
     """
 
     state: Any
     time: float
     samples: Any = None
     events: tuple[float, ...] = ()
+    event_states: tuple[Any, ...] = ()
     variations: Any = None
     seconds: float = 0.0  #: what the companion run cost
 

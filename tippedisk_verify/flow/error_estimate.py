@@ -155,6 +155,7 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
             time=crossings[-1].width if ended else 0.0,
             samples=None if request.times is None else widths[:, :-1].T,
             events=tuple(crossing.width for crossing in crossings),
+            event_states=tuple(crossing.widths for crossing in crossings),
         ),
     )
 
@@ -165,6 +166,7 @@ class _Crossing(NamedTuple):
     record: EventRecord  #: in wide arithmetic
     time: Any  #: (1,) in wide arithmetic [s]
     width: float  #: of the time that the run has, or of this one beyond twelve digits [s]
+    widths: Any  #: (3,) of the state, likewise
     moves: Any  #: (3,) by how much the state moves in what is not known of the time
 
 
@@ -257,7 +259,10 @@ class _Run:
             raise NotInProportion
         found = EventRecord(record.name, time[0], states[:, 0])
         width = _QUARTER_MORE * moved + unknown if self.plain else unknown
-        return _Crossing(found, time, width, abs(rates[:, 0].astype(float)) * unknown)
+        moves = abs(rates[:, 0].astype(float)) * unknown
+        off = (states - self.wide.array(record.state)[:, None]).astype(float)
+        widths = self._half_widths(states, off, left)[:, 0] + moves
+        return _Crossing(found, time, width, widths, moves)
 
     def _value(self, event: Event, states: Any) -> Any:
         """An event's function at a wide state (3, 1)."""

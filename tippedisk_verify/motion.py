@@ -1,0 +1,228 @@
+"""A motion as a result: what `Disk.integrate` computes, in the form of SciPy's solutions, with half-widths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import (
+    SECTION,
+    SLIDING_REVERSAL,
+    STATE_VARIATIONS,
+    TURN,
+    Engine,
+    ErrorEstimate,
+    Event,
+    EventRecord,
+    Request,
+    Result,
+    Status,
+    Variation,
+)
+from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
+from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+
+__all__ = ["EVENTS", "Solution", "integrated"]
+
+_SAMPLES = 201  # if no times are named
+#: The events that have a name: each crossing is recorded, and the run goes on.
+EVENTS = {
+    name: replace(event, terminal=False)
+    for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
+}
+_VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "omega": ("Omega",)}
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
+
+    ``t`` (n,) [s] are the times asked for that were reached, ``y`` (3, n) the states there, with rows beta, gamma [rad]
+    and v [rad/s], and ``uncertainty`` (3, n) the half-widths of ``y``, infinite where rounding decides how the run ends.
+    ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
+    ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
+
+    ``transition`` (3, 3) is the derivative of the end's state by the start's, ``by_omega`` (3,) that by the speed [s]
+    (rows as in ``y``), both at a fixed time; None unless ``variations`` asked for them.
+    """
+
+    disk: Parameters
+    omega: object  #: [rad/s]
+    t: Any
+    y: Any
+    uncertainty: Any
+    status: Status
+    end: EventRecord
+    events: tuple[EventRecord, ...]
+    transition: Any
+    transition_uncertainty: Any
+    by_omega: Any
+    by_omega_uncertainty: Any
+    engine: str
+    precision: str
+    _start: Exact
+    _request: Request
+    _engine: Engine
+
+    @property
+    def success(self) -> bool:
+        """Whether the run ended as it was asked to, or at the model's own end."""
+        return self.status.usable
+
+    @property
+    def message(self) -> str:
+        """How the run ended, in words."""
+        return self.status.value
+
+    @cached_property
+    def _dense(self) -> Any:
+        result = self._engine(replace(self._request, dense=True, times=None, variations=(), error_estimate=False))
+        if result.dense is None:
+            raise InputError(f"{self.engine} gives no continuous output")
+        return result.dense
+
+    def __call__(self, t: Any) -> Any:
+        """The state (3,) at a time, or (3, n) at times (n,), to the integrator's accuracy or the digits asked for.
+
+        The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
+        """
+        given = numpy.asarray(t)
+        if given.ndim > 1:
+            raise InputError("a solution is asked for at a time, or at a list of times")
+        try:
+            times = self._request.precision.array(given.ravel().tolist())
+        except (TypeError, OverflowError):
+            raise InputError("a solution is asked for at times, which are numbers") from None
+        first, last = sorted((self._request.precision.number(self._start), self.end.time))
+        if any(not float(first) <= float(time) <= float(last) for time in times):
+            raise InputError(f"the solution is known from {float(first):.10g} s to {float(last):.10g} s")
+        if self._start != exact(0):
+            times = self._request.precision.array([exact(time) - self._start for time in times])
+        if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
+            sign = 1 if last == self.end.time else -1
+            ahead, places = numpy.unique(sign * times, return_inverse=True)
+            wanted = replace(self._request, times=sign * ahead + 0.0, events=(), variations=())
+            states = self._engine(wanted).samples.T[:, places]
+        else:
+            states = self._dense(times).T
+        return states if given.ndim else states[:, 0]
+
+
+def integrated(
+    parameters: Parameters,
+    omega: object,
+    state: Sequence[object],
+    time: object,
+    t_eval: Any,
+    digits: int,
+    events: Sequence[Event | str],
+    variations: Sequence[str],
+    shifted: bool,
+    engine: Engine,
+) -> Solution:
+    """`Disk.integrate`, which defines the arguments."""
+    start, end = _span(time)
+    if t_eval is None and start != end:
+        t_eval = numpy.linspace(float(start), float(end), _SAMPLES)
+    corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
+    request = Request(
+        parameters,
+        omega,
+        state,
+        end - start,
+        shifted=shifted,
+        precision=DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8)),
+        times=_since(start, end, t_eval),
+        variations=tuple(one for name in variations for one in _named(name, _VARIATIONS)),
+        events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in events),
+        error_estimate=engine.measures_error,
+        digits=digits if corrected else PLAIN_DIGITS,
+    )
+    return _solution(request, engine(request), engine, start, end, t_eval)
+
+
+def _span(time: object) -> tuple[Exact, Exact]:
+    """When the run starts and ends [s], of a duration or a pair."""
+    if not isinstance(time, tuple | list):
+        return exact(0), exact(time)
+    if len(time) != 2:
+        raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}")
+    return exact(time[0]), exact(time[1])
+
+
+def _named(name: object, names: dict[str, Any]) -> Any:
+    if not isinstance(name, str) or name not in names:
+        raise InputError(f"{shown(name)} is none of {', '.join(names)}")
+    return names[name]
+
+
+def _since(start: Exact, end: Exact, times: Any) -> Any:
+    """Sample times counted from the start. The double of the end stands for the end."""
+    if times is None or start == exact(0):
+        return times
+    return [(end if time == float(end) else exact(time)) - start for time in times]
+
+
+def _solution(request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any) -> Solution:
+    """What an engine answered: the samples that were reached, the events, the end and the derivatives."""
+    precision = result.precision or request.precision
+    unknown = numpy.full(3, numpy.inf)
+    error = result.error or ErrorEstimate(state=unknown, time=numpy.inf)
+
+    def moment(name: str, time: Any, state: Any, width: float, widths: Any) -> EventRecord:
+        if start != exact(0):
+            time = precision.number(start + time)
+            width += float(abs(time)) * float(precision.epsilon)
+        return EventRecord(name, time, state, width, widths)
+
+    def or_unknown(widths: Any, values: Any) -> Any:
+        return numpy.full(numpy.shape(values), numpy.inf) if widths is None else widths
+
+    def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
+        if result.derivatives is None or not set(by) <= set(request.variations):
+            return None, None
+        columns = [request.variations.index(one) for one in by]
+        widths = or_unknown(error.variations, result.derivatives)
+        return result.derivatives[:, columns].squeeze(), widths[:, columns].squeeze().astype(float)
+
+    count = len(result.events)
+    widths = zip(error.events or [numpy.inf] * count, error.event_states or [unknown] * count, strict=True)
+    last = moment(result.status.name.lower(), result.time, result.state, error.time, error.state)
+    if result.status is Status.REACHED:
+        last = last._replace(time=precision.number(end), time_uncertainty=0.0)
+    if result.samples is None:
+        times, samples, sample_widths = precision.array([last.time]), result.state[None], error.state[None]
+    else:
+        samples, sample_widths = result.samples, or_unknown(error.samples, result.samples)
+        times = precision.sequence(asked)[: len(samples)]
+    transition, transition_widths = derivative(STATE_VARIATIONS)
+    by_omega, by_omega_widths = derivative(("Omega",))
+    return Solution(
+        disk=request.parameters,
+        omega=request.omega,
+        t=times,
+        y=samples.T,
+        uncertainty=sample_widths.T.astype(float),
+        status=result.status,
+        end=last,
+        events=tuple(
+            moment(record.name, record.time, record.state, *both)
+            for record, both in zip(result.events, widths, strict=True)
+        ),
+        transition=transition,
+        transition_uncertainty=transition_widths,
+        by_omega=by_omega,
+        by_omega_uncertainty=by_omega_widths,
+        engine=engine.name,
+        precision=precision.name,
+        _start=start,
+        _request=request,
+        _engine=engine,
+    )
