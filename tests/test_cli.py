@@ -48,6 +48,27 @@ def test_scene_writes_whole_files(tmp_path: Path, capsys) -> None:
     assert "flat at" in capsys.readouterr().out
 
 
+def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
+    asked = ["integrate", "--omega", "30.4", "--state", "pi/2,pi/2+0.4,0", "--time", "1,2", "--events", "section,turn"]
+    for name in ("motion.csv", "motion.png"):
+        assert main([*asked, "--times", "5", "--out", str(tmp_path / name), "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+    assert found["t"] == ["1.0", "1.25", "1.5", "1.75", "2.0"]
+    assert [record["name"] for record in found["events"]] == ["turn", "section", "turn", "section"]
+    assert {"t", "beta", "gamma", "v"} <= set(found["events"][0])
+    header, first, *_ = (tmp_path / "motion.csv").read_text().splitlines()
+    assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty"
+    assert first.startswith("1.0,1.5707963267948")
+    assert (tmp_path / "motion.png").read_bytes()[:4] == b"\x89PNG"
+    (tmp_path / "times").write_text("1, 1.5\n")
+    assert main([*asked, "--times", str(tmp_path / "times")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(",")[0] for line in lines[-2:]] == ["  t 1.0", "  t 1.5"]
+    for wrong in (["--times", "1"], ["--times", "nowhere"], ["--events", "flat"], ["--out", "x.txt"]):
+        assert main([*asked, *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+
+
 @pytest.mark.slow
 def test_verify_json_and_report(tmp_path: Path, capsys) -> None:
     assert main(["verify", "--json", "--out", str(tmp_path), "--only", "omega_crit", "scene_d,scene_f"]) == 0

@@ -123,6 +123,78 @@ def test_a_run_that_ends_early_ends_with_its_end() -> None:
         lying(18.0)
 
 
+@pytest.mark.parametrize("friction", LAWS)
+def test_a_motion_may_begin_at_any_time(friction) -> None:
+    """The equations do not know the time. It is added exactly, so nothing of the states changes."""
+    disk, names = tv.Disk("printed", friction=friction), ("section", "turn", "surface")
+    early = disk.integrate("30.4", START, 2, t_eval=[0.5, 2], events=names)
+    late = disk.integrate("30.4", START, (8, 10), t_eval=[8.5, 10], events=names)
+    assert late.t.tolist() == [8.5, 10.0]
+    assert late.y.tolist() == early.y.tolist()
+    assert (late.end.time, late.end.time_uncertainty, late.end.name) == (10.0, 0.0, "reached")
+    assert late.end.state.tolist() == early.end.state.tolist()
+    assert {record.name for record in late.events} == {"section", "turn", "sliding reversal"}
+    for mine, theirs in zip(late.events, early.events, strict=True):
+        assert abs(mine.time - 8 - theirs.time) <= mine.time_uncertainty
+        assert theirs.time_uncertainty < mine.time_uncertainty < 1e-13
+        assert (mine.uncertainty < 1e-12).all()
+        assert mine.state.tolist() == theirs.state.tolist()
+    assert abs(late(8.5) - early(0.5)).max() < 1e-15
+    with pytest.raises(tv.InputError, match="known from 8 s to 10 s"):
+        late(0.5)
+    assert disk.integrate("30.4", START, ("10", "9.98")).t[:2].tolist() == [10.0, 9.9999]
+
+
+def test_crossings_lie_within_their_half_widths() -> None:
+    disk = tv.Disk("printed")
+    mine, sharp = (disk.integrate("30.4", START, 3, events=("section", "turn"), digits=n) for n in (12, 30))
+    for record, true in zip(mine.events, sharp.events, strict=True):
+        assert abs(float(true.time - record.time)) <= record.time_uncertainty
+        assert (abs((true.state - record.state).astype(float)) <= record.uncertainty).all()
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
+    """By motions to forty digits, moved by 1e-15: the quotients are right to some 28 digits."""
+    disk, step = tv.Disk("printed", friction=friction), Fraction(1, 10**15)
+    start, omega = [Fraction("1.2"), Fraction("1.5"), Fraction("0.3")], Fraction("30.4")
+    mine = disk.integrate(omega, start, "0.3", variations=("state", "omega"))
+    columns = []
+    for place in range(4):
+        ends = []
+        for moved in (step, -step):
+            values = [value + moved * (n == place) for n, value in enumerate((*start, omega))]
+            ends.append(disk.integrate(values[3], values[:3], "0.3", digits=40).end.state)
+        columns.append(((ends[0] - ends[1]) / tv.bits(160).number(2 * step)).astype(float))
+    away = abs(numpy.column_stack((mine.transition, mine.by_omega)) - numpy.column_stack(columns))
+    widths = numpy.column_stack((mine.transition_uncertainty, mine.by_omega_uncertainty))
+    assert (away <= widths + numpy.spacing(abs(numpy.column_stack(columns)))).all()
+    assert (widths < 1e-11).all()
+    assert mine.to_dict()["by_omega"][0]["value"].startswith(f"{mine.by_omega[0]:.10f}"[:10])
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_equations_serve_other_solvers(friction) -> None:
+    disk = tv.Disk("printed", friction=friction)
+    rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
+    start = [math.pi / 2, math.pi / 2 + 0.4, 0.0]
+    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)
+    mine = disk.integrate("30.4", START, (0, 2), t_eval=theirs.t)
+    assert abs(mine.y - theirs.y).max() < 1e-6  # a thousand tolerances: some hundred steps, whose errors grow
+    assert rhs(0.0, mine.y).shape == mine.y.shape
+    assert rhs(0.0, mine.y)[:, 7].tolist() == rhs(1.0, mine.y[:, 7]).tolist()
+    assert jac(0.0, mine.y).shape == (3, *mine.y.shape)
+    step = 1e-6
+    moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (2 * step)
+    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["rtol", "atol", "method", "max_step", "dense_output"])
+def test_the_words_of_solve_ivp_lead_to_ours(name) -> None:
+    with pytest.raises(tv.InputError, match=f"no {name}: `digits`.*`engine`"):
+        tv.Disk("printed").integrate("30.4", START, 1, **{name: 1e-9})
+
+
 def test_another_engine_says_that_it_measures_no_error() -> None:
     run = tv.Disk("printed").integrate("30.4", START, 1, engine=Baseline("DOP853"))
     assert run.engine == "scipy-DOP853"

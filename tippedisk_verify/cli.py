@@ -22,6 +22,7 @@ from tippedisk_verify.commands.basin import COMMANDS as BASIN_COMMANDS
 from tippedisk_verify.commands.bench import COMMANDS as BENCH_COMMANDS
 from tippedisk_verify.commands.certify import COMMANDS as CERTIFY_COMMANDS
 from tippedisk_verify.commands.conformance import COMMANDS as CONFORMANCE_COMMANDS
+from tippedisk_verify.commands.integrate import COMMANDS as INTEGRATE_COMMANDS
 from tippedisk_verify.commands.numbers import COMMANDS
 from tippedisk_verify.commands.reference import COMMANDS as REFERENCE_COMMANDS
 from tippedisk_verify.commands.stress import COMMANDS as STRESS_COMMANDS
@@ -48,6 +49,7 @@ def cli(context: click.Context) -> None:
 for command in (
     *VERIFY_COMMANDS,
     *COMMANDS,
+    *INTEGRATE_COMMANDS,
     *ATLAS_COMMANDS,
     *BASIN_COMMANDS,
     *BENCH_COMMANDS,

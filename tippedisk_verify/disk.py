@@ -122,9 +122,10 @@ class Disk(Parameters):
         them. Texts such as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
         Raises InputError for what makes no sense; a run that ends early does not raise.
 
-        >>> sol = Disk("printed").integrate("30.4", ("pi/2", "pi/2 + 0.4", 0), (0, 10), t_eval=[1, 2], events=["section"])
+        >>> start = "pi/2", "pi/2 + 0.4", 0
+        >>> sol = Disk("printed").integrate("30.4", start, (0, 10), t_eval=[1, 2], events=["section"])
         >>> sol.y.shape, sol.end.time, len(sol.events)
-        ((3, 2), 10.0, 19)
+        ((3, 2), 10.0, 21)
         """
         from tippedisk_verify.motion import integrated
 
@@ -133,7 +134,7 @@ class Disk(Parameters):
                 f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
                 "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
             )
-        return integrated(self, omega, state, time, t_eval, digits, events, variations, shifted, self._engine(engine))
+        return integrated(self, omega, state, time, t_eval, digits, events, self._engine(engine), variations, shifted)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
         """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).

@@ -6,10 +6,11 @@ import csv
 import io
 import os
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from glob import escape
+from importlib.util import find_spec
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
@@ -17,7 +18,7 @@ from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
     *("alone", "csv_text", "output_file", "output_folder", "printable", "read_bytes", "read_text", "remains_of"),
-    *("sole_writer", "write_bytes", "write_csv", "write_text"),
+    *("sole_writer", "table_file", "write_bytes", "write_csv", "write_table", "write_text"),
 ]
 
 
@@ -89,6 +90,31 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
     """`write_text` of `csv_text`."""
     return write_text(path, csv_text(header, rows))
+
+
+def table_file(path: str, *others: str) -> Path:
+    """`output_file` for `write_table`, or of another kind; its name must end accordingly."""
+    file, kinds = output_file(path), (".csv", ".parquet", *others)
+    if file.suffix.lower() not in kinds:
+        raise InputError(f"'{_named(file)}' must end in {', '.join(kinds[:-1])} or {kinds[-1]}")
+    if file.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
+        raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv")
+    return file
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> Path:
+    """`write_bytes` of rows as .csv or .parquet, all their columns in the order in which they appear."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    if path.suffix.lower() == ".csv":
+        return write_csv(path, columns, [[row.get(name, "") for name in columns] for row in rows])
+    import pyarrow
+    import pyarrow.parquet
+
+    # Decimal strings, as everywhere: a double would lose digits.
+    table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
+    stream = io.BytesIO()
+    pyarrow.parquet.write_table(table, stream)
+    return write_bytes(path, stream.getvalue())
 
 
 @contextmanager

@@ -26,11 +26,13 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
 
 __all__ = ["EVENTS", "Solution", "integrated"]
 
+_STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # if no times are named
 #: The events that have a name: each crossing is recorded, and the run goes on.
 EVENTS = {
@@ -45,7 +47,7 @@ class Solution:
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
     ``t`` (n,) [s] are the times asked for that were reached, ``y`` (3, n) the states there, with rows beta, gamma [rad]
-    and v [rad/s], and ``uncertainty`` (3, n) the half-widths of ``y``, infinite where rounding decides how the run ends.
+    and v [rad/s], and ``uncertainty`` (3, n) their half-widths, infinite where rounding decides how the run ends.
     ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
     ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
 
@@ -114,6 +116,36 @@ class Solution:
             states = self._dense(times).T
         return states if given.ndim else states[:, 0]
 
+    def to_dict(self) -> dict[str, Any]:
+        """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
+        derivatives = (
+            ("transition", self.transition, self.transition_uncertainty),
+            ("by_omega", self.by_omega, self.by_omega_uncertainty),
+        )
+        return {
+            "status": self.status.name.lower(),
+            "message": self.message,
+            "t": [repr(float(time)) if float(time) == time else _said(time, 0)["value"] for time in self.t],
+            **dict(zip(_STATE, _said(self.y, self.uncertainty), strict=True)),
+            "end": _moment(self.end),
+            "events": [{"name": event.name} | _moment(event) for event in self.events],
+            **{name: _said(values, widths) for name, values, widths in derivatives if values is not None},
+        }
+
+
+def _moment(record: EventRecord) -> dict[str, Any]:
+    state = zip(_STATE, _said(record.state, record.uncertainty), strict=True)
+    return {"t": _said(record.time, record.time_uncertainty), **dict(state)}
+
+
+def _said(values: Any, widths: Any) -> Any:
+    """Numbers with half-widths as JSON, in lists as the arrays have them."""
+    if numpy.ndim(values):
+        return [_said(*pair) for pair in zip(values, widths, strict=True)]
+    if not numpy.isfinite(widths):
+        return {"value": str(values), "uncertainty": "infinite"}
+    return Measured.of(values, float(widths)).json()
+
 
 def integrated(
     parameters: Parameters,
@@ -123,9 +155,9 @@ def integrated(
     t_eval: Any,
     digits: int,
     events: Sequence[Event | str],
-    variations: Sequence[str],
-    shifted: bool,
     engine: Engine,
+    variations: Sequence[str] = (),
+    shifted: bool = False,
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)

@@ -36,12 +36,12 @@ def sweep(common: Common, analysis: str, over: tuple[str, ...], out: str, execut
     The table has the axes as they were given, the status, and each result beside its half-width (NAME_uncertainty); a
     trajectory ends at final_beta, final_gamma, final_v. Every worker of a cluster needs this version of the package.
     """
-    from tippedisk_verify.files import output_file
+    from tippedisk_verify.files import table_file
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
 
     plan = Plan(analysis, common.parameters, tuple(axis(text) for text in over), common.digits)
-    target = output_file(out)
+    target = table_file(out)
     checked_jobs(jobs)
     with progress(common, len(plan)) as advance:
         points, without = swept(plan, target, lambda: workers_of(executor, jobs), advance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy
@@ -19,7 +20,7 @@ Array = NDArray[numpy.float64]
 class RightHandSide:
     """The equations of motion as ``f(t, y)``; the time does not matter. It can be pickled."""
 
-    made = staticmethod(field)
+    made: Callable[..., Any] = staticmethod(field)
 
     def __init__(self, parameters: Parameters, omega: object) -> None:
         self._of = parameters, omega

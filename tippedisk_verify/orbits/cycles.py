@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy
@@ -17,6 +18,7 @@ from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.orbits.monodromy import Monodromy, monodromy
 
 __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
 
@@ -46,6 +48,16 @@ class Cycle(ABC):
         rounding = high / 2**230  # of a logarithm of some thousands at most
         return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, Measured(high, high - low + rounding)
 
+    @property
+    @abstractmethod
+    def start(self) -> tuple[Measured, Measured, Measured]:
+        """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
+
+    @cached_property
+    def monodromy(self) -> Monodromy:
+        """The monodromy matrix there; ``cycle.monodromy(t)`` is that at another time [s]."""
+        return monodromy(self)
+
     def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
 
@@ -65,13 +77,13 @@ class Cycle(ABC):
     def _states(self, times: Any, engine: Engine) -> Any:
         """The shifted states (3, n) at times within the period."""
 
-    def _flown(self, start: tuple[object, object, object], duration: Fraction, engine: Engine) -> Any:
-        """The continuous output of a flight, in the arithmetic that its start needs."""
+    def _flown(self, duration: Fraction, engine: Engine) -> Any:
+        """The continuous output of a flight from the start, in the arithmetic that its start needs."""
         needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
         request = Request(
             self.parameters,
             self.omega.value,
-            start,
+            [part.value for part in self.start],
             duration,
             shifted=True,
             precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
@@ -129,10 +141,14 @@ class LimitCycle(Cycle):
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
 
+    @property
+    def start(self) -> tuple[Measured, Measured, Measured]:
+        return Measured(Fraction(0), Fraction(0)), self.gamma_bar_0, self.v_0
+
     def _states(self, times: Any, engine: Engine) -> Any:
         """The second half is the image of the first under the point symmetry."""
         half = float(self.period) / 2
-        dense = self._flown((0, self.gamma_bar_0.value, self.v_0.value), self.period.value / 2, engine)
+        dense = self._flown(self.period.value / 2, engine)
         states = dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
         states[:, times >= half] *= -1
         states[:, -1] = states[:, 0]
@@ -170,8 +186,12 @@ class RotatingCycle(Cycle):
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
 
+    @property
+    def start(self) -> tuple[Measured, Measured, Measured]:
+        return self.beta_bar_top, Measured(Fraction(0), Fraction(0)), self.v_top
+
     def _states(self, times: Any, engine: Engine) -> Any:
         """From gamma = pi/2 on, over a whole turn."""
         whole = float(self.period)
-        dense = self._flown((self.beta_bar_top.value, 0, self.v_top.value), self.period.value, engine)
+        dense = self._flown(self.period.value, engine)
         return dense(numpy.minimum(times, whole * (1 - 2.0**-52))).astype(float).T

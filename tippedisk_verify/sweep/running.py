@@ -7,18 +7,16 @@ The output is written once, whole, in the order of the points, when all are ther
 
 from __future__ import annotations
 
-import io
 import json
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import AbstractContextManager
-from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.files import alone, write_bytes, write_csv
+from tippedisk_verify.files import alone, write_table
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.provenance import code_version
 from tippedisk_verify.sweep.plan import Plan, computed
@@ -40,13 +38,9 @@ def swept(
     """Run the plan and write ``out`` (.csv or .parquet); returns (points, those of them that have no numbers).
 
     ``workers`` makes the executor, anew if its processes died; None stands for this process. What an interrupted run of
-    the same plan left in the journal is taken up. Raises InputError for an unknown kind of file or a journal of another
-    plan or other code, Shortfall where the executor fails or has other code.
+    the same plan left in the journal is taken up. Raises InputError for a journal of another plan or
+    other code, Shortfall where the executor fails or has other code.
     """
-    if out.suffix.lower() not in (".csv", ".parquet"):
-        raise InputError(f"'{out.name}' must end in .csv or .parquet")
-    if out.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
-        raise InputError("Parquet needs pyarrow: pip install 'tippedisk-verify[cluster]', or write .csv")
     journal = out.with_name(f".{out.name}.journal")
     with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
         rows = _taken_up(journal, plan)
@@ -62,7 +56,7 @@ def swept(
                     advance(row["status"][:40], 1)
         finally:
             discard()
-        _write(out, [rows[index] for index in range(len(plan))])
+        write_table(out, [rows[index] for index in range(len(plan))])
         journal.unlink()
     return len(rows), sum(row["status"] != "ok" for row in rows.values())
 
@@ -141,19 +135,3 @@ def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
             whole += len(line)
         stream.truncate(whole)
     return rows
-
-
-def _write(out: Path, rows: Sequence[Row]) -> None:
-    """All columns in the order in which they appear, the status before the numbers."""
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    if out.suffix.lower() == ".csv":
-        write_csv(out, columns, [[row.get(name, "") for name in columns] for row in rows])
-        return
-    import pyarrow
-    import pyarrow.parquet
-
-    # Decimal strings, as everywhere: a double would lose digits.
-    table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
-    stream = io.BytesIO()
-    pyarrow.parquet.write_table(table, stream)
-    write_bytes(out, stream.getvalue())

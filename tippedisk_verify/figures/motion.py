@@ -1,0 +1,26 @@
+"""A motion against time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tippedisk_verify.figures.style import BLUE, ORANGE, pyplot
+from tippedisk_verify.model.exact import exact
+from tippedisk_verify.motion import Solution
+
+__all__ = ["draw_motion"]
+
+
+def draw_motion(solution: Solution) -> Any:
+    """beta, gamma and v against t, one below the other; events as dots."""
+    figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
+    for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):
+        axis.plot(solution.t.astype(float), solution.y[row].astype(float), color=BLUE, lw=1.2)
+        for event in solution.events:
+            axis.plot(float(event.time), float(event.state[row]), ".", color=ORANGE)
+        axis.set(ylabel=name)
+    axes[-1].set(xlabel="t [s]")
+    axes[0].set_title(
+        f"Ω = {float(exact(solution.omega)):.6g} rad/s, {solution.disk.friction} law: {solution.message}", fontsize=10
+    )
+    return figure
