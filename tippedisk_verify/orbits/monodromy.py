@@ -30,8 +30,8 @@ _MOVED = 2**12  #: half-widths by which a number is moved, so that rounding does
 class Monodromy:
     """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v) [rad, rad, rad/s].
 
-    ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3); `numpy.asarray` gives it in doubles. Its eigenvalues are
-    the Floquet multipliers, the same at every point. Those below its half-widths cannot be seen in it, but in
+    ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3); `numpy.asarray` gives it in doubles. Its eigenvalues
+    are the Floquet multipliers, the same at every point. Those below its half-widths cannot be seen in it, but in
     ``log_multipliers``, the natural logarithms of their absolute values.
 
     >>> import tippedisk_verify as tv
