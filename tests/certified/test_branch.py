@@ -15,7 +15,7 @@ import mpmath
 import pytest
 
 from tests.certified.cases import speed_below
-from tippedisk_verify.certified import cover, pieces
+from tippedisk_verify.certified import connection_end, cover, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
@@ -482,6 +482,16 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     (tmp_path / "arcs").write_text("x" + (tmp_path / "arcs").read_text())
     assert "damaged" in _run(capsys, "--arcs", path, status=2)
     assert "without" not in _run(capsys, "--arcs", path, status=2)
+
+
+def test_a_reach_beyond_omega_crit_is_passed_over(monkeypatch) -> None:
+    def prove_end(connection: ProvedConnection, reach: str) -> ProvedEnd:
+        if reach == "0.002":
+            return _end(PRINTED, "30", "30.8850", "3.05")
+        raise InputError("born below")
+
+    monkeypatch.setattr(connection_end, "prove_end", prove_end)
+    assert certify_family._next_to(connected()).proved
 
 
 @pytest.mark.usefixtures("quick")

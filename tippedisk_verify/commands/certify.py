@@ -95,8 +95,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
         from tippedisk_verify.certified.connection_end import checked_distance
 
         checked_distance(cycles)
-        if common.parameters.friction != "linear":
-            raise InputError("--cycles goes with Omega_h under the linear friction law")
+        common.parameters.refuse_smooth("limit cycles next to the connection are proved")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -126,8 +127,9 @@ def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
 
     end = None
     for reach in _REACHES if connection.proved else ():
-        end = prove_end(connection, reach)
-        if end.proved:
+        with suppress(InputError):  # of a reach beyond Omega_crit
+            end = prove_end(connection, reach)
+        if end is not None and end.proved:
             break
     return end
 

@@ -76,9 +76,8 @@ def orbit(
     from tippedisk_verify.certified.cycle_interval import failed_interval, prove_interval
 
     parameters = common.parameters
-    if radius is not None:
-        parameters.refuse_smooth("the limit cycles of an interval of speeds are proved")
     value = speed(common, omega, below_crit)
+    unguessed = None if radius is None else failed_interval(parameters, value, radius)
     start: tuple[object, object] | None = guess
     if start is None:
         from tippedisk_verify.flow import default_engine
@@ -88,11 +87,7 @@ def orbit(
             stable = False if unstable else None
             cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
-            failed = (
-                CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
-                if radius is None
-                else failed_interval(parameters, value, radius)
-            )
+            failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
             print_result(common, failed.json())
             return 1
         start = (cycle.gamma_bar_0.value, cycle.v_0.value)
