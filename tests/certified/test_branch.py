@@ -471,10 +471,12 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
     assert [Piece.read(entry) for entry in result["arcs"]] == [piece(), second()]
-    again = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--json", status=1))
-    assert again == result
+    goes_on = ("--to", str(float(NEXT)), "--arcs", path)
+    again = json.loads(_run(capsys, *goes_on, "--json", status=1))
+    given = "2 of 2 arcs were read from the file of --arcs, not proved here; if they hold, so does what follows: "
+    assert again == result | {"arcs_read": 2, "statement": given + result["statement"]}
     assert len(made) == 2
-    assert "2 arcs" in _run(capsys, "--to", str(float(NEXT)), "--arcs", path, status=1)
+    assert f"statement: {given}" in _run(capsys, *goes_on, status=1)
     other = _run(capsys, "--parameters", "calibrated", "--arcs", path, status=2)
     assert "another disk" in other
     monkeypatch.setattr("tippedisk_verify.commands.piece_file.code_version", lambda: "python-flint 0.1")

@@ -62,6 +62,7 @@ def family_as_a_curve(
     if certificate is not None:
         output_file(certificate)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
+    read = set(pieces)
     with workers_of(executor, jobs, needed=False):
         pass  # a cluster that is not there is told at once
     stopped = None
@@ -96,7 +97,7 @@ def family_as_a_curve(
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    proof = BranchProof(parameters, tuple(found), stopped, connection, near)
+    proof = BranchProof(parameters, tuple(found), stopped, connection, near, len(read.intersection(found)))
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save
@@ -205,7 +206,6 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 def _lines(proof: BranchProof) -> Iterator[str]:
     entries = proof.json()
-    arcs = entries.pop("arcs")
-    assert isinstance(arcs, list)
+    del entries["arcs"]
     yield from result_lines(entries)
-    yield f"{len(arcs)} arcs"
+    yield f"{len(proof.pieces)} arcs"
