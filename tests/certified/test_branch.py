@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import random
 from concurrent.futures import ThreadPoolExecutor
@@ -10,12 +11,13 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
+from unittest.mock import Mock
 
 import mpmath
 import pytest
 
 from tests.certified.cases import speed_below
-from tippedisk_verify.certified import connection_end, cover, pieces
+from tippedisk_verify.certified import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
@@ -476,7 +478,17 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     given = "2 of 2 arcs were read from the file of --arcs, not proved here; if they hold, so does what follows: "
     assert again == result | {"arcs_read": 2, "statement": given + result["statement"]}
     assert len(made) == 2
-    assert f"statement: {given}" in _run(capsys, *goes_on, status=1)
+    said = _run(capsys, *goes_on, status=1)
+    assert (f"statement: {given}" in said, said.endswith("\n2 arcs\n")) == (True, True)
+    # The checker has proved every arc of a certificate. If none can be written nothing is said.
+    goes_on = (*goes_on, "--certificate", str(tmp_path / "family.json"))
+    monkeypatch.setattr(family_certificate, "family_certificate", lambda *_: "written")
+    assert json.loads(_run(capsys, *goes_on, "--json", status=1)) == result
+    with monkeypatch.context() as full:
+        full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
+        assert main(["certify", "branch", *goes_on]) == 2
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err.count("\n"), "No space left" in captured.err) == ("", 1, True)
     other = _run(capsys, "--parameters", "calibrated", "--arcs", path, status=2)
     assert "another disk" in other
     monkeypatch.setattr("tippedisk_verify.commands.piece_file.code_version", lambda: "python-flint 0.1")

@@ -56,7 +56,7 @@ def branch(
     until: str | None,
     arcs: str | None,
     out: str | None,
-    certificate: str | None,
+    certificate: Path | None,
     executor: str,
     jobs: int | None,
 ) -> int:
