@@ -18,7 +18,7 @@ from tippedisk_verify.certified import arc as arcs
 from tippedisk_verify.certified import curve_flow
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.certified.cycle import CycleProof, prove_cycle
-from tippedisk_verify.certified.cycle_interval import IntervalProof, Status, prove_interval
+from tippedisk_verify.certified.cycle_interval import IntervalProof, Status, failed_interval, prove_interval
 from tippedisk_verify.certified.flow import Model, carry
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.lanes import Lanes
@@ -26,6 +26,7 @@ from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Constants
+from tippedisk_verify.theory.codimension_two import bautin_points
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")
@@ -290,7 +291,7 @@ def test_a_saddle_is_not_stable() -> None:
 
 @pytest.mark.slow
 def test_too_wide_an_interval_is_not_proved() -> None:
-    failed = prove_interval(PRINTED, OMEGA, "0.6", GUESS)
+    failed = prove_interval(PRINTED, OMEGA, "0.49", GUESS)
     assert failed.status in (Status.NOT_FOLLOWED, Status.NOT_INCLUDED)
     assert failed.statement.startswith("nothing is proved")
 
@@ -299,10 +300,18 @@ def test_bad_input() -> None:
     for radius in ("0", "-1", "31", "pi", "wide"):
         with pytest.raises(InputError):
             prove_interval(PRINTED, OMEGA, radius, GUESS)
+    with pytest.raises(InputError, match="born below"):
+        prove_interval(PRINTED, OMEGA, "0.5", GUESS)
     with pytest.raises(InputError, match="two components"):
         prove_interval(PRINTED, OMEGA, RADIUS, ("1",))
     with pytest.raises(InputError, match="smooth"):
         prove_interval(PRINTED.with_friction("smooth"), OMEGA, RADIUS, GUESS)
+
+
+def test_where_cycles_are_born_above_omega_crit_a_range_may_hold_it() -> None:
+    """Where that is not known, as at the Bautin point itself, too. The second speed is that of stable cycles."""
+    for inertia, speed in ((bautin_points(PRINTED, "A")[0].value.value, "30.9"), ("0.229e-3", "30.8866")):
+        failed_interval(PRINTED.changed(A=inertia), speed, "0.1")
 
 
 def test_from_the_command_line(capsys, monkeypatch) -> None:

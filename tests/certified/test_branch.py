@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import random
 from concurrent.futures import ThreadPoolExecutor
@@ -10,12 +11,13 @@ from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
+from unittest.mock import Mock
 
 import mpmath
 import pytest
 
 from tests.certified.cases import speed_below
-from tippedisk_verify.certified import cover, pieces
+from tippedisk_verify.certified import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
@@ -471,10 +473,22 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     assert len(made) == len(result["arcs"]) == 2
     assert (result["proved"], result["covered"]) == (False, None)
     assert [Piece.read(entry) for entry in result["arcs"]] == [piece(), second()]
-    again = json.loads(_run(capsys, "--to", str(float(NEXT)), "--arcs", path, "--json", status=1))
-    assert again == result
+    goes_on = ("--to", str(float(NEXT)), "--arcs", path)
+    again = json.loads(_run(capsys, *goes_on, "--json", status=1))
+    given = "2 of 2 arcs were read from the file of --arcs, not proved here; if they hold, so does what follows: "
+    assert again == result | {"arcs_read": 2, "statement": given + result["statement"]}
     assert len(made) == 2
-    assert "2 arcs" in _run(capsys, "--to", str(float(NEXT)), "--arcs", path, status=1)
+    said = _run(capsys, *goes_on, status=1)
+    assert (f"statement: {given}" in said, said.endswith("\n2 arcs\n")) == (True, True)
+    # The checker has proved every arc of a certificate. If none can be written nothing is said.
+    goes_on = (*goes_on, "--certificate", str(tmp_path / "family.json"))
+    monkeypatch.setattr(family_certificate, "family_certificate", lambda *_: "written")
+    assert json.loads(_run(capsys, *goes_on, "--json", status=1)) == result
+    with monkeypatch.context() as full:
+        full.setattr("os.fsync", Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
+        assert main(["certify", "branch", *goes_on]) == 2
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err.count("\n"), "No space left" in captured.err) == ("", 1, True)
     other = _run(capsys, "--parameters", "calibrated", "--arcs", path, status=2)
     assert "another disk" in other
     monkeypatch.setattr("tippedisk_verify.commands.piece_file.code_version", lambda: "python-flint 0.1")
@@ -482,6 +496,16 @@ def test_the_command_goes_on_where_it_stopped(capsys, monkeypatch, tmp_path) -> 
     (tmp_path / "arcs").write_text("x" + (tmp_path / "arcs").read_text())
     assert "damaged" in _run(capsys, "--arcs", path, status=2)
     assert "without" not in _run(capsys, "--arcs", path, status=2)
+
+
+def test_a_reach_beyond_omega_crit_is_passed_over(monkeypatch) -> None:
+    def prove_end(connection: ProvedConnection, reach: str) -> ProvedEnd:
+        if reach == "0.002":
+            return _end(PRINTED, "30", "30.8850", "3.05")
+        raise InputError("born below")
+
+    monkeypatch.setattr(connection_end, "prove_end", prove_end)
+    assert certify_family._next_to(connected()).proved
 
 
 @pytest.mark.usefixtures("quick")

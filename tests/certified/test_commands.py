@@ -117,6 +117,7 @@ def test_at_omega_crit_itself_one_line_says_why(capsys, tmp_path) -> None:
         (["certify", "heteroclinic", "--cycles", "1"], "between 0 and 1"),
         (["certify", "heteroclinic", "--cycles", "soon"], "not a finite decimal"),
         (["certify", "heteroclinic", "--cycles", "0.001", "--friction", "smooth"], "linear friction law"),
+        (["certify", "orbit", "--omega", "30.886", "--radius", "1e-3"], "born below Omega_crit = 30.8865926886 rad/s"),
         (["certify", "hopf", "--parameters", "unheard"], "not known"),
         (["certify", "proof"], "proof"),
     ],

@@ -107,6 +107,8 @@ def test_what_is_refused() -> None:
             prove_end(_connection(), reach)
     with pytest.raises(InputError, match="between the ends"):
         prove_end(_connection(), "1e-5", "1e-5")
+    with pytest.raises(InputError, match="born below"):
+        prove_end(_connection(), "0.9")
 
 
 @pytest.mark.slow

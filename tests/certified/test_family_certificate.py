@@ -276,6 +276,9 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     for low in ("1", "1.5"):
         with pytest.raises(checker.Unproved, match="ends where it must not"):
             checker.arc_shown((DISK, Fraction(low), 2, entry))
+    for name, radii in (("box", ["0", "0.02"]), ("box", ["0.01", "-0.02"]), ("wide box", ["0.1", "0"])):
+        with pytest.raises(checker.Unproved, match="a radius is not positive"):
+            checker.arc_shown((DISK, Fraction("0.5"), 2, entry | {name: {"radii": radii, "steps": []}}))
 
 
 def test_what_is_no_arc_is_refused() -> None:

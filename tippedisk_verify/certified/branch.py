@@ -49,6 +49,7 @@ class BranchProof:
     stopped: Status | None = None  #: why the piece after the last one is not proved, if one was tried
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
     end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
+    read: int = 0  #: how many of the pieces are taken as a file has them
 
     @property
     def hopf_closed(self) -> bool:
@@ -122,6 +123,9 @@ class BranchProof:
                 "Omega_crit"
             )
         return (
+            f"{self.read} of {len(self.pieces)} arcs were read from the file of --arcs, not proved here; if they hold, "
+            "so does what follows: "
+        ) * bool(self.read) + (
             f"for the tippedisk with {self.parameters.definition()} under the linear friction law, gamma being a "
             f"real number, not an angle, there are analytic functions v_0(a) < 0 and Omega(a) of a in {amplitudes} "
             "such that at the speed Omega(a) the orbit from beta = pi/2, gamma = pi/2 + a with beta' = v_0(a) is an "
@@ -198,7 +202,8 @@ class BranchProof:
             entries["amplitude_end"] = exact_text(self.pieces[-1].high)
             entries["omega_end"] = exact_text(self.omega_end or Fraction(0))
             entries["unique_within"] = dict(zip(names, map(rounded_down, self.unique_within()), strict=True))
-        return entries | {"arcs": [piece.json() for piece in self.pieces], "parameters": self.parameters.name}
+        arcs = [piece.json() for piece in self.pieces]
+        return entries | {"arcs_read": self.read, "arcs": arcs, "parameters": self.parameters.name}
 
 
 def hopf_closed(parameters: Parameters, piece: Piece) -> bool:

@@ -47,11 +47,11 @@ class _RefusedError(Exception):
 def certificate_text(
     claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any], mapped: checker.Mapped = map
 ) -> str:
-    """The file's text. Raises `checker.Unproved` if the checker does not accept it."""
+    """The file's text, which the checker has read and accepted. Raises `checker.Unproved` if it does not accept it."""
     content: dict[str, Any] = {"format": checker.FORMAT, "claim": claim, "bits": bits, "evidence": evidence}
-    content["sha256"] = checker.digest(content)
-    checker.proved(content, mapped)
-    return json.dumps(content, indent=None, separators=(",", ":")) + "\n"
+    text = json.dumps(content | {"sha256": checker.digest(content)}, indent=None, separators=(",", ":")) + "\n"
+    checker.proved(json.loads(text), mapped)
+    return text
 
 
 def cycle_certificate(proof: OrbitProof) -> str:
@@ -124,7 +124,7 @@ def _checked(claim: Mapping[str, Any], bits: int, evidence: Callable[[int], dict
                 return certificate_text(claim, wider, evidence(wider))
         except (checker.Unproved, checker.Refused, _RefusedError) as failed:
             fault = failed
-    raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}")
+    raise Shortfall(f"no certificate that the checker accepts could be made: {fault}")
 
 
 def parameter_texts(parameters: Parameters) -> dict[str, str]:

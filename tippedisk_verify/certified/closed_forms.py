@@ -31,6 +31,7 @@ from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_pol
 
 from tippedisk_verify.certified.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.certified.balls import (
+    ball,
     ball_constants,
     coefficient,
     inside,
@@ -60,10 +61,12 @@ __all__ = [
     "proved_hopf",
     "proved_stability",
     "real_root",
+    "refuse_past_birth",
     "to_digits",
 ]
 
 Criticality = Literal["supercritical", "subcritical"]
+_BITS = 128  # to tell on which side of Omega_crit a speed lies
 _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
@@ -223,6 +226,21 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     kind: Criticality = "supercritical" if negative(sign) else "subcritical"
     numbers = {name: measured(value) for name, value in with_balls.items()}
     return ProvedHopf(**numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers))
+
+
+def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
+    """Raise InputError for speeds up to ``highest`` [rad/s] that reach Omega_crit, of a disk with cycles born below it.
+
+    Where they are born above Omega_crit a range that holds it may well be proved.
+    """
+    with working_precision(_BITS):
+        numbers = hopf_balls(ball_constants(parameters))
+        crit = numbers["omega_crit"]
+        if negative(numbers["first_lyapunov_coefficient"]) and not ball(highest) < crit:
+            raise InputError(
+                f"this disk's limit cycles are born below Omega_crit = {float(crit):.12g} rad/s: the speeds must end "
+                f"below it, not at {float(highest):.12g} rad/s"
+            )
 
 
 def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[str, Measured]) -> str:

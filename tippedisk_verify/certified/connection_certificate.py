@@ -72,7 +72,7 @@ def end_certificate(end: ProvedEnd) -> str:
             claim |= {"kind": "cycles next to the connection", "parameters": _disk(end)}
             return certificate_text(claim | {"numbers": {"omega_h": entry.pop("omega_h")}}, bits, entry)
         except (checker.Unproved, checker.Refused) as fault:
-            raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}") from None
+            raise Shortfall(f"no certificate that the checker accepts could be made: {fault}") from None
 
 
 def end_entry(end: ProvedEnd) -> dict[str, Any]:

@@ -80,6 +80,7 @@ from typing import Any
 from flint import arb
 
 from tippedisk_verify.certified.balls import ball, ball_constants, hull, measured, positive, working_precision
+from tippedisk_verify.certified.closed_forms import refuse_past_birth
 from tippedisk_verify.certified.connection_flight import Landing, fly_over, joined
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
@@ -106,7 +107,7 @@ def prove_end(
     connection: ProvedConnection,
     reach: object = "0.008",
     below: object = "0.0015",
-    watch: Callable[[float], None] | None = None,
+    watch: Callable[[float], None] = lambda share: None,
 ) -> ProvedEnd:
     """Prove the cycles from the ``connection`` that is proved up to ``reach`` above it, and that ``below`` it is none.
 
@@ -117,12 +118,12 @@ def prove_end(
     above, under = checked_distance(reach), checked_distance(below)
     if not connection.proved or parameters is None or omega_h is None:
         return ProvedEnd(Status.NO_CONNECTION, connection, Fraction(0), Fraction(0))
-    if parameters.friction != "linear":
-        raise InputError("the cycles next to the connection are proved under the linear friction law only")
+    parameters.refuse_smooth("the cycles next to the connection are proved")
     near = round(omega_h.value, 4)
     low, high = near - under, near + above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
+    refuse_past_birth(parameters, high)
     with working_precision(_BITS):
         return _End(parameters, connection, low, high, watch).prove()
 
@@ -282,8 +283,7 @@ class _End:
             if landing is None:
                 return None
             landings.append(landing)
-            if self.watch is not None:
-                self.watch((done + 1) / len(cells))
+            self.watch((done + 1) / len(cells))
         return joined(landings)
 
     def _ends(self, bounds: _Bounds, landing: Landing, numbers: dict[str, str]) -> Iterator[tuple[str, Any]]:

@@ -14,6 +14,7 @@ from typing import Any
 
 from tippedisk_verify.certified.arc import Arc, family_polynomials, krawczyk_test
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, measured, working_precision
+from tippedisk_verify.certified.closed_forms import refuse_past_birth
 from tippedisk_verify.certified.curve_flow import Curve, duration
 from tippedisk_verify.certified.cycle import MANNERS
 from tippedisk_verify.certified.flow import Model
@@ -122,10 +123,12 @@ class IntervalProof:
 def failed_interval(
     parameters: Parameters, omega: object, radius: object, status: Status = Status.NO_GUESS
 ) -> IntervalProof:
-    """That nothing is proved. Raises InputError for a speed or radius that makes no sense."""
+    """That nothing is proved. Raises InputError for the smooth law, and for speeds that make no sense for the disk."""
+    parameters.refuse_smooth("the limit cycles of an interval of speeds are proved")
     speed, around = checked_speed(omega), exact(radius)
     if around.pi_multiple or not 0 < around.rational < speed:
         raise InputError(f"the radius must be a positive decimal less than Omega, not {str(radius)[:40]}")
+    refuse_past_birth(parameters, speed + around.rational)
     return IntervalProof(status, parameters, speed, around.rational)
 
 
@@ -135,7 +138,6 @@ def prove_interval(parameters: Parameters, omega: object, radius: object, guess:
     ``guess`` = (gamma_bar, v) of the one at ``omega``, to some digits. Raises InputError for input that makes no sense;
     whatever else prevents a proof is a status.
     """
-    parameters.refuse_smooth("the limit cycles of an interval of speeds are proved")
     if len(guess) != 2:
         raise InputError("a guess has two components: gamma_bar and v")
     failed = failed_interval(parameters, omega, radius, Status.NO_RETURN)

@@ -80,7 +80,7 @@ def family_certificate(
             evidence["end"] = choices
         return certificate_text(claim, bits, evidence, lambda function, arcs: [shown for _, shown in written])
     except (checker.Unproved, checker.Refused) as fault:
-        raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}") from None
+        raise Shortfall(f"no certificate that the checker accepts could be made: {fault}") from None
 
 
 def _written(job: tuple[Parameters, Piece, int]) -> Written:
@@ -106,7 +106,7 @@ def _written(job: tuple[Parameters, Piece, int]) -> Written:
                 return entry, checker.arc_shown((disk, piece.low, number, entry))
             except (checker.Unproved, checker.Refused) as failed:
                 fault = failed
-    raise Shortfall(f"it is proved, but no certificate of it could be written: {fault}")
+    raise Shortfall(f"no certificate that the checker accepts could be made: {fault}")
 
 
 class _Flights:

@@ -5,6 +5,7 @@ Exit status 0: proved; 1: not proved, and the status says where the proof stoppe
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -82,21 +83,18 @@ def hopf(common: Common) -> int:
 )
 @certificate_option
 @common_options
-def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: str | None) -> int:
+def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
     from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
-    from tippedisk_verify.files import output_file, write_text
+    from tippedisk_verify.files import write_text
 
-    if certificate is not None:
-        if cycles is None:
-            raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
-        output_file(certificate)
+    if certificate is not None and cycles is None:
+        raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
     if cycles is not None:
         from tippedisk_verify.certified.connection_end import checked_distance
 
         checked_distance(cycles)
-        if common.parameters.friction != "linear":
-            raise InputError("--cycles goes with Omega_h under the linear friction law")
+        common.parameters.refuse_smooth("limit cycles next to the connection are proved")
     if common.digits > MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
@@ -109,7 +107,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
             with progress(common, 1) as advance:
                 advance("certificate", 0)
                 text = end_certificate(end)
-            write_text(output_file(certificate), text)
+            write_text(certificate, text)
         result, proved = result | {"cycles": end.json()}, end.proved
     print_result(common, result)
     return 0 if proved else 1

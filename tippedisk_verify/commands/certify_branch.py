@@ -43,7 +43,7 @@ _Job = tuple[tuple[int, Fraction, tuple[Fraction, Fraction]], ...]
     "--to", "until", metavar="X", help="As one curve: only to this gamma_bar_0 [rad], without the end at Omega_h."
 )
 @click.option(
-    "--arcs", metavar="FILE", help="As one curve: go on with the arcs proved in this file, and keep them there."
+    "--arcs", metavar="FILE", help="As one curve: keep arcs in this file; those found there are read, not proved."
 )
 @click.option("--out", metavar="DIR", help="As one curve: write a picture of what is proved there.")
 @certificate_option
@@ -56,7 +56,7 @@ def branch(
     until: str | None,
     arcs: str | None,
     out: str | None,
-    certificate: str | None,
+    certificate: Path | None,
     executor: str,
     jobs: int | None,
 ) -> int:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tippedisk_verify.commands.common import (
@@ -16,7 +19,7 @@ from tippedisk_verify.commands.common import (
     workers_of,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
-from tippedisk_verify.files import output_file, write_text
+from tippedisk_verify.files import write_text
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.branch import BranchProof
@@ -25,7 +28,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.certified.pieces import Piece, Status
     from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.orbits.periodic import LimitCycle
 
 __all__ = ["family_as_a_curve"]
 
@@ -44,7 +46,7 @@ def family_as_a_curve(
     arcs: str | None,
     until: str | None,
     out: str | None,
-    certificate: str | None,
+    certificate: Path | None,
     executor: str,
 ) -> int:
     """Prove as much of the family as can be, and say how much that is."""
@@ -58,9 +60,8 @@ def family_as_a_curve(
     wanted = _amplitude(_DEFAULT_END if until is None else until)
     checked_jobs(jobs)
     folder = alone_in(out)
-    if certificate is not None:
-        output_file(certificate)
     pieces = [] if arcs is None else read_pieces(arcs, parameters)
+    read = set(pieces)
     with workers_of(executor, jobs, needed=False):
         pass  # a cluster that is not there is told at once
     stopped = None
@@ -95,19 +96,20 @@ def family_as_a_curve(
     found = chain(pieces)
     if stopped is None and found[-1].high < wanted:
         stopped = Status.NOT_JOINED
-    proof = BranchProof(parameters, tuple(found), stopped, connection, near)
+    proof = BranchProof(parameters, tuple(found), stopped, connection, near, len(read.intersection(found)))
+    if certificate is not None and proof.hopf_closed:
+        _certify(common, proof, certificate, executor, jobs)
+        proof = replace(proof, read=0)  # the checker has proved every arc, also those that were read
     if folder is not None and proof.hopf_closed:
         from tippedisk_verify.figures.proved_family import draw_proved_family
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
-    print_result(common, proof.json(), _lines(proof))  # first: it stands if no certificate can be written
-    if certificate is not None and proof.hopf_closed:
-        _certify(common, proof, certificate, executor, jobs)
+    print_result(common, proof.json(), _lines(proof))
     return 0 if proof.proved else 1
 
 
-def _certify(common: Common, proof: BranchProof, name: str, executor: str, jobs: int | None) -> None:
+def _certify(common: Common, proof: BranchProof, path: Path, executor: str, jobs: int | None) -> None:
     """Write the certificate of the arcs."""
     from tippedisk_verify.certified.family_certificate import family_certificate
 
@@ -117,7 +119,7 @@ def _certify(common: Common, proof: BranchProof, name: str, executor: str, jobs:
     ):
         advance("certificate", 0)
         text = family_certificate(proof, pool, lambda done: advance(f"certificate: arc {done}", 1))
-    write_text(output_file(name), text)
+    write_text(path, text)
 
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
@@ -126,8 +128,9 @@ def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
 
     end = None
     for reach in _REACHES if connection.proved else ():
-        end = prove_end(connection, reach)
-        if end.proved:
+        with suppress(InputError):  # of a reach beyond Omega_crit
+            end = prove_end(connection, reach)
+        if end is not None and end.proved:
             break
     return end
 
@@ -136,15 +139,9 @@ def _end_for(near: ProvedEnd | None, known: list[Known]) -> Fraction | None:
     """An amplitude up to which pieces have to be proved if they are to reach the cycles next to the connection."""
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
-    return round(_inside(near.connection, near.high - near.connection.omega_h.value, known)[0], 4)
-
-
-def _inside(connection: ProvedConnection, reach: Fraction, known: list[Known]) -> Known:
-    """The first one of the known cycles that is far enough inside a reach; the last of all if none is."""
-    assert connection.omega_h is not None
-    low = connection.omega_h.value
-    inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * reach]
-    return min(inside) if inside else known[-1]
+    low = near.connection.omega_h.value
+    inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * (near.high - low)]
+    return round(min(inside, default=known[-1])[0], 4)
 
 
 def _amplitude(text: str) -> Fraction:
@@ -181,11 +178,7 @@ def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[
         cycles = list(family(parameters, default_engine(), omegas=speeds))
     except NoSuchCycleError as fault:
         raise Shortfall(str(fault)) from None
-    return [_numbers(cycle) for cycle in cycles]
-
-
-def _numbers(cycle: LimitCycle) -> Known:
-    return cycle.gamma_bar_0.value, cycle.v_0.value, cycle.omega.value, cycle.period.value / 2
+    return [(found.gamma_bar_0.value, found.v_0.value, found.omega.value, found.period.value / 2) for found in cycles]
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
@@ -203,7 +196,6 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 def _lines(proof: BranchProof) -> Iterator[str]:
     entries = proof.json()
-    arcs = entries.pop("arcs")
-    assert isinstance(arcs, list)
+    del entries["arcs"]
     yield from result_lines(entries)
-    yield f"{len(arcs)} arcs"
+    yield f"{len(proof.pieces)} arcs"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -52,18 +53,15 @@ def orbit(
     at_fold: bool,
     number: int | None,
     radius: str | None,
-    certificate: str | None,
+    certificate: Path | None,
 ) -> int:
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
     if radius is not None and (rotating or at_fold):
         raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
     if certificate is not None:
-        from tippedisk_verify.files import output_file
-
         if radius is not None:
             raise InputError("certificates are written of single cycles and of folds: leave out --radius")
         common.parameters.refuse_smooth("certificates are written")
-        output_file(certificate)
     if at_fold:
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
@@ -76,9 +74,8 @@ def orbit(
     from tippedisk_verify.certified.cycle_interval import failed_interval, prove_interval
 
     parameters = common.parameters
-    if radius is not None:
-        parameters.refuse_smooth("the limit cycles of an interval of speeds are proved")
     value = speed(common, omega, below_crit)
+    unguessed = None if radius is None else failed_interval(parameters, value, radius)
     start: tuple[object, object] | None = guess
     if start is None:
         from tippedisk_verify.flow import default_engine
@@ -88,11 +85,7 @@ def orbit(
             stable = False if unstable else None
             cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
-            failed = (
-                CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
-                if radius is None
-                else failed_interval(parameters, value, radius)
-            )
+            failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
             print_result(common, failed.json())
             return 1
         start = (cycle.gamma_bar_0.value, cycle.v_0.value)
@@ -103,20 +96,20 @@ def orbit(
     return _ended(common, prove_cycle(parameters, value, start, digits=common.digits), certificate)
 
 
-def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: str | None) -> int:
+def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | None) -> int:
     """Print the result; write the certificate, if one is asked for and there is a proof."""
     if proof.proved and certificate is not None:
         from tippedisk_verify.certified.certificate import cycle_certificate, fold_certificate
         from tippedisk_verify.certified.cycle import OrbitProof
-        from tippedisk_verify.files import output_file, write_text
+        from tippedisk_verify.files import write_text
 
         text = cycle_certificate(proof) if isinstance(proof, OrbitProof) else fold_certificate(proof)
-        write_text(output_file(certificate), text)
+        write_text(certificate, text)
     print_result(common, proof.json())
     return 0 if proof.proved else 1
 
 
-def _fold(common: Common, rotating: bool, number: int | None, certificate: str | None) -> int:
+def _fold(common: Common, rotating: bool, number: int | None, certificate: Path | None) -> int:
     """Prove a fold of the rotating or the librating family."""
     from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
     from tippedisk_verify.flow import default_engine
@@ -154,7 +147,7 @@ def _rotating(
     below_crit: str | None,
     guess: tuple[str, str] | None,
     unstable: bool,
-    certificate: str | None,
+    certificate: Path | None,
 ) -> int:
     """Prove a rotating cycle."""
     from tippedisk_verify.certified.cycle import Status
@@ -164,13 +157,12 @@ def _rotating(
 
     parameters, digits = common.parameters, common.digits
     value = speed(common, omega, below_crit)
-    if guess is None:
+    start: tuple[object, object] | None = guess
+    if start is None:
         try:
             cycle = rotating_cycle(parameters, value, default_engine(), stable=not unstable)
         except NoSuchCycleError as fault:
             print_result(common, RotationProof(Status.NO_GUESS, str(fault), parameters, value, 0).json())
             return 1
-        proof = prove_rotation(parameters, value, (cycle.beta_bar_top.value, cycle.v_top.value), digits=digits)
-    else:
-        proof = prove_rotation(parameters, value, guess, digits=digits)
-    return _ended(common, proof, certificate)
+        start = (cycle.beta_bar_top.value, cycle.v_top.value)
+    return _ended(common, prove_rotation(parameters, value, start, digits=digits), certificate)

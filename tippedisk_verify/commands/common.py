@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.files import output_file
 from tippedisk_verify.interrupts import undoing
 
 if TYPE_CHECKING:
@@ -125,7 +126,10 @@ executor_option = click.option(
     help="One process, all cores of this machine, or a cluster.",
 )
 certificate_option = click.option(
-    "--certificate", metavar="FILE.json", help="Write what `certify check FILE.json` needs to prove it again."
+    "--certificate",
+    callback=lambda context, option, name: None if name is None else output_file(name),
+    metavar="FILE.json",
+    help="Write what `certify check FILE.json` needs to prove it again.",
 )
 _SPEED_OPTIONS = (
     click.option("--omega", metavar="X", help="The spinning speed [rad/s]."),
