@@ -142,6 +142,8 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
     assert abs(late(8.5) - early(0.5)).max() < 1e-15
     with pytest.raises(tv.InputError, match="known from 8 s to 10 s"):
         late(0.5)
+    assert [times.shape for times in late.t_events] == [(4,), (4,), (5,)]
+    assert [states.shape for states in late.y_events] == [(4, 3), (4, 3), (5, 3)]
     assert disk.integrate("30.4", START, ("10", "9.98")).t[:2].tolist() == [10.0, 9.9999]
 
 

@@ -83,6 +83,19 @@ class Solution:
         """How the run ended, in words."""
         return self.status.value
 
+    @property
+    def t_events(self) -> list[Any]:
+        """For each event asked for, the times (k,) [s] of its crossings."""
+        return [numpy.array([one.time for one in self._of(event)]) for event in self._request.events]
+
+    @property
+    def y_events(self) -> list[Any]:
+        """And the states (k, 3) there."""
+        return [numpy.array([one.state for one in self._of(event)]).reshape(-1, 3) for event in self._request.events]
+
+    def _of(self, event: Event) -> list[EventRecord]:
+        return [record for record in self.events if record.name == event.name]
+
     @cached_property
     def _dense(self) -> Any:
         result = self._engine(replace(self._request, dense=True, times=None, variations=(), error_estimate=False))
@@ -154,9 +167,9 @@ def integrated(
     time: object,
     t_eval: Any,
     digits: int,
-    events: Sequence[Event | str],
+    events: Event | str | Sequence[Event | str],
     engine: Engine,
-    variations: Sequence[str] = (),
+    variations: str | Sequence[str] = (),
     shifted: bool = False,
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
@@ -172,8 +185,8 @@ def integrated(
         shifted=shifted,
         precision=DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8)),
         times=_since(start, end, t_eval),
-        variations=tuple(one for name in variations for one in _named(name, _VARIATIONS)),
-        events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in events),
+        variations=tuple(one for name in _several(variations) for one in _named(name, _VARIATIONS)),
+        events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
         error_estimate=engine.measures_error,
         digits=digits if corrected else PLAIN_DIGITS,
     )
@@ -187,6 +200,10 @@ def _span(time: object) -> tuple[Exact, Exact]:
     if len(time) != 2:
         raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}")
     return exact(time[0]), exact(time[1])
+
+
+def _several(names: Any) -> Any:
+    return (names,) if isinstance(names, str | Event) else names
 
 
 def _named(name: object, names: dict[str, Any]) -> Any:
