@@ -133,9 +133,11 @@ class Solution:
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)``
-    one of your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers.
-    ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk("printed", mu="0.4")``
+    the same with another mu, named ``custom``, and ``Disk(r="0.045", ...)`` one of your own: eight numbers
+    r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. C, which no equation needs, may be
+    given as well or left out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those
+    go. Raises InputError as they do.
 
     Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
     ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
@@ -145,14 +147,12 @@ class Disk(Parameters):
 
     def __init__(self, named: str | None = None, *, friction: Friction | None = None, **values: Any) -> None:
         if named is not None:
-            if values:
-                raise InputError(
-                    f"a disk has a name or its own numbers, not both '{shown(named)}' and {sorted(values)}"
-                )
             if not isinstance(named, str):
                 raise InputError(f"a disk is named by a text, not by {shown(named)}")
             known = Parameters.named(named)
-            values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+            name = "custom" if values else known.name  # what is known of the named disk is not true of a changed one
+            kept = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+            values = kept | {"name": name} | values
         if friction is not None:
             values["friction"] = friction
         names = [item.name for item in fields(Parameters) if item.init]
