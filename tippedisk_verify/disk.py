@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Request, Result, Status
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
-__all__ = ["Disk", "Solution"]
+__all__ = ["Disk", "Solution", "basins"]
 
 _SAMPLES = 201  # of a solution, if no times are named
 _DOUBLE_DIGITS = 12
@@ -241,9 +243,7 @@ class Disk(Parameters):
         return Solution.of(request, flown(request), flown)
 
     def basins(self, omega: object, **options: Any) -> Basins:
-        """What each of many initial states ends on; options as those of `orbits.basins.basins`."""
-        from tippedisk_verify.orbits.basins import basins
-
+        """What each of many initial states ends on; options as those of `tippedisk_verify.basins`."""
         return basins(self, omega, **options)
 
     # ---------------------------------------------------------------------------------------- limit cycles
@@ -310,15 +310,18 @@ class Disk(Parameters):
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
-        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None
+        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
     ) -> list[RotatingCycle]:
         """The family of rotating cycles: at each of these speeds the stable one, if any, and then the unstable one.
 
-        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit.
+        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds
+        and progress as those of `branch`.
         """
-        from tippedisk_verify.orbits.rotating import rotating_branch
+        from tippedisk_verify.orbits.rotating import DEFAULT_COUNT, rotating_branch
 
-        return list(rotating_branch(self, self._engine(engine), omegas))
+        speeds = omegas if omegas is None else checked_speeds(omegas)
+        cycles = rotating_branch(self, self._engine(engine), speeds)
+        return list(watched(cycles, "limit cycles", 2 * len(speeds or ()) or DEFAULT_COUNT, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
@@ -332,15 +335,21 @@ class Disk(Parameters):
 
         return BasinBoundary(self, omega, self._engine(engine))
 
-    def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
+    def branch(
+        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
+    ) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
 
-        A speed with several cycles gives all of them. A hundred speeds and more are rounded to doubles, and the linear
-        law's cycles found together, in lanes of the Taylor engine. Raises NoSuchCycleError where there is no cycle.
+        A speed with several cycles gives all of them; a text or a number by itself is one speed. A hundred speeds and
+        more are rounded to doubles, and the linear law's cycles found together, in lanes of the Taylor engine. What
+        takes longer than two seconds shows its progress on standard error, unless ``progress`` is False. Raises
+        NoSuchCycleError where there is no cycle.
         """
-        from tippedisk_verify.orbits.branches import Branch, family
+        from tippedisk_verify.orbits.branches import DEFAULT_COUNT, Branch, family
 
-        return Branch.of(family(self, self._engine(engine), omegas=omegas))
+        speeds = omegas if omegas is None else checked_speeds(omegas)
+        cycles = family(self, self._engine(engine), omegas=speeds)
+        return Branch.of(watched(cycles, "limit cycles", len(speeds or ()) or DEFAULT_COUNT, progress))
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
@@ -360,3 +369,16 @@ class Disk(Parameters):
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
+
+
+def basins(
+    disk: Parameters, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any
+) -> Basins:
+    """What each of ``count`` initial states ends on; ``duration``, ``v``, ``seed`` as those of `orbits.basins.basins`.
+
+    Progress as that of `Disk.branch`.
+    """
+    from tippedisk_verify.orbits.basins import basins as found
+
+    with progress_of(count if isinstance(count, int) else 0, progress) as advance:
+        return found(disk, omega, count=count, advance=advance, **options)
