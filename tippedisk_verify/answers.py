@@ -10,7 +10,7 @@ from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.progress import Advance, progress_of
+from tippedisk_verify.progress import progress_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import Reading, stored
 
@@ -33,16 +33,12 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progre
         raise InputError("there is no answer to grade")
     if reading not in ("decimals", "doubles"):
         raise InputError(f"answers are computed from decimals or doubles, not from '{reading!s:.40}'")
-    with progress_of(progress=progress) as advance:
-        return _graded(answers, reading, advance)
-
-
-def _graded(answers: Mapping[str, object], reading: Reading, advance: Advance) -> Report:
     store = stored()
     if any(str(id_).startswith("fresh-") for id_ in answers):
         from tippedisk_verify.reference_values.fresh import with_fresh
 
-        store = with_fresh(store, "\n".join(map(str, answers)), advance)
+        with progress_of(progress=progress) as advance:
+            store = with_fresh(store, "\n".join(map(str, answers)), advance)
     given, notes = Answers(), {}
     for id_, answer in answers.items():
         given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
@@ -53,4 +49,5 @@ def _graded(answers: Mapping[str, object], reading: Reading, advance: Advance) -
         given.given[id_] = reading, text
     grades = [replace(one, note=notes[one.id]) if one.id in notes else one for one in graded(given, store)]
     asked = [quantity for quantity in store.values() if quantity.set in given.sets]
-    return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store, advance))
+    with progress_of(progress=progress) as advance:
+        return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store, advance))

@@ -86,7 +86,6 @@ def test_numbers_near_one_are_written_out(text) -> None:
 @pytest.mark.parametrize("text", ["1.000001e6", "-2e7", "1.23456789e6", "9.99e-6", "1.5e300"])
 def test_numbers_far_from_one_have_an_exponent(text) -> None:
     assert exact_text(Fraction(text)) == text
-    assert str(Measured.of(text, "1e-9")).startswith(text[:4])
     assert "e" in str(Measured.of(text, "1e-9")).split()[0]
 
 

@@ -246,8 +246,8 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     if target is not None:
         write_branch(cycles, target)
     lines = (
-        f"omega {float(cycle.omega):.10f} rad/s  period {float(cycle.period):.12f} s"
-        f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
+        f"omega {float(cycle.omega):.12g} rad/s  period {float(cycle.period):.12g} s"
+        f"  beta_max {float(cycle.beta_max):.12g} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
     orbits: list[dict[str, object]] = [_without_history(cycle) for cycle in cycles]
