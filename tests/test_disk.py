@@ -21,6 +21,7 @@ from tippedisk_verify.certified.cycle_interval import prove_interval
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.orbits.atlas import plane_of
 from tippedisk_verify.orbits.branches import Branch
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
@@ -41,6 +42,28 @@ def test_a_disk_is_its_parameters_with_the_friction_law() -> None:
     assert mine.omega_crit == disk.omega_crit
 
 
+def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
+    changed = tv.Disk("printed", mu="0.4", friction="smooth")
+    assert changed == tv.PRINTED.changed(mu="0.4", friction="smooth")
+    assert (changed.name, changed.mu, changed.C) == ("custom", Fraction("0.4"), tv.PRINTED.C)
+    assert tv.Disk("printed", A="0.5e-3", C=None).C is None
+    assert tv.Disk("printed", friction="smooth").name == "printed"
+
+
+def test_a_text_for_a_list_is_one_number_or_refused() -> None:
+    disk = tv.Disk("printed")
+    assert [*disk.branch("30.4").omega] == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")] == [30.4]
+    for ask in (
+        lambda: disk.branch("30.4,30.5"),
+        lambda: disk.integrate("30.4", "123", 1),
+        lambda: disk.integrate("30.4", START, 3, times="12"),
+        lambda: disk.basin_boundary("30.5").margin("123"),
+        lambda: plane_of(disk, "A,Omega", "12"),
+    ):
+        with pytest.raises(tv.InputError):
+            ask()
+
+
 def test_a_disk_from_a_file(tmp_path) -> None:
     lines = [f'{name} = "{value}"' for name, value in tv.CALIBRATED.decimals().items()]
     (tmp_path / "mine.toml").write_text("\n".join(lines))
@@ -53,7 +76,9 @@ def test_a_disk_from_a_file(tmp_path) -> None:
     ("make", "word"),
     [
         (lambda: tv.Disk("unknown"), "not known"),
-        (lambda: tv.Disk("printed", r="1"), "not both"),
+        (lambda: tv.Disk("printed", r="1e40"), "between 1e-30 and 1e30"),
+        (lambda: tv.Disk("printed", nu="0.4"), "no 'nu'"),
+        (lambda: tv.Disk("printed", A="0.5e-3"), "A must not exceed C"),
         (lambda: tv.Disk(r="0.045"), "needs e"),
         (lambda: tv.Disk("printed", friction="sticky"), "linear or smooth"),
         (lambda: tv.Disk("printed", friction="smooth").hopf(), "linear friction law only"),

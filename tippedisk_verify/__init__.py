@@ -43,10 +43,10 @@ TYPE_CHECKING = False  # to type checkers it is true; typing itself would delay 
 if TYPE_CHECKING:
     from typing import Any
 
+    from tippedisk_verify.answers import grade
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
-    from tippedisk_verify.conformance.sheetless import grade
-    from tippedisk_verify.disk import Disk
+    from tippedisk_verify.disk import Disk, basins
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
@@ -57,7 +57,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.motion import Solution
-    from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
     from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -73,12 +72,12 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
-    "disk": ("Disk",),
+    "disk": ("Disk", "basins"),
     "motion": ("Solution",),
+    "answers": ("grade",),
     "errors": ("InputError", "Shortfall"),
     "audit.claims": ("Audit", "Verdict"),
     "conformance.grading": ("compare",),
-    "conformance.sheetless": ("grade",),
     "reference_values.lookup": ("reference", "references"),
     "flow.baseline": ("Baseline",),
     "flow.contract": ("Event", "Request", "Result", "Status"),
@@ -89,7 +88,6 @@ _HOMES = {
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.branch_interpolant": ("BranchInterpolant",),
-    "orbits.basins": ("basins",),
     "orbits.bisection": ("bisect_omega_h",),
     "orbits.heteroclinic": ("heteroclinic",),
     "orbits.near_connection": ("cycle_above",),

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine, Event
@@ -30,15 +32,17 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
-__all__ = ["Disk"]
+__all__ = ["Disk", "basins"]
 
 
 class Disk(Parameters):
     """A tippedisk under a friction law, and what can be asked of it.
 
-    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk(r="0.045", ...)``
-    one of your own: eight numbers r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers.
-    ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those go. Raises InputError as they do.
+    ``Disk("printed")`` is a named set (printed, calibrated, geometry) or a TOML file, ``Disk("printed", mu="0.4")``
+    the same with another mu, named ``custom``, and ``Disk(r="0.045", ...)`` one of your own: eight numbers
+    r, e, m, A, B, g, mu, epsilon [SI], as decimal strings or other exact numbers. C, which no equation needs, may be
+    given as well or left out (None). ``friction`` is linear or smooth. A disk is a `Parameters` and goes wherever those
+    go. Raises InputError as they do.
 
     Speeds are in rad/s, angles in rad, times in s. ``engine`` is the Taylor integrator unless another one is given, and
     ``digits`` are the significant digits wanted of each main result: up to 12 in double, more in wider arithmetic.
@@ -48,14 +52,12 @@ class Disk(Parameters):
 
     def __init__(self, named: str | None = None, *, friction: Friction | None = None, **values: Any) -> None:
         if named is not None:
-            if values:
-                raise InputError(
-                    f"a disk has a name or its own numbers, not both '{shown(named)}' and {sorted(values)}"
-                )
             if not isinstance(named, str):
                 raise InputError(f"a disk is named by a text, not by {shown(named)}")
             known = Parameters.named(named)
-            values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+            name = "custom" if values else known.name  # what is known of the named disk is not true of a changed one
+            kept = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
+            values = kept | {"name": name} | values
         if friction is not None:
             values["friction"] = friction
         names = [item.name for item in fields(Parameters) if item.init]
@@ -152,9 +154,7 @@ class Disk(Parameters):
         return Jacobian(self, omega)
 
     def basins(self, omega: object, **options: Any) -> Basins:
-        """What each of many initial states ends on; options as those of `orbits.basins.basins`."""
-        from tippedisk_verify.orbits.basins import basins
-
+        """What each of many initial states ends on; options as those of `tippedisk_verify.basins`."""
         return basins(self, omega, **options)
 
     # ---------------------------------------------------------------------------------------- limit cycles
@@ -221,15 +221,18 @@ class Disk(Parameters):
         return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
-        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None
+        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
     ) -> list[RotatingCycle]:
         """The family of rotating cycles: at each of these speeds the stable one, if any, and then the unstable one.
 
-        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit.
+        Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds
+        and progress as those of `branch`.
         """
-        from tippedisk_verify.orbits.rotating import rotating_branch
+        from tippedisk_verify.orbits.rotating import DEFAULT_COUNT, rotating_branch
 
-        return list(rotating_branch(self, self._engine(engine), omegas))
+        speeds = omegas if omegas is None else checked_speeds(omegas)
+        cycles = rotating_branch(self, self._engine(engine), speeds)
+        return list(watched(cycles, "limit cycles", 2 * len(speeds or ()) or DEFAULT_COUNT, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
@@ -243,15 +246,21 @@ class Disk(Parameters):
 
         return BasinBoundary(self, omega, self._engine(engine))
 
-    def branch(self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None) -> Branch:
+    def branch(
+        self, omegas: Sequence[object] | None = None, *, engine: Engine | None = None, progress: bool | None = None
+    ) -> Branch:
         """The family of limit cycles at these speeds, or an even overview of it, as arrays with half-widths.
 
-        A speed with several cycles gives all of them. A hundred speeds and more are rounded to doubles, and the linear
-        law's cycles found together, in lanes of the Taylor engine. Raises NoSuchCycleError where there is no cycle.
+        A speed with several cycles gives all of them; a text or a number by itself is one speed. A hundred speeds and
+        more are rounded to doubles, and the linear law's cycles found together, in lanes of the Taylor engine. What
+        takes longer than two seconds shows its progress on standard error, unless ``progress`` is False. Raises
+        NoSuchCycleError where there is no cycle.
         """
-        from tippedisk_verify.orbits.branches import Branch, family
+        from tippedisk_verify.orbits.branches import DEFAULT_COUNT, Branch, family
 
-        return Branch.of(family(self, self._engine(engine), omegas=omegas))
+        speeds = omegas if omegas is None else checked_speeds(omegas)
+        cycles = family(self, self._engine(engine), omegas=speeds)
+        return Branch.of(watched(cycles, "limit cycles", len(speeds or ()) or DEFAULT_COUNT, progress))
 
     def heteroclinic(
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
@@ -271,3 +280,16 @@ class Disk(Parameters):
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
+
+
+def basins(
+    disk: Parameters, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any
+) -> Basins:
+    """What each of ``count`` initial states ends on; ``duration``, ``v``, ``seed`` as those of `orbits.basins.basins`.
+
+    Progress as that of `Disk.branch`.
+    """
+    from tippedisk_verify.orbits.basins import basins as found
+
+    with progress_of(count if isinstance(count, int) else 0, progress) as advance:
+        return found(disk, omega, count=count, advance=advance, **options)

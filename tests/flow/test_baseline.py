@@ -30,6 +30,11 @@ def test_flat_and_step_limit(friction) -> None:
     assert Baseline()(Request(PRINTED.with_friction(friction), 30.4, (3.5, 0, 0), 10.0)).status is Status.FLAT
 
 
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])
+def test_what_leaves_the_doubles_has_a_status_and_no_warning(method) -> None:
+    assert Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status is Status.NON_FINITE
+
+
 def test_parameter_derivatives_of_the_smooth_law() -> None:
     request = Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("Omega",))
     ends = [Baseline()(replace(request, omega=30.4 + step, variations=())).state for step in (1e-5, -1e-5)]

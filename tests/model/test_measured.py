@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.measured import Measured, exact_text
 
 NUMBERS = st.fractions(-1000, 1000, max_denominator=1000)
 WIDTHS = st.fractions(0, 10, max_denominator=1000)
@@ -76,6 +76,17 @@ def test_zero_and_widths_beyond_the_value_are_printed() -> None:
     assert str(Measured.of(0, "1e6")) == "0 ± 1000000"
     assert f"{Measured.of(0, 0):.3e}" == "0.000e+00"
     assert str(Measured.of(1, "1e6")).startswith("0 ± ")
+
+
+@pytest.mark.parametrize("text", ["1000000", "999999.5", "0.00001", "-1000000.0"])
+def test_numbers_near_one_are_written_out(text) -> None:
+    assert exact_text(Fraction(text)) == text.removesuffix(".0")
+
+
+@pytest.mark.parametrize("text", ["1.000001e6", "-2e7", "1.23456789e6", "9.99e-6", "1.5e300"])
+def test_numbers_far_from_one_have_an_exponent(text) -> None:
+    assert exact_text(Fraction(text)) == text
+    assert "e" in str(Measured.of(text, "1e-9")).split()[0]
 
 
 def test_it_is_formatted_and_taken_as_a_number() -> None:

@@ -490,6 +490,23 @@ def test_a_value_by_its_id() -> None:
         reference("printed/linear/near-heteroclinic/het+1e-30/period").measured("doubles")
 
 
+@pytest.mark.parametrize(
+    ("id_", "beginning"),
+    [
+        ("printed/linear/limit-cycle/crit-0.5/perod", "printed/linear/limit-cycle/crit-0.5/"),
+        ("printed/linear/limit-cycle/crit-9/period", "printed/linear/limit-cycle/"),
+        ("calibrated/smooth/hopf/point/omega_h", "calibrated/smooth/"),
+        ("printed/linear/limit-cycle/crit-0.5", "printed/linear/limit-cycle/crit-0.5/"),
+    ],
+)
+def test_suggested_ids_share_the_beginning_of_a_wrong_one(id_: str, beginning: str) -> None:
+    with pytest.raises(InputError) as fault:
+        reference(id_)
+    suggested = str(fault.value).partition("did you mean ")[2].rstrip("?").split(" or ")
+    assert 1 < len(suggested) <= 5
+    assert all(one.startswith(beginning) for one in suggested)
+
+
 @pytest.mark.parametrize("id_", ["", "../../etc/passwd", "printed/linear", "x" * 10_000, "printed/\0"])
 def test_ids_that_do_not_exist(id_: str) -> None:
     with pytest.raises(InputError, match="no reference value"):

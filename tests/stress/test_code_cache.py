@@ -137,6 +137,15 @@ def test_a_sound_file_is_not_read(entries: Path, monkeypatch: pytest.MonkeyPatch
     assert _starts(entries) == (5, 500)
 
 
+def test_ctrl_c_is_heard_while_entries_get_their_checksums(entries: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _done(entries, "UPDATE cache SET obj = x'41' WHERE hash = 3")
+    monkeypatch.setattr(code_cache, "sha256", Mock(side_effect=KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        code_cache.vouch(ending=True)
+    monkeypatch.undo()
+    assert _done(entries, "SELECT count(*) FROM cache") == [(5,)]
+
+
 def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:
     """A checksum follows each entry at once, so that only what is damaged is compiled again."""
     program = (

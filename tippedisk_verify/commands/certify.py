@@ -123,14 +123,14 @@ def check(common: Common, file: str, jobs: int | None) -> int:
     A family of limit cycles takes some 8 minutes of CPU, the cycles next to the connection 2, all else seconds.
     """
     from tippedisk_verify import checker
+    from tippedisk_verify.progress import watched
 
     checked_jobs(jobs)
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
-        with progress(common, len(arcs)) as advance, processes(jobs, needed=len(arcs) > 1) as pool:
-            for number, found in enumerate((map if pool is None else pool.map)(shown, arcs), 1):
-                advance(f"arc {number}", 1)
-                yield found
+        with processes(jobs, needed=len(arcs) > 1) as pool:
+            done = (map if pool is None else pool.map)(shown, arcs)
+            yield from watched(done, "arcs", len(arcs), not common.quiet)
 
     try:
         result = {"accepted": True, "statement": checker.check(file, mapped)}

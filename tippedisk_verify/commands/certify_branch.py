@@ -139,10 +139,10 @@ def _read(name: str) -> Iterator[str]:
 
 def _line(proof: CycleProof) -> str:
     if not proof.proved:
-        return f"omega {float(proof.omega):.10f} rad/s  not proved: {proof.status.value} ({proof.where})"
+        return f"omega {float(proof.omega):.12g} rad/s  not proved: {proof.status.value} ({proof.where})"
     numbers = proof.numbers()
     manner = {True: "stable", False: "unstable", None: "stability open"}[proof.stable]
     return (
-        f"omega {float(proof.omega):.10f} rad/s  period {numbers['period']} s"
+        f"omega {float(proof.omega):.12g} rad/s  period {numbers['period']} s"
         f"  beta_max {numbers['beta_max']} rad  {manner}"
     )

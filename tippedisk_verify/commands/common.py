@@ -1,12 +1,11 @@
-"""What the commands share: options, the live bar, printing, and processes."""
+"""What the commands share: options, progress, printing, and processes."""
 
 from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from tippedisk_verify.progress import Advance
 
 __all__ = [
     "Common",
@@ -208,19 +208,11 @@ def console() -> Console:
     return terminal if terminal.is_terminal else Console(width=160)
 
 
-@contextmanager
-def progress(common: Common, total: int) -> Iterator[Callable[[str, int], None]]:
-    """A live bar on a terminal's standard error, nothing anywhere else."""
-    if common.quiet or not sys.stderr.isatty():
-        yield lambda label, steps: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+def progress(common: Common, total: int) -> AbstractContextManager[Advance]:
+    """What the command has done is shown while this is entered, unless it is to be quiet; total 0: nobody knows."""
+    from tippedisk_verify.progress import progress_of
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=total)
-        yield lambda label, steps: bar.update(task, description=label, advance=steps)
+    return progress_of(total, not common.quiet)
 
 
 def checked_jobs(jobs: int | None) -> int | None:

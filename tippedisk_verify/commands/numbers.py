@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import click
 
-from tippedisk_verify.commands.common import (
-    Common,
-    common_options,
-    print_result,
-    progress,
-    result_lines,
-    speed,
-    speed_options,
-)
+from tippedisk_verify.commands.common import Common, common_options, print_result, result_lines, speed, speed_options
 from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 
@@ -226,6 +218,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.orbits import branches
     from tippedisk_verify.orbits import rotating as rotations
+    from tippedisk_verify.progress import watched
     from tippedisk_verify.report.tables import write_branch
 
     if common.digits > 12:
@@ -249,16 +242,12 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     else:
         total = 801 if paper_sets else len(speeds) if speeds else branches.DEFAULT_COUNT
         family = branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
-    cycles = []
-    with progress(common, total) as advance:
-        for cycle in family:
-            cycles.append(cycle)
-            advance(f"Omega = {float(cycle.omega):.6g}", 1)
+    cycles: list[LimitCycle | RotatingCycle] = list(watched(family, "limit cycles", total, not common.quiet))
     if target is not None:
         write_branch(cycles, target)
     lines = (
-        f"omega {float(cycle.omega):.10f} rad/s  period {float(cycle.period):.12f} s"
-        f"  beta_max {float(cycle.beta_max):.12f} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
+        f"omega {float(cycle.omega):.12g} rad/s  period {float(cycle.period):.12g} s"
+        f"  beta_max {float(cycle.beta_max):.12g} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
     orbits: list[dict[str, object]] = [_without_history(cycle) for cycle in cycles]

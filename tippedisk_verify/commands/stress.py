@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import Common, plain_options, print_result, processes, progress
+from tippedisk_verify.commands.common import Common, plain_options, print_result, processes
 
 if TYPE_CHECKING:
     from tippedisk_verify.stress.case import Outcome
@@ -24,6 +24,7 @@ __all__ = ["COMMANDS"]
 def stress(common: Common, only: tuple[str, ...], quick: bool, listed: bool, jobs: int | None) -> int:
     """Extreme parameters, states, tolerances and speeds: each must give digits that hold, or say what it cannot."""
     from tippedisk_verify.parallel import as_done
+    from tippedisk_verify.progress import watched
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 
     cases = cases_named(only, quick)
@@ -32,13 +33,10 @@ def stress(common: Common, only: tuple[str, ...], quick: bool, listed: bool, job
         lines = map("{name}: {says}; expected: {expected}".format_map, listing)
         print_result(replace(common, quiet=False), {"cases": listing}, lines)
         return 0
-    by_name = {}
     # The long ones first, so that none of them is left alone at the end.
-    order = sorted(cases, key=lambda case: case.quick)
-    with progress(common, len(cases)) as advance, processes(jobs, needed=len(cases) > 1) as pool:
-        for name, outcome in as_done(outcome_of, [case.name for case in order], pool):
-            by_name[name] = outcome
-            advance(name, 1)
+    order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
+    with processes(jobs, needed=len(cases) > 1) as pool:
+        by_name = dict(watched(as_done(outcome_of, order, pool), "cases", len(cases), not common.quiet))
     outcomes = [by_name[case.name] for case in cases]
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
     result = {

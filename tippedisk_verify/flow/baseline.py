@@ -136,8 +136,10 @@ class Baseline:
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
         times = None if request.times is None else numpy.asarray([DOUBLE.number(t) for t in request.times])
         events = [_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
+        # SciPy's error norms overflow where a motion leaves the doubles, and a status says so.
+        silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
         try:
-            with _LSODA if self.method == "LSODA" else nullcontext():
+            with silent, _LSODA if self.method == "LSODA" else nullcontext():
                 solution = solve_ivp(
                     counted,
                     (0.0, duration),

@@ -280,7 +280,7 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.
-        plain = times if native else precision.array(list(times))
+        plain = times if native else precision.array(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if plain.ndim != 1:

@@ -22,12 +22,11 @@ __all__ = ["guarded", "vouch"]
 _LIMIT = 256 * 2**20  # bytes
 # All that heyoka reads of an entry. When it was last used changes, and decides about nothing but what goes first.
 _READ = ("hash", "bitcode", "comp_flag", "env_fingerprint", "opt_bc", "opt_ir", "obj", "size")
-_DIGEST = f"digest({', '.join(f'CAST({name} AS BLOB)' for name in _READ)})"
-_TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL);"
-_ADD = f"INSERT INTO digests SELECT hash, {_DIGEST} FROM cache WHERE hash NOT IN (SELECT hash FROM digests);"
-_CHECK = f"""DELETE FROM cache WHERE {_DIGEST} IS NOT (SELECT digest FROM digests WHERE digests.hash = cache.hash);
-    DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache);
-    UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size';"""
+_COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ)
+_ENTRIES = f"SELECT hash, digest, {_COLUMNS} FROM cache LEFT JOIN digests USING (hash)"
+_TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL)"
+_FORGET = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
+_RECKON = "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
 _in_use: list[Any] = []  # heyoka's state, the file, its note, and how large all entries were when each had a checksum
 
 
@@ -40,7 +39,7 @@ def guarded(llvm_state: Any) -> None:
             path, note = (folder.absolute() / name for name in ("cache.db", "cache.db-sound"))
             note.touch()
             if path.exists() and note.read_bytes() != _stamp(path):
-                _settle(path, note, _CHECK)
+                _settle(path, note, adding=False, checking=True)
             llvm_state.set_diskcache_path(str(path.parent))
             llvm_state.set_diskcache_limit(_LIMIT)
             llvm_state.set_diskcache_enabled(True)
@@ -54,18 +53,31 @@ def vouch(*, ending: bool = False) -> None:
         llvm_state, path, note, before = _in_use
         _in_use[3] = size = llvm_state.get_diskcache_size()
         if ending or size != before:
-            script = _ADD if note.read_bytes() == _stamp(path) else _ADD + _CHECK
+            sound = note.read_bytes() == _stamp(path)
             llvm_state.set_diskcache_path(str(path.parent))  # closes it: two SQLites undo each other's locks
-            _settle(path, note, script)
+            _settle(path, note, adding=True, checking=not sound)
 
 
-def _settle(path: Path, note: Path, script: str) -> None:
-    """Run it and note what the file is then, unless another process is changing it; remove one that is no cache."""
+def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
+    """Add or check checksums and note what the file is then, unless another process is changing it.
+
+    A file that is no cache is removed. SQLite calls no function of ours: it takes Ctrl-C in one for a fault of the
+    file, and nobody hears of it.
+    """
     before = _stamp(path)
     try:
-        with closing(sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True)) as base:
-            base.create_function("digest", -1, lambda *v: sha256(b"%a" % [*map(len, v)] + b"".join(v)).digest())
-            base.executescript(f"BEGIN IMMEDIATE; {_TABLE} {script} COMMIT")
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, isolation_level=None)) as base:
+            base.execute("BEGIN IMMEDIATE")
+            base.execute(_TABLE)
+            if adding:
+                new = [(key, _digest(values)) for key, _, *values in base.execute(f"{_ENTRIES} WHERE digest IS NULL")]
+                base.executemany("INSERT INTO digests VALUES (?, ?)", new)
+            if checking:
+                wrong = [(key,) for key, known, *values in base.execute(_ENTRIES) if known != _digest(values)]
+                base.executemany("DELETE FROM cache WHERE hash = ?", wrong)
+                base.execute(_FORGET)
+                base.execute(_RECKON)
+            base.execute("COMMIT")
             alone = _stamp(path) == before
         if alone and not path.with_name("cache.db-wal").exists():
             note.write_bytes(_stamp(path))
@@ -73,6 +85,12 @@ def _settle(path: Path, note: Path, script: str) -> None:
         if isinstance(fault, sqlite3.OperationalError) and fault.sqlite_errorcode != sqlite3.SQLITE_ERROR:
             raise  # locked, read-only, a full disk: another time it may be whole
         path.unlink(missing_ok=True)
+
+
+def _digest(values: list[bytes | None]) -> bytes:
+    """What changes with each value and its length."""
+    parts = [value or b"" for value in values]
+    return sha256(b"%a" % [*map(len, parts)] + b"".join(parts)).digest()
 
 
 def _stamp(path: Path) -> bytes:

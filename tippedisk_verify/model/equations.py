@@ -12,7 +12,7 @@ power divides by its base and cos(beta) vanishes at every equilibrium and sectio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple, Protocol
 
@@ -26,6 +26,7 @@ __all__ = [
     "Terms",
     "acceleration",
     "checked_speed",
+    "checked_speeds",
     "field",
     "friction_force",
     "jacobian",
@@ -74,6 +75,12 @@ def checked_speed(omega: object) -> Fraction:
     if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
         raise InputError(f"Omega must be a positive decimal below 1e6 rad/s, not {shown(omega)}")
     return speed.rational
+
+
+def checked_speeds(omegas: object) -> list[Fraction]:
+    """The speeds [rad/s] of a list, each as `checked_speed` has it; a text or a number by itself is one speed."""
+    listed = isinstance(omegas, Iterable) and not isinstance(omegas, str | bytes)
+    return [checked_speed(omega) for omega in (omegas if listed else [omegas])]  # type: ignore[attr-defined]
 
 
 class Terms(NamedTuple):

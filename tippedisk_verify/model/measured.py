@@ -249,13 +249,15 @@ def _exact_decimals(value: Fraction) -> tuple[str, str]:
 
 
 def _decimal_text(steps: int, place: int) -> str:
-    """``steps * 10**place`` as a decimal string, in scientific notation only where it is far from 1."""
+    """``steps * 10**place`` as a decimal string, in scientific notation above 10^6 and below 10^-5."""
     if not steps:
         place = min(place, 0)
     digits = str(Decimal(abs(steps)))  # unlike str(int), without a limit of 4300 digits
     sign = "-" if steps < 0 else ""
     magnitude = len(digits) - 1 + place
-    if steps and (magnitude < -5 or (place > 0 and magnitude > 15)):
+    if steps and (magnitude < -5 or magnitude > 6 or (magnitude == 6 and digits.strip("0") != "1")):
+        if place == 0:  # a whole number: its last zeros are only written out
+            digits = digits.rstrip("0")
         mantissa = digits[0] + ("." + digits[1:] if len(digits) > 1 else "")
         return f"{sign}{mantissa}e{magnitude}"
     if place >= 0:

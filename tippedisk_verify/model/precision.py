@@ -129,16 +129,21 @@ class Precision:
         return self._from_mantissa(*pair)
 
     def array(self, values: Sequence[object]) -> Any:
-        """A one-dimensional numpy array of `number` of each value (of objects, where they are MPFR's)."""
+        """A one-dimensional numpy array of `number` of each value (of objects, where they are MPFR's).
+
+        Raises InputError as `number` does, and for a text, whose characters are no list of numbers.
+        """
         import numpy
 
+        if isinstance(values, str | bytes):
+            raise InputError(f"a list of numbers is needed, not the text '{shown(values)}'")
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
     def sequence(self, values: Any) -> Any:
         """The same of any sequence. An array of this arithmetic stays as it is, one of doubles is exact in it."""
         if self.kind != "real" and getattr(values, "dtype", None) in (self.type, float):
             return values.astype(self.type, copy=False)
-        return self.array(list(values))
+        return self.array(values)
 
     def owned(self, view: Any) -> Any:
         """A copy of memory that heyoka will write over: of objects, where the numbers are MPFR's.

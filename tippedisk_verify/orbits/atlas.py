@@ -89,6 +89,8 @@ def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) ->
         raise InputError(f"the plane '{shown(axes)}' is not known: give one of {known} and Omega, such as A,Omega")
     if ends is None:
         return Plane(parameters, name, *_around(parameters, name))
+    if isinstance(ends, str) or len(ends) != 2:
+        raise InputError(f"a range has two ends, the lowest value and the highest, not {shown(ends)}")
     low, high = map(exact, ends)
     if low.pi_multiple or high.pi_multiple:
         raise InputError("the ends of a range must be decimals")

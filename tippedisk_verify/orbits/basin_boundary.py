@@ -54,7 +54,7 @@ class BasinBoundary:
 
     def margin(self, state: Sequence[float]) -> Measured:
         """The distance in beta [rad] of a state (beta, gamma, v) from the boundary: positive if it keeps standing."""
-        beta, gamma, v = map(float, state)
+        beta, gamma, v = DOUBLE.array(state).tolist()
         if not 0 < beta < math.pi:
             raise InputError(f"beta lies between 0 and pi, not at {beta:g}")
         if not abs(v) <= SPEEDS_OF_STATES:

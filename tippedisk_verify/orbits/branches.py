@@ -16,7 +16,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
@@ -90,7 +90,7 @@ def family(
             raise Shortfall(str(fault)) from None
         yield from _overview(known)
         return
-    speeds = [checked_speed(omega) for omega in omegas]
+    speeds = checked_speeds(omegas)
     if not 0 < len(speeds) <= _MOST:
         raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
     if len(speeds) >= MANY and parameters.friction == "linear":

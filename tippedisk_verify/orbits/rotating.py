@@ -11,7 +11,7 @@ import numpy
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.equations import checked_speed, checked_speeds
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
@@ -115,7 +115,7 @@ def rotating_branch(
     more, of the linear law, count as doubles and are solved together. Raises InputError for speeds that are no positive
     decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
-    speeds = None if omegas is None else [checked_speed(omega) for omega in omegas]
+    speeds = None if omegas is None else checked_speeds(omegas)
     family = RotatingFamily(parameters, engine)
     if speeds is not None:
         if len(speeds) >= MANY and parameters.friction == "linear":

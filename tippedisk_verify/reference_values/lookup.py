@@ -7,6 +7,8 @@ from tippedisk_verify.reference_values.store import Quantity, Reading, Store, st
 
 __all__ = ["reference", "references"]
 
+_MOST_NEAR = 5  # ids that an error suggests
+
 
 def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
     """The installed reference values whose id starts with ``prefix``, in order of difficulty.
@@ -33,14 +35,22 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
     quantity = _with_drawn(id_).get(id_)
     if quantity is None:
-        from difflib import get_close_matches
-
-        asked = id_[:200]
-        near = [known for known in stored() if asked and f"/{known}".endswith(f"/{asked}")][:3]
-        near = near or get_close_matches(asked, list(stored()), 3, 0.5)
+        near = _near(id_[:200])
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
     return quantity.read_from(reading)
+
+
+def _near(asked: str) -> list[str]:
+    """At most five ids that end as a wrong one, or else share its longest beginning; the most similar of them first."""
+    from difflib import get_close_matches
+
+    known, parts = list(stored()), asked.split("/")
+    sharing = [id_ for id_ in known if asked and f"/{id_}".endswith(f"/{asked}")]
+    while parts and not sharing:
+        sharing = [id_ for id_ in known if id_.startswith("/".join([*parts, ""]))]
+        parts.pop()
+    return get_close_matches(asked, sharing or known, _MOST_NEAR, 0 if sharing else 0.5)
 
 
 def _with_drawn(prefix: str) -> Store:

@@ -10,14 +10,17 @@ from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.progress import progress_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import Reading, stored
 
 __all__ = ["grade"]
 
 
-def grade(answers: Mapping[str, object], *, reading: Reading = "doubles") -> Report:
+def grade(answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None) -> Report:
     """The grades of many answers by id, with a diagnosis; ``reading`` is what they were computed from.
+
+    What takes longer than two seconds shows its progress on standard error, unless ``progress`` is False.
 
     An answer is what `compare` takes. Anything else (None, a complex number, an array of several) is a failure with a
     note. The result's ``passed`` and ``failed`` are for a test, and str() of it is the reason.
@@ -34,7 +37,8 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles") -> Rep
     if any(str(id_).startswith("fresh-") for id_ in answers):
         from tippedisk_verify.reference_values.fresh import with_fresh
 
-        store = with_fresh(store, "\n".join(map(str, answers)))
+        with progress_of(progress=progress) as advance:
+            store = with_fresh(store, "\n".join(map(str, answers)), advance)
     given, notes = Answers(), {}
     for id_, answer in answers.items():
         given.sets.add((store.get(id_) or reference(id_)).set)  # which says what is wrong with an unknown id
@@ -45,4 +49,5 @@ def grade(answers: Mapping[str, object], *, reading: Reading = "doubles") -> Rep
         given.given[id_] = reading, text
     grades = [replace(one, note=notes[one.id]) if one.id in notes else one for one in graded(given, store)]
     asked = [quantity for quantity in store.values() if quantity.set in given.sets]
-    return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store))
+    with progress_of(progress=progress) as advance:
+        return Report("answers", given, grades, levels_of(grades, asked), diagnosed(grades, store, advance))
