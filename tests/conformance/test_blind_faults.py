@@ -67,7 +67,7 @@ QUICK = (
     ("h1-swapped", 1), ("rho-constant", 1), ("derivatives-abs", 1), ("noninverted-gamma-zero", 2),
     ("jacobian-gamma-row-sign", 2), ("lyapunov-no-conjugate", 3), ("frequency-no-root", 4), ("h_0-sine-gamma", 5),
     ("v-precedence", 1), ("eigenvalues-symmetric", 2), ("jacobian-inverted-A_31", 2), ("transversality-coarse", 3),
-    ("hb-omega-2-decimals", 4), ("h-free-always", 5), ("equilibrium-gamma-ninety", 2), ("cubic-coarse-step", 3),
+    ("hb-omega-2-decimals", 4), ("h-free-always", 5), ("equilibrium-gamma-ninety", 2),
     ("series-factorial", 5), ("h5-missing", 1),
 )  # fmt: skip
 
