@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import tomllib
 from contextlib import suppress
 from itertools import islice
@@ -114,25 +113,22 @@ def test_a_sweep_keeps_a_journal_of_what_it_has(
     assert len((out / "a.csv").read_text().splitlines()) == 41
 
 
-def test_a_terminal_gets_its_cursor_back(struck: Struck, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The live bar hides it, and its thread draws on until the end."""
-    monkeypatch.setenv("TERM", "xterm")
+def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
+    """The live bar hides it, and its thread draws on until the end. The strike comes once it is hidden."""
     ours, theirs = os.openpty()
-    shown = bytearray()
-
-    def read() -> None:
-        with suppress(OSError):  # which is how a terminal ends that nobody writes to any more
-            while True:
-                shown.extend(os.read(ours, 65536))
-
-    reader = threading.Thread(target=read)
-    reader.start()
-    arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:60", "--executor", "serial", "--out", str(tmp_path / "a.csv")]
-    assert struck.at("call keep 20", arguments, stderr=theirs)[0] == 130
+    arguments = ["sweep", "hopf", "--over", "g=9.7:9.9:99999", "--executor", "serial", "--out", str(tmp_path / "a.csv")]
+    process = subprocess.Popen([*PROGRAM, *arguments], stderr=theirs, env={**os.environ, "TERM": "xterm"})
     os.close(theirs)
-    reader.join()
+    shown, hidden = bytearray(), False
+    with suppress(OSError):  # which is how a terminal ends that nobody writes to any more
+        while True:
+            shown.extend(os.read(ours, 65536))
+            if not hidden and b"\x1b[?25l" in shown:
+                hidden = True
+                process.send_signal(signal.SIGINT)
     os.close(ours)
-    assert b"\x1b[?25l" in shown
+    assert process.wait() == 130
+    assert hidden
     assert shown.endswith(b"\r\x1b[2K\x1b[?25htippedisk-verify: interrupted\r\n")
 
 
