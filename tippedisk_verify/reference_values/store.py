@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import numbers
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -83,11 +83,13 @@ class Quantity(Bounded):
     real = property(float)  # these two are asked of a number by pytest.approx
     imag = 0.0
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """For NumPy: the double nearest to the value, as an array without dimensions."""
-        import numpy
+    def __hash__(self) -> int:
+        return hash((self.id, self.reading))
 
-        return numpy.array(float(self), dtype=dtype)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: views of mappings do not travel."""
+        values = (getattr(self, item.name) for item in fields(self))
+        return Quantity, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)
 
     def __str__(self) -> str:
         """The value with its half-width."""
