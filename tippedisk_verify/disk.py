@@ -16,6 +16,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
+from tippedisk_verify.model.results import Printable
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine, Event, EventRecord, Request, Result, Status
@@ -35,8 +36,8 @@ _SAMPLES = 201  # of a solution, if no times are named
 _DOUBLE_DIGITS = 12
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(Printable):
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
     ``t`` (n,) [s], ``y`` (3, n) with rows beta, gamma [rad] and v [rad/s], ``uncertainty`` (3, n) the half-widths of
@@ -84,6 +85,11 @@ class Solution:
             _request=request,
             _engine=engine,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For other processes and copies: continuous output is made anew there, by a run that needs no events."""
+        kept = {name: value for name, value in self.__dict__.items() if name != "_dense"}
+        return kept | {"_request": replace(self._request, events=(), times=None, duration=self.t[-1])}
 
     @property
     def success(self) -> bool:

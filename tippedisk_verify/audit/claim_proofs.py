@@ -33,7 +33,7 @@ class ClaimProof:
     def grade(self) -> str:
         return "proved in part" if self.rest else "proved"
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {
             "theorem": self.theorem,
             "friction": list(self.friction),

@@ -43,7 +43,7 @@ class Score:
     evaluations: int | None
     truth_uncertainty: float
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 
 

@@ -179,16 +179,16 @@ class ProvedConnection:
             "tends to infinity as Omega tends to Omega_h."
         )
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return {
             "proved": self.proved,
             "status": self.status.name.lower(),
             "statement": self.statement,
             "limit_cycle": self.limit_cycle,
-            "omega_h": None if self.omega_h is None else self.omega_h.json(),
+            "omega_h": None if self.omega_h is None else self.omega_h.to_dict(),
             "unique": self.unique,
-            "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
-            "saddle_value": None if self.saddle_value is None else self.saddle_value.json(),
+            "saddle_eigenvalues": [value.to_dict() for value in self.saddle_eigenvalues],
+            "saddle_value": None if self.saddle_value is None else self.saddle_value.to_dict(),
             "upright": self.upright,
             "room": None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()},
             "bits": self.bits,

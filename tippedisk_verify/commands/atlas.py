@@ -86,9 +86,9 @@ def _as_json(found: Atlas) -> dict[str, Any]:
                 "kind": curve.kind,
                 "points": [
                     {
-                        name: Measured.of(point.value, 0).json(),
+                        name: Measured.of(point.value, 0).to_dict(),
                         **{
-                            part: getattr(point, part).json()
+                            part: getattr(point, part).to_dict()
                             for part in ("omega", "gamma_bar_0", "v_0", "period")
                             if getattr(point, part) is not None
                         },
@@ -99,7 +99,7 @@ def _as_json(found: Atlas) -> dict[str, Any]:
             for curve in found.curves
         ],
         "points": [
-            {"kind": point.kind, name: point.value.json(), "omega": point.omega.json()} for point in found.points
+            {"kind": point.kind, name: point.value.to_dict(), "omega": point.omega.to_dict()} for point in found.points
         ],
         "missing": [
             {

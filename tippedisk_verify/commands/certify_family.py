@@ -12,11 +12,11 @@ from tippedisk_verify.commands.common import (
     checked_jobs,
     print_result,
     progress,
-    result_lines,
     workers_of,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.files import output_file, write_text
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.branch import BranchProof
@@ -101,7 +101,7 @@ def family_as_a_curve(
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
-    print_result(common, proof.json(), _lines(proof))  # first: it stands if no certificate can be written
+    print_result(common, proof.to_dict(), _lines(proof))  # first: it stands if no certificate can be written
     if certificate is not None and proof.hopf_closed:
         _certify(common, proof, certificate, executor, jobs)
     return 0 if proof.proved else 1
@@ -202,7 +202,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 
 def _lines(proof: BranchProof) -> Iterator[str]:
-    entries = proof.json()
+    entries = proof.to_dict()
     arcs = entries.pop("arcs")
     assert isinstance(arcs, list)
     yield from result_lines(entries)

@@ -16,6 +16,7 @@ import click
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -36,7 +37,6 @@ __all__ = [
     "print_result",
     "processes",
     "progress",
-    "result_lines",
     "speed",
     "speed_options",
     "workers_of",
@@ -152,38 +152,6 @@ def print_result(common: Common, result: dict[str, Any], lines: Iterable[object]
     elif not common.quiet:
         for line in result_lines(result) if lines is None else lines:
             click.echo(line)
-
-
-def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
-    """A line for each number and sentence; what consists of several goes below its name."""
-    from tippedisk_verify.commands.quantities import heading
-
-    for name, value in entries.items():
-        if isinstance(value, dict) and not _measured(value):
-            yield f"{indent}{heading(name)}:"
-            yield from result_lines(value, indent + "  ")
-        elif isinstance(value, list) and len(value) > 1:
-            yield f"{indent}{heading(name)}:"
-            yield from (f"{indent}  {_said(entry)}" for entry in value)
-        elif value is not None:
-            yield f"{indent}{heading(name)}: {_said(value)}"
-
-
-def _measured(value: Any) -> bool:
-    return isinstance(value, dict) and set(value) == {"value", "uncertainty"}
-
-
-def _said(value: Any) -> str:
-    if _measured(value):
-        text, width = str(value["value"]), str(value["uncertainty"])
-        return text if width == "0" else f"{text} ± {width}"
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
-    if isinstance(value, list):
-        return "; ".join(_said(entry) for entry in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def alone_in(out: str | None) -> Path | None:

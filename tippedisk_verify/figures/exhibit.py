@@ -29,7 +29,7 @@ class Table:
         shown = tuple(tuple(_cell(value, digits) for value in row) for row in rows)
         return cls(caption, tuple(columns), tuple(map(tuple, rows)), shown)
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {"caption": self.caption, "columns": self.columns, "rows": self.rows, "shown": self.shown}
 
 
@@ -105,7 +105,7 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
     entry |= {
         "reading": drawing.reading,
         "files": list(files),
-        "tables": [table.json() for table in drawing.tables],
+        "tables": [table.to_dict() for table in drawing.tables],
     }
     return {"entry": entry, "facts": drawing.facts, "files": files, "embedded": embedded}
 

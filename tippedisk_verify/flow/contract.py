@@ -181,7 +181,7 @@ class Build:
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
     seconds: float  #: spent building it, in this process
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """For reports; the time is left out because it differs from run to run."""
         return {
             "engine": self.engine,

@@ -32,12 +32,13 @@ from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
 
-@dataclass(frozen=True)
-class BatchResult:
+@dataclass(frozen=True, repr=False)
+class BatchResult(Printable):
     """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
 
     With the smooth law a run whose branch was in doubt for a moment (two switches closer than events can tell) counts
@@ -72,6 +73,10 @@ class BatchTaylor:
             raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
         self._batches: dict[tuple[Any, ...], OneAtATime] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For other processes and copies: compiled code does not travel."""
+        return self.__dict__ | {"_batches": {}}
 
     def __call__(
         self,

@@ -14,6 +14,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.comparison import compared
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
@@ -53,6 +54,13 @@ class Taylor:
             self._options["opt_level"] = optimisation
         self._compact = compact
         self._integrators: dict[tuple[Any, ...], OneAtATime] = {}
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """For other processes and copies: compiled code does not travel, and the default engine is the one there."""
+        return (default_engine, ()) if self is default_engine() else super().__reduce_ex__(protocol)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_integrators": {}}
 
     @property
     def name(self) -> str:

@@ -79,6 +79,11 @@ class Bounded(Known):
 
         return getattr(function, method)(*map(exactly, inputs), **options)
 
+    def _repr_html_(self) -> str:
+        """A table, for notebooks."""
+        value, uncertainty = str(self).split(" ± ")
+        return f"<table><tr><td>{value}</td><td>± {uncertainty}</td></tr></table>"
+
     def _ends(self) -> tuple[Fraction, Fraction]:
         """The least and the greatest that the true value may be."""
         return self.value - self.uncertainty, self.value + self.uncertainty
@@ -228,8 +233,8 @@ class Bounded(Known):
 class Measured(Bounded):
     """A value and its half-width, both exact rationals; what computations return.
 
-    `json` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is added
-    to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
+    `to_dict` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is
+    added to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
     """
 
     value: Fraction
@@ -277,14 +282,13 @@ class Measured(Bounded):
         steps = round(self.value / unit)
         return _decimal_text(steps, place), rounded_up(self.uncertainty + abs(self.value - steps * unit))
 
-    def json(self) -> dict[str, str]:
+    def to_dict(self) -> dict[str, str]:
         """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
 
     def __str__(self) -> str:
-        value, uncertainty = self.decimals()
-        return f"{value} ± {uncertainty}"
+        return " ± ".join(self.decimals())
 
     def __repr__(self) -> str:
         return f"Measured({self})"
@@ -323,8 +327,8 @@ def _at(name: str, point: Fraction, bits: int) -> Measured:
     )
     size = abs(found)
     # |x f'(x)|, or more: what a relative change of the point does.
-    moved = {"sqrt": size, "log": 1, "exp": abs(point) * size}.get(name, abs(point)) if at != point else 0
-    return Measured(found, (size + moved) / 2 ** (bits - _SPARE_BITS))
+    moved = {"sqrt": size, "log": Fraction(1), "exp": abs(point) * size}.get(name, abs(point))
+    return Measured(found, (size + moved * (at != point)) / 2 ** (bits - _SPARE_BITS))
 
 
 def exact_text(value: Fraction) -> str:

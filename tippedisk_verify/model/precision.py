@@ -57,6 +57,10 @@ class Precision:
     def __hash__(self) -> int:  # looked up once per integration, so computed once
         return self._hash  # type: ignore[attr-defined,no-any-return]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: without what was computed from them."""
+        return Precision, (self.kind, self.bits)
+
     @property
     def name(self) -> str:
         """``double``, ``extended``, ``quadruple`` or ``real200``."""

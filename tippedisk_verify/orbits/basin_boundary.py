@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
@@ -18,6 +19,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.results import Printable, plain
 from tippedisk_verify.orbits.basins import SPEEDS_OF_STATES
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
@@ -34,7 +36,7 @@ _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 _UPRIGHT = Event("upright", SECTION.function)
 
 
-class BasinBoundary:
+class BasinBoundary(Printable):
     """The boundary at one speed [rad/s], in double: two sheets, each a graph of beta over (gamma, v).
 
     Starts between the sheets keep standing, the others lie flat. Raises NoSuchCycleError where there is no unstable
@@ -51,6 +53,10 @@ class BasinBoundary:
         self._weight = b / (float(self.cycle.multiplier_slow) - d)
         forgotten = _FORGOTTEN / -float(self.cycle.log_multiplier_fast)
         self._turns = min(_MOST_TURNS, max(_FEWEST_TURNS, math.ceil(forgotten)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The speed [rad/s], and the unstable rotating cycle."""
+        return {"omega": plain(self.omega), "cycle": self.cycle.to_dict()}
 
     def margin(self, state: Sequence[float]) -> Measured:
         """The distance in beta [rad] of a state (beta, gamma, v) from the boundary: positive if it keeps standing."""

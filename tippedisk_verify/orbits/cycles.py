@@ -17,13 +17,14 @@ from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
 
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 
 
-class Cycle(ABC):
+class Cycle(Printable, ABC):
     """What the results have in common; a subclass says where on the cycle its coordinates are taken."""
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
@@ -94,15 +95,8 @@ class Cycle(ABC):
         axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
         return axes
 
-    def json(self) -> dict[str, object]:
-        return {
-            name: value.json() if isinstance(value, Measured) else list(value) if isinstance(value, tuple) else value
-            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)  # type: ignore[attr-defined]
-            if name not in ("parameters", "engine", "precision")
-        }
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LimitCycle(Cycle):
     """A limit cycle about inverted spinning, with its multipliers and sensitivities; each number's half-width holds it.
 
@@ -139,7 +133,7 @@ class LimitCycle(Cycle):
         return states
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RotatingCycle(Cycle):
     """A rotating limit cycle with its multipliers and sensitivities; each number's half-width holds it.
 

@@ -34,7 +34,7 @@ class CheckReport:
     recomputed: int  #: by a second road
     faults: tuple[str, ...]
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return asdict(self) | {"faults": list(self.faults)}
 
 

@@ -192,7 +192,7 @@ def _quantity(
     value, uncertainty = by_reading["decimals"][name].decimals()
     entry: dict[str, Any] = {"unit": kind.units(name), "value": value, "uncertainty": uncertainty}
     if "doubles" in by_reading:
-        entry["from_doubles"] = by_reading["doubles"][name].json()
+        entry["from_doubles"] = by_reading["doubles"][name].to_dict()
     entry["grade"] = "two-method" if confirmed else "agreed" if distances else "single"
     entry["methods"] = {kind.roads[0].name: "0"} | {road: _short(away) for road, away in distances.items()}
     entry["condition"] = {symbol: _short(slope) for symbol, slope in condition.items() if slope}

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.manifest import sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
@@ -24,8 +25,8 @@ __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
 Reading = Literal["decimals", "doubles"]
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity(Bounded):
+@dataclass(frozen=True, slots=True, repr=False)
+class Quantity(Printable, Bounded):
     """One reference value with what is known of it.
 
     It behaves as a number: the value, with its half-width, of one of its two readings. ``reading`` says which, and
@@ -98,7 +99,7 @@ class Quantity(Bounded):
     def __format__(self, spec: str) -> str:
         return format(self.measured(), spec) if spec else str(self)
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:

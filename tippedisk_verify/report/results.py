@@ -35,7 +35,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
     """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
 
     def entry(value: Measured | str) -> Any:
-        return value if isinstance(value, str) else value.json()
+        return value if isinstance(value, str) else value.to_dict()
 
     by_set = {name: entry(value) for name, value in finding.computed.items()}
     agreed = {
@@ -61,7 +61,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "note": finding.note,
         "methods": list(finding.methods),
         "grade": "computed" if proof is None else proof.grade,
-        "proof": None if proof is None else proof.json(),
+        "proof": None if proof is None else proof.to_dict(),
         "reading": claim.reading,
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",
