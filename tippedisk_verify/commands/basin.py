@@ -14,10 +14,10 @@ from tippedisk_verify.commands.common import (
     print_result,
     processes,
     progress,
+    quantities_of,
     speed,
     speed_options,
 )
-from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, Shortfall
 
 if TYPE_CHECKING:

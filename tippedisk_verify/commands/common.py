@@ -16,7 +16,7 @@ import click
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import undoing
-from tippedisk_verify.model.results import result_lines
+from tippedisk_verify.model.results import QUANTITIES, heading, result_lines
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -37,6 +37,7 @@ __all__ = [
     "print_result",
     "processes",
     "progress",
+    "quantities_of",
     "speed",
     "speed_options",
     "workers_of",
@@ -88,6 +89,19 @@ def plain_options(command: F) -> F:
 def speed_options(command: F) -> F:
     """Add the two ways to give the speed."""
     return _with(command, *_SPEED_OPTIONS)
+
+
+def quantities_of(*names: str) -> Callable[[click.Command], click.Command]:
+    """Adds what these quantities are to the end of a command's help."""
+    width = max(len(heading(name)) for name in names)
+    lines = [f"  {heading(name):{width}}  {QUANTITIES[name].meaning}" for name in names]
+
+    def added(command: click.Command) -> click.Command:
+        # The mark keeps click from filling the lines anew.
+        command.epilog = "\b\nQuantities (± is a half-width that holds the true value):\n" + "\n".join(lines)
+        return command
+
+    return added
 
 
 def _with(command: F, *options: Callable[[F], F]) -> F:

@@ -12,10 +12,10 @@ from tippedisk_verify.commands.common import (
     common_options,
     print_result,
     progress,
+    quantities_of,
     speed,
     speed_options,
 )
-from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.model.results import result_lines
 

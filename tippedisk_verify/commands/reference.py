@@ -140,7 +140,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
 
 
 def _lines(quantity: Quantity) -> Iterator[str]:
-    from tippedisk_verify.model.quantities import heading
+    from tippedisk_verify.model.results import heading
     from tippedisk_verify.reference_values.definitions import definition
 
     yield f"{quantity.id} [{quantity.unit}]"

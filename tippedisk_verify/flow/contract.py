@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.model.results import Printable
 
 __all__ = [
     "FLAT",
@@ -168,9 +169,11 @@ class EventRecord(NamedTuple):
     state: Any
 
 
-@dataclass(frozen=True)
-class Build:
+@dataclass(frozen=True, repr=False)
+class Build(Printable):
     """One thing that was compiled (or taken from what was compiled before) for a request."""
+
+    untold = ("seconds",)  # it differs from run to run
 
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``
@@ -180,18 +183,6 @@ class Build:
     events: tuple[str, ...]
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
     seconds: float  #: spent building it, in this process
-
-    def to_dict(self) -> dict[str, object]:
-        """For reports; the time is left out because it differs from run to run."""
-        return {
-            "engine": self.engine,
-            "precision": self.precision,
-            "friction": self.friction,
-            "variations": list(self.variations),
-            "divergence": self.divergence,
-            "events": list(self.events),
-            "u_variables": self.u_variables,
-        }
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,17 @@ What is printed, compared and combined still holds the truth.
 from __future__ import annotations
 
 import math
-import sys
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import partialmethod
-from typing import Any
+from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import Known, exact, fraction, quotient, shown
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -23,12 +24,35 @@ __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text"
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
+T = TypeVar("T")
+
 _LARGEST_POWER = 1000  # that is taken by multiplication
-_LARGEST_EXPONENT = 23_000  # its exponential has as many digits as a decimal's exponent may have
+_LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
 
 
-class Bounded(Known):
+def _of_two(act: Callable[[Bounded, Measured], T]) -> Callable[[Bounded, object], T]:
+    """An operation with whatever is a number."""
+
+    def operation(self: Bounded, other: object) -> T:
+        theirs = _operand(other)
+        return NotImplemented if theirs is None else act(self, theirs)
+
+    return operation
+
+
+def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int], bool]) -> bool:
+    """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
+    low, high = (compare(end, 0) for end in (mine - theirs)._ends())
+    if low != high:
+        raise Shortfall(
+            f"{mine} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
+            " sorted(xs, key=float) does"
+        )
+    return low
+
+
+class Bounded(Known, Printable):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
     Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
@@ -52,6 +76,12 @@ class Bounded(Known):
         import mpmath
 
         return quotient(mpmath.mp, self.value)
+
+    def __format__(self, spec: str) -> str:
+        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
+        if not spec:
+            return str(self)
+        return format(Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0, spec)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         """The double nearest to the value, without dimensions; the half-width stays behind.
@@ -79,42 +109,14 @@ class Bounded(Known):
 
         return getattr(function, method)(*map(exactly, inputs), **options)
 
-    def _repr_html_(self) -> str:
-        """A table, for notebooks."""
-        value, uncertainty = str(self).split(" ± ")
-        return f"<table><tr><td>{value}</td><td>± {uncertainty}</td></tr></table>"
-
     def _ends(self) -> tuple[Fraction, Fraction]:
         """The least and the greatest that the true value may be."""
         return self.value - self.uncertainty, self.value + self.uncertainty
 
-    def __lt__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference < 0)
-
-    def __le__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference <= 0)
-
-    def __gt__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference > 0)
-
-    def __ge__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference >= 0)
-
-    def _largest(self) -> Fraction:
-        """The greatest distance from zero that the true value may have."""
-        return abs(self.value) + self.uncertainty
-
-    def _below(self, other: object, answer: Callable[[Fraction], bool]) -> bool:
-        """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
-        if (theirs := _operand(other)) is None:
-            return NotImplemented  # type: ignore[no-any-return]
-        low, high = map(answer, (self - theirs)._ends())
-        if low != high:
-            raise Shortfall(
-                f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
-                " sorted(xs, key=float) does"
-            )
-        return low
+    __lt__ = _of_two(lambda mine, other: _compared(mine, other, operator.lt))
+    __le__ = _of_two(lambda mine, other: _compared(mine, other, operator.le))
+    __gt__ = _of_two(lambda mine, other: _compared(mine, other, operator.gt))
+    __ge__ = _of_two(lambda mine, other: _compared(mine, other, operator.ge))
 
     def _integer(self, rounding: Callable[[Fraction], int]) -> int:
         """The integer that a number is rounded to, if it is the same wherever in the half-width the true value lies."""
@@ -136,42 +138,27 @@ class Bounded(Known):
         rounded = round(self.value, digits)
         return Measured(rounded, self.uncertainty + abs(rounded - self.value))
 
-    def __pos__(self) -> Measured:
-        return Measured(self.value, self.uncertainty)
-
     def __neg__(self) -> Measured:
         return Measured(-self.value, self.uncertainty)
 
     def __abs__(self) -> Measured:
         return Measured(abs(self.value), self.uncertainty)
 
-    def __add__(self, other: object) -> Measured:
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        return Measured(self.value + theirs.value, self.uncertainty + theirs.uncertainty)
+    @_of_two
+    def __add__(self, other: Measured) -> Measured:
+        return Measured(self.value + other.value, self.uncertainty + other.uncertainty)
 
-    __radd__ = __add__
+    @_of_two
+    def __mul__(self, other: Measured) -> Measured:
+        mine, its = self.uncertainty, other.uncertainty
+        width = abs(self.value) * its + abs(other.value) * mine + mine * its
+        return Measured(self.value * other.value, width)
 
-    def __sub__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else self + -theirs
-
-    def __rsub__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else theirs + -self
-
-    def __mul__(self, other: object) -> Measured:
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        mine, its = self.uncertainty, theirs.uncertainty
-        width = abs(self.value) * its + abs(theirs.value) * mine + mine * its
-        return Measured(self.value * theirs.value, width)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else self * theirs._inverse()
-
-    def __rtruediv__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else theirs * self._inverse()
+    __radd__, __rmul__ = __add__, __mul__
+    __sub__ = _of_two(lambda mine, other: mine + -other)
+    __rsub__ = _of_two(lambda mine, other: other + -mine)
+    __truediv__ = _of_two(lambda mine, other: mine * other._inverse())
+    __rtruediv__ = _of_two(lambda mine, other: other * mine._inverse())
 
     def _inverse(self) -> Measured:
         least = abs(self.value) - self.uncertainty
@@ -179,23 +166,21 @@ class Bounded(Known):
             raise ZeroDivisionError(f"{self} may be zero")
         return Measured(1 / self.value, self.uncertainty / (abs(self.value) * least))
 
-    def __pow__(self, other: object) -> Measured:
+    @_of_two
+    def __pow__(self, other: Measured) -> Measured:
         """Of any number for an integer up to 1000, otherwise of a positive one."""
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        power = theirs.value
-        if theirs.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
-            return (self.log() * theirs).exp()
+        power = other.value
+        if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
+            return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
         # Away from 0 a power changes by more than towards it, or to the other side.
-        return Measured(base.value**size, base._largest() ** size - abs(base.value) ** size)
+        return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
 
     def __rpow__(self, other: object) -> Measured:
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        if sys.version_info < (3, 12) and isinstance(other, float):  # there a Fraction becomes a float before it asks
+        theirs = _operand(other)
+        if theirs and isinstance(other, float):  # Python 3.11 makes one of a Fraction before it asks here
             theirs = Measured(theirs.value, abs(theirs.value) / 2**53)
-        return theirs**self
+        return NotImplemented if theirs is None else theirs**self
 
     def _of(self, name: str) -> Measured:
         """A function of the number, as accurately as its half-width deserves: to 50 digits if it is exact."""
@@ -205,7 +190,7 @@ class Bounded(Known):
                 f"{name} of {self} is not defined, for that may be {'' if low < 0 else 'zero or '}negative"
             )
         if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
-            raise InputError(f"exp of {self} may lie beyond 1e±10000")
+            raise InputError(f"exp of {self} may lie beyond 1e±43000")
         bits, slope = 128, {"sin": "cos", "cos": "sin"}.get(name)
         while True:
             middle, width = _at(name, self.value, bits), self.uncertainty
@@ -213,7 +198,8 @@ class Bounded(Known):
                 ends = (_at(name, end, bits) for end in (low, high))
                 width = max(abs(end.value - middle.value) + end.uncertainty for end in ends)
             elif width:  # Taylor's formula: neither the second derivative nor the function exceeds 1
-                width = min(_at(slope, self.value, bits)._largest() * width + width**2 / 2, 1 + abs(middle.value))
+                steepest = max(map(abs, _at(slope, self.value, bits)._ends()))
+                width = min(steepest * width + width**2 / 2, 1 + abs(middle.value))
             allowed = width / 1000 if self.uncertainty else abs(middle.value) / 10**50
             if middle.uncertainty <= allowed:
                 return Measured(middle.value, width + middle.uncertainty)
@@ -266,12 +252,6 @@ class Measured(Bounded):
         """Whether all that ``other`` may stand for lies within the half-width."""
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
-    def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
-        if not spec:
-            return str(self)
-        return format(Decimal(self.decimals()[0]) if self.value else 0.0, spec)
-
     def decimals(self) -> tuple[str, str]:
         """``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
@@ -295,8 +275,6 @@ class Measured(Bounded):
 
 
 def _rational(value: object) -> Fraction:
-    if not isinstance(value, str | Decimal):
-        return fraction(value)
     number = exact(value)
     if number.pi_multiple:
         raise InputError(f"a decimal is needed, not {shown(value)}")

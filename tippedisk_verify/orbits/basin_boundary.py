@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
@@ -19,7 +18,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.basins import SPEEDS_OF_STATES
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
@@ -43,6 +42,8 @@ class BasinBoundary(Printable):
     rotating cycle: below the rotating cycles' fold everything lies flat.
     """
 
+    told = ("omega", "cycle")
+
     def __init__(self, parameters: Parameters, omega: object, engine: Engine) -> None:
         self.parameters, self.engine, self.omega = parameters, engine, checked_speed(omega)
         #: The unstable rotating cycle whose stable manifold the sheet of larger beta is.
@@ -53,10 +54,6 @@ class BasinBoundary(Printable):
         self._weight = b / (float(self.cycle.multiplier_slow) - d)
         forgotten = _FORGOTTEN / -float(self.cycle.log_multiplier_fast)
         self._turns = min(_MOST_TURNS, max(_FEWEST_TURNS, math.ceil(forgotten)))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The speed [rad/s], and the unstable rotating cycle."""
-        return {"omega": plain(self.omega), "cycle": self.cycle.to_dict()}
 
     def margin(self, state: Sequence[float]) -> Measured:
         """The distance in beta [rad] of a state (beta, gamma, v) from the boundary: positive if it keeps standing."""

@@ -65,6 +65,8 @@ class BranchInterpolant(Printable):
     NoSuchCycleError where it cannot be followed.
     """
 
+    told = ("omega_crit", "omega_h", "lowest", "highest")
+
     def __init__(
         self,
         parameters: Parameters,
@@ -105,10 +107,6 @@ class BranchInterpolant(Printable):
         if not self.nodes.converged.all():
             raise NoSuchCycleError("the family of limit cycles could not be followed")
         self._s = nodes[:, 0]
-
-    def to_dict(self) -> dict[str, Any]:
-        """From where to where the branch leads, and between which speeds it may be asked [rad/s]."""
-        return {name: getattr(self, name) for name in ("omega_crit", "omega_h", "lowest", "highest")}
 
     def _closest(self, *bounds: float | None) -> float:
         """How near its limit the family has to be followed."""

@@ -13,7 +13,7 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, raise_unless_usable
-from tippedisk_verify.model.exact import fraction, quotient, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -24,28 +24,35 @@ __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 
 
+@dataclass(frozen=True, repr=False)
 class Cycle(Printable, ABC):
-    """What the results have in common; a subclass says where on the cycle its coordinates are taken."""
+    """What the results have in common; each number's half-width holds the truth.
+
+    A subclass says where on the cycle its coordinates are taken.
+    """
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
-    omega: Measured
-    period: Measured
-    v_0: Measured
-    beta_max: Measured
-    multiplier_slow: Measured
-    log_multiplier_slow: Measured
-    log_multiplier_fast: Measured
-    parameters: Parameters
+    omega: Measured  #: [rad/s]
+    period: Measured  #: T [s]
+    v_0: Measured  #: v next to the saddle [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
+    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
+    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
+    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
+    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
+    dperiod_domega: Measured  #: [s^2/rad]
+    stable: bool | None  #: None if the multiplier's half-width holds 1
+    residuals: tuple[float, ...]  #: of the Newton iteration
+    parameters: Parameters  #: whose cycle it is, with the friction law
+    engine: str  #: what computed it
+    precision: str  #: the arithmetic of its numbers
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
         """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
-        fast, ctx = self.log_multiplier_fast, bits(256).context
-        low, high = (fraction(ctx.exp(quotient(ctx, fast.value + sign * fast.uncertainty))) for sign in (-1, 1))
-        rounding = high / 2**230  # of a logarithm of some thousands at most
-        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, Measured(high, high - low + rounding)
+        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
 
     def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
@@ -104,24 +111,11 @@ class LimitCycle(Cycle):
     """
 
     unknowns = ("gamma_bar_0", "v_0")
+    first = ("omega", "period", *unknowns)
 
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]; v_0 is v there
     dgamma_bar_0_domega: Measured  #: [s]
     dv_0_domega: Measured  #: [1]
-    stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration in double
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
-    precision: str  #: the arithmetic of its numbers
 
     def _states(self, times: Any, engine: Engine) -> Any:
         """The second half is the image of the first under the point symmetry."""
@@ -143,26 +137,13 @@ class RotatingCycle(Cycle):
 
     unknowns = ("beta_bar_top", "v_top")
     beside_the_saddle = ("beta_bar_0", "v_0")
+    first = ("omega", "period", *unknowns, *beside_the_saddle)
 
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest beta - pi/2 [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
+    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]; v_0 is v there
     dbeta_bar_top_domega: Measured  #: [s]
     dv_top_domega: Measured  #: [1]
-    stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
-    precision: str  #: the arithmetic of its numbers
 
     def _states(self, times: Any, engine: Engine) -> Any:
         """From gamma = pi/2 on, over a whole turn."""

@@ -67,17 +67,13 @@ class Fold(Printable):
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
 
-    def to_dict(self) -> dict[str, Any]:
-        """The speed, the period and the coordinates on the section first."""
-        told = super().to_dict()
-        return {name: told[name] for name in ("omega", "period", *self.section.unknowns)} | told
-
 
 @dataclass(frozen=True, repr=False)
 class LibrationFold(Fold):
     """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
 
     section = HalfFlights
+    first = ("omega", "period", *section.unknowns)
 
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]; v_0 is v there
 
@@ -87,6 +83,7 @@ class RotationFold(Fold):
     """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
 
     section = TurnFlights
+    first = ("omega", "period", *section.unknowns)
 
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]

@@ -110,7 +110,7 @@ def heteroclinic(
     return Heteroclinic(
         omega_h=omega_h,
         saddle_eigenvalues=eigenvalues,
-        saddle_value=Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty),
+        saddle_value=unstable + slow,
         method=method,
         parameters=parameters,
         engine=engine.name,

@@ -85,7 +85,7 @@ class Scene(Printable):
             raise InputError(f"scene {self.name} needs Omega_h")
         else:
             base = omega_h
-        return Measured(base.value + self.offset, base.uncertainty)
+        return base + self.offset
 
 
 #: The panels, with the labels of the paper's Figure 3D.
@@ -119,14 +119,9 @@ class Ending(Printable):
     wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
 
     def to_dict(self) -> dict[str, object]:
-        entries: dict[str, object] = {"kind": self.kind, "reason": self.reason}
-        if self.time is not None:
-            entries["time"] = self.time.to_dict()
-        if self.amplitude is not None:
-            entries[_AMPLITUDES[self.kind]] = self.amplitude.to_dict()
-        if self.wells_passed is not None:
-            entries["wells_passed"] = self.wells_passed
-        return entries
+        told = super().to_dict()
+        told[_AMPLITUDES.get(self.kind, "amplitude")] = told.pop("amplitude")
+        return {name: value for name, value in told.items() if value is not None}
 
 
 @dataclass(frozen=True)

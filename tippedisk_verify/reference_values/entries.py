@@ -121,12 +121,8 @@ def case_of(item: Item, reading: Reading) -> Case:
 def trimmed(measured: Measured, digits: int) -> Measured:
     """The value rounded to ``digits`` significant digits; what the rounding takes away is added to the half-width."""
     size = abs(measured.value)
-    if not size:
-        return measured
-    place = len(str(size.numerator)) - len(str(size.denominator)) - digits
-    unit = Fraction(10) ** place
-    value = round(measured.value / unit) * unit
-    return Measured(value, measured.uncertainty + abs(measured.value - value))
+    places = len(str(size.denominator)) - len(str(size.numerator)) + digits
+    return round(measured, places) if size else measured
 
 
 def disagreements(stored: Values, other: Values) -> list[str]:

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import plain
 from tippedisk_verify.reference_values.manifest import sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
@@ -26,7 +26,7 @@ Reading = Literal["decimals", "doubles"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Quantity(Printable, Bounded):
+class Quantity(Bounded):
     """One reference value with what is known of it.
 
     It behaves as a number: the value, with its half-width, of one of its two readings. ``reading`` says which, and
@@ -96,21 +96,13 @@ class Quantity(Printable, Bounded):
         """The value with its half-width."""
         return " ± ".join(self.values[self.reading])
 
-    def __format__(self, spec: str) -> str:
-        return format(self.measured(), spec) if spec else str(self)
-
     def to_dict(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:
             entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
-        return entry | {
-            "grade": self.grade,
-            "methods": dict(self.methods),
-            "condition": dict(self.condition),
-            "inputs": dict(self.inputs),
-            **({} if self.proof is None else {"proof": dict(self.proof)}),
-        }
+        names = ("grade", "methods", "condition", "inputs", *["proof"] * (self.proof is not None))
+        return entry | {name: plain(getattr(self, name)) for name in names}
 
 
 numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too
