@@ -19,7 +19,7 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.model.results import Printable, plain
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
@@ -41,8 +41,6 @@ MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD
 class Branch(Printable):
     """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers."""
 
-    told = ("cycles",)
-
     cycles: tuple[LimitCycle, ...]
     omega: Array  #: [rad/s]
     period: Array  #: T [s]
@@ -63,6 +61,9 @@ class Branch(Printable):
         columns = {name: numpy.array(column, float) for name, column in numbers.items()}
         widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
         return cls(kept, uncertainty=widths, **columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"orbits": plain(self.cycles)}
 
 
 def _in_double(number: Measured) -> float:
