@@ -49,7 +49,9 @@ def expression(draw: Random, depth: int) -> tuple[Measured, Any]:
     )
     if act in TWO:
         theirs, other = expression(draw, draw.randrange(depth))
-        return act(mine, theirs), act(truth, other)
+        # What is exact may be a number of another kind.
+        left, right = (number if number.uncertainty else number.value for number in (mine, theirs))
+        return act(left if theirs.uncertainty else mine, right), act(truth, other)
     return act(mine), of_truth(truth)
 
 

@@ -63,7 +63,8 @@ class Event:
     ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
     run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
     function stays below 64 roundings, at most 2^-15 s (but for sin(beta) = 0 as the edge of the domain), and an orbit
-    at rest there has none. Define an event once and pass the same object: engines keep what they built for it.
+    at rest there has none. A level that was computed goes into the function as ``float(level)``. Define an event once
+    and pass the same object: engines keep what they built for it.
     """
 
     name: str
