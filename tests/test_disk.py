@@ -253,18 +253,6 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(shifted[1]).max() <= float(cycle.gamma_bar_0)
 
 
-@pytest.mark.slow
-def test_multipliers_are_those_of_their_logarithms() -> None:
-    cycle = tv.Disk("printed").limit_cycle("30.4", digits=20)
-    along, slow, fast = cycle.multipliers
-    assert along == tv.Measured.of(1, 0)
-    assert slow == cycle.multiplier_slow
-    from_logarithm = math.exp(float(cycle.log_multiplier_fast))  # of about -100: a hundred roundings
-    assert math.isclose(float(fast), from_logarithm, rel_tol=100 * 2.0**-52)
-    relative = fast.uncertainty / fast.value
-    assert cycle.log_multiplier_fast.uncertainty <= relative <= 3 * cycle.log_multiplier_fast.uncertainty
-
-
 @pytest.mark.slow(minutes=0.5)
 def test_a_cycle_remembers_its_disk() -> None:
     """The smooth law's cycle is flown with the smooth law, whoever is handed it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tippedisk_verify.cli import main
-from tippedisk_verify.commands.quantities import heading
+from tippedisk_verify.model.results import heading
 from tippedisk_verify.reference_values.store import stored
 
 

@@ -29,6 +29,7 @@ from tippedisk_verify.model.exact import Exact, exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["EVENTS", "Solution", "integrated"]
 
@@ -42,8 +43,8 @@ EVENTS = {
 _VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "omega": ("Omega",)}
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution(Printable):
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
     ``t`` (n,) [s] are the times asked for that were reached, ``y`` (3, n) the states there, with rows beta, gamma [rad]
@@ -69,9 +70,15 @@ class Solution:
     by_omega_uncertainty: Any
     engine: str
     precision: str
+    _watched: tuple[str, ...]  #: names of the events asked for
     _start: Exact
     _request: Request
     _engine: Engine
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For other processes and copies: continuous output is made anew there, by a run that needs no events."""
+        kept = {name: value for name, value in self.__dict__.items() if name != "_dense"}
+        return kept | {"_request": replace(self._request, events=(), times=None)}
 
     @property
     def success(self) -> bool:
@@ -86,15 +93,15 @@ class Solution:
     @property
     def t_events(self) -> list[Any]:
         """For each event asked for, the times (k,) [s] of its crossings."""
-        return [numpy.array([one.time for one in self._of(event)]) for event in self._request.events]
+        return [numpy.array([one.time for one in self._of(name)]) for name in self._watched]
 
     @property
     def y_events(self) -> list[Any]:
         """And the states (k, 3) there."""
-        return [numpy.array([one.state for one in self._of(event)]).reshape(-1, 3) for event in self._request.events]
+        return [numpy.array([one.state for one in self._of(name)]).reshape(-1, 3) for name in self._watched]
 
-    def _of(self, event: Event) -> list[EventRecord]:
-        return [record for record in self.events if record.name == event.name]
+    def _of(self, name: str) -> list[EventRecord]:
+        return [record for record in self.events if record.name == name]
 
     @cached_property
     def _dense(self) -> Any:
@@ -157,7 +164,7 @@ def _said(values: Any, widths: Any) -> Any:
         return [_said(*pair) for pair in zip(values, widths, strict=True)]
     if not numpy.isfinite(widths):
         return {"value": str(values), "uncertainty": "infinite"}
-    return Measured.of(values, float(widths)).json()
+    return Measured.of(values, float(widths)).to_dict()
 
 
 def integrated(
@@ -271,6 +278,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         by_omega_uncertainty=by_omega_widths,
         engine=engine.name,
         precision=precision.name,
+        _watched=tuple(event.name for event in request.events),
         _start=start,
         _request=request,
         _engine=engine,

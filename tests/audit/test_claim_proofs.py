@@ -158,7 +158,7 @@ def test_closed_forms_are_proved_again(tmp_path: Path, monkeypatch: pytest.Monke
             assert (proof is None) == (friction == "smooth")
             if proof is not None:  # the file's own is not spoken of
                 assert proof.grade == "proved in part"
-                assert "my disk.toml" in proof.rest
+                assert "my disk.toml" in proof.not_proved
         else:
             assert "my disk.toml" in proof.commands
             assert (proof.grade == "proved") == (claim.name in PROVED["smooth"])
@@ -258,4 +258,4 @@ def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
     proof = proof_of(claim, Finding(computed, {"edge.toml": True, "printed": False}), sets)
     assert proof is not None
     assert set(proof.commands) == {"printed"}
-    assert "edge.toml" in proof.rest
+    assert "edge.toml" in proof.not_proved

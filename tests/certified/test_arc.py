@@ -205,7 +205,7 @@ def test_true_cycles_at_speeds_of_the_interval_lie_inside(s) -> None:
 
 
 def test_what_the_proof_says() -> None:
-    found = proved().json()
+    found = proved().to_dict()
     assert (found["proved"], found["status"], found["radius"]) == (True, "PROVED", "0.001")
     for word in ("for every Omega from", "exactly one fixed point", "asymptotically stable", PRINTED.definition()):
         assert word in found["statement"]

@@ -335,7 +335,7 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         "none but these cycles'",
     ):
         assert word in reaches.statement
-    ends = reaches.json()["ends"]
+    ends = reaches.to_dict()["ends"]
     assert (ends["hopf"], ends["heteroclinic"]["closed"]) == ({"closed": True}, True)
     assert Fraction(ends["heteroclinic"]["to"]) == Fraction("30.885")
     short = round(low, 9) - Fraction(1, 10**8)
@@ -348,7 +348,7 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
     ):
         open_proof = replace(proof, end=end)
         assert not open_proof.end_closed
-        assert open_proof.json()["ends"]["heteroclinic"]["closed"] is False
+        assert open_proof.to_dict()["ends"]["heteroclinic"]["closed"] is False
         assert "a in (0, pi)" not in open_proof.statement
     assert not replace(reaches, pieces=()).proved
 
@@ -369,7 +369,7 @@ def test_the_picture_says_which_end_is_open() -> None:
 @pytest.mark.usefixtures("quick")
 def test_what_is_covered() -> None:
     proof = BranchProof(PRINTED, (piece(), second()), connection=connected())
-    entries = proof.json()
+    entries = proof.to_dict()
     assert (entries["proved"], entries["ends"]["hopf"]) == (False, {"closed": True})
     assert entries["ends"]["heteroclinic"]["closed"] is False
     # Omega_crit - Omega is about 0.254 a^2 (Theorem 3) of 0.83772 rad/s in all, less the radius of the last box.
@@ -538,9 +538,9 @@ def test_bad_input(arguments, word, capsys) -> None:
 
 def test_pieces_are_written_and_read_without_loss() -> None:
     one = _flat("0.1", "1/3")
-    assert Piece.read(json.loads(json.dumps(one.json()))) == one
+    assert Piece.read(json.loads(json.dumps(one.to_dict()))) == one
     with pytest.raises((KeyError, InputError, ValueError)):
-        Piece.read({**one.json(), "low": "wide"})
+        Piece.read({**one.to_dict(), "low": "wide"})
 
 
 @pytest.mark.slow(minutes=20)

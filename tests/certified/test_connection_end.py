@@ -99,7 +99,7 @@ def test_a_box_of_flights_holds_single_ones() -> None:
 
 def test_what_is_refused() -> None:
     assert prove_end(not_proved(ConnectionStatus.FLOW)).status is Status.NO_CONNECTION
-    assert prove_end(not_proved(ConnectionStatus.NO_SADDLE)).json()["proved"] is False
+    assert prove_end(not_proved(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
     with pytest.raises(InputError, match="linear friction law"):
         prove_end(_connection(PRINTED.with_friction("smooth")))
     for reach in ("0", "-1", "pi", "2", "soon"):
@@ -138,7 +138,7 @@ def test_the_known_cycles_are_the_statements(k: int) -> None:
 def test_the_statement_stands_by_itself() -> None:
     for part in (PRINTED.definition(), "linear", "30.0569", "3 pi/2 - 0.14", "-0.268"):
         assert part in END.statement
-    assert json.loads(json.dumps(END.json()))["to"] == "30.0569"
+    assert json.loads(json.dumps(END.to_dict()))["to"] == "30.0569"
 
 
 _PIECES = module._pieces

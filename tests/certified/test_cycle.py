@@ -60,7 +60,7 @@ def test_the_reference_values_lie_in_the_proved_intervals() -> None:
 
 
 def test_what_the_proof_says() -> None:
-    found = proved().json()
+    found = proved().to_dict()
     assert found["proved"] is True
     assert found["status"] == "PROVED"
     assert "asymptotically stable" in found["statement"]
@@ -206,7 +206,7 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
     assert status is None or proof.status is status
     assert proof.where
     assert proof.statement.startswith("nothing is proved")
-    assert proof.json()["proved"] is False
+    assert proof.to_dict()["proved"] is False
     with pytest.raises(InputError, match="nothing is proved"):
         proof.numbers()
 

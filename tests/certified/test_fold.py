@@ -58,7 +58,7 @@ def test_a_largest_speed_is_proved(taylor) -> None:
     assert proof.extremum == "largest"
     assert is_about(proof.statement, SUBCRITICAL)
     assert "Omega rises at the lower end of the interval and falls at the upper one" in proof.statement
-    found = proof.json()
+    found = proof.to_dict()
     assert found["extremum"] == "largest"
     for name in ("omega", "gamma_bar_0", "v_0", "period"):
         assert f"{found[name]['value']} ± {found[name]['uncertainty']}" in proof.statement
@@ -98,7 +98,7 @@ def test_rotating_folds_are_proved(taylor, disk) -> None:
     held(proof, fold, 12)
     assert proof.extremum == "smallest"
     assert is_about(proof.statement, disk)
-    assert {"omega", "beta_bar_top", "v_top", "period"} <= set(proof.json())
+    assert {"omega", "beta_bar_top", "v_top", "period"} <= set(proof.to_dict())
 
 
 # --------------------------------------------------------------------------------------------------- what is not proved

@@ -55,7 +55,7 @@ def test_the_proof_holds_the_ordinary_roads_value(proof: ProvedConnection) -> No
 
 
 def test_json_is_plain(proof: ProvedConnection) -> None:
-    result = json.loads(json.dumps(proof.json()))
+    result = json.loads(json.dumps(proof.to_dict()))
     assert result["proved"] is True
     # The interval printed is the interval of the statement, to the last digit.
     assert proof.omega_h is not None
@@ -67,7 +67,7 @@ def test_what_follows_of_limit_cycles_names_its_space(proof: ProvedConnection) -
     """With gamma a real number, and only with all hypotheses."""
     said = proof.limit_cycle
     assert said is not None
-    assert said in proof.json().values()
+    assert said in proof.to_dict().values()
     assert "gamma in R (not modulo 2 pi)" in said
     assert "exactly one periodic orbit above Omega_h and none below it or at it" in said
     assert "asymptotically stable" in said

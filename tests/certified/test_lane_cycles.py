@@ -56,7 +56,7 @@ def test_a_cycle_of_the_smooth_law(monkeypatch) -> None:
     (proof,) = prove_cycles(
         SMOOTH, [Fraction("30.819602851214587")], [(0.5236456570518794, -0.8184023229692314)], digits=10
     )
-    told = json.loads(json.dumps(proof.json()))
+    told = json.loads(json.dumps(proof.to_dict()))
     assert told["proved"] is told["stable"] is True
     assert told["sliding_reversals"] == 6
     assert "smooth Coulomb friction law" in told["statement"]

@@ -379,7 +379,7 @@ def held(place: str, digits: int) -> None:
     proof = prove_cycle(disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=digits)
     assert proof.proved, proof.statement
     assert proof.stable
-    assert proof.json()["sliding_reversals"] == proof.reversals == 6
+    assert proof.to_dict()["sliding_reversals"] == proof.reversals == 6
     for name, number in proof.numbers().items():
         assert abs(number.value - values[name].value) <= number.uncertainty + values[name].uncertainty, name
         assert number.uncertainty < max(1, abs(number.value)) / Fraction(10) ** digits, name

@@ -86,7 +86,7 @@ def test_orbit(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.fixture(scope="module")
 def connection_statement() -> tuple[str, dict]:
     proof = prove_connection(CALIBRATED, "30.06722434057692584525", 8)
-    return proof.statement, proof.json()
+    return proof.statement, proof.to_dict()
 
 
 def test_connection(connection_statement: tuple[str, dict]) -> None:

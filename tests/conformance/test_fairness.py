@@ -95,7 +95,7 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
     assert "too few digits: 1 of 1 answer" in report.headline()
     (level,) = [level for level in report.levels if level.answered]
     assert (level.verdict, level.failed, level.few) == ("too few digits", 1, 1)
-    assert report.json()["grades"][0]["needs"] == 8
+    assert report.to_dict()["grades"][0]["needs"] == 8
 
 
 def test_failures_are_counted_by_quantity(store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

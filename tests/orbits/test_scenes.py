@@ -102,7 +102,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
         assert orbit.ending.kind == "rotating limit cycle"
         assert orbit.ending.amplitude.contains(cycle.beta_bar_top)
         assert orbit.ending.amplitude.uncertainty < Fraction(1, 10**10)
-        assert set(orbit.ending.json()) == {"kind", "reason", "beta_bar_at_top"}
+        assert set(orbit.ending.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])

@@ -131,5 +131,5 @@ def test_a_proof_is_found_again(place: str) -> None:
     proof = proved_entry(entry)
     assert entry["proof"] == {"statement": proof.statement, "command": f"tippedisk-verify {proof.command}"}
     for name, enclosure in proof.enclosures.items():
-        assert entry["quantities"][name]["enclosure"] == enclosure.json()
+        assert entry["quantities"][name]["enclosure"] == enclosure.to_dict()
         assert stored()[f"{entry['id']}/{name}"].measured().contains(enclosure)

@@ -188,7 +188,7 @@ def test_a_rotating_cycle_agrees_with_the_whole_period_from_another_section() ->
     told = quantity["from_doubles"]
     # Where 35 digits are claimed, a false one of the thirtieth is seen.
     wrong = as_measured(told).value * (1 + Fraction(1, 10**30))
-    entry.quantities["v_top"] = {**quantity, "from_doubles": Measured(wrong, as_measured(told).uncertainty).json()}
+    entry.quantities["v_top"] = {**quantity, "from_doubles": Measured(wrong, as_measured(told).uncertainty).to_dict()}
     (line,) = _disagreements(entry, "bottom")
     assert line.startswith("v_top")
 

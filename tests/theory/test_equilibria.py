@@ -103,7 +103,7 @@ def test_against_numpy_in_double() -> None:
 
 def test_the_order_of_coefficients_in_mpmath_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its functions of polynomials take the highest power first, or last, by version: reversed ones change nothing."""
-    right = equilibrium(PRINTED, "30.4", "noninverted", 30).json()
+    right = equilibrium(PRINTED, "30.4", "noninverted", 30).to_dict()
     roots, value = mpmath.MPContext.polyroots, mpmath.MPContext.polyval
 
     def reversed_roots(ctx, coefficients, **options):
@@ -113,7 +113,7 @@ def test_the_order_of_coefficients_in_mpmath_does_not_matter(monkeypatch: pytest
 
     monkeypatch.setattr(mpmath.MPContext, "polyroots", reversed_roots)
     monkeypatch.setattr(mpmath.MPContext, "polyval", lambda ctx, c, x, **more: value(ctx, c[::-1], x, **more))
-    assert equilibrium(PRINTED, "30.4", "noninverted", 30).json() == right
+    assert equilibrium(PRINTED, "30.4", "noninverted", 30).to_dict() == right
 
 
 @pytest.mark.parametrize(

@@ -10,37 +10,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from shlex import quote
-from typing import Any
 
 from tippedisk_verify.audit.claims import Claim, Finding, ProofOffer, rounds_to
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["ClaimProof", "proof_of"]
 
 
-@dataclass(frozen=True)
-class ClaimProof:
+@dataclass(frozen=True, repr=False)
+class ClaimProof(Printable):
     """How far a claim's verdict is proved."""
 
     theorem: str  #: of docs/certified.md
     friction: tuple[str, ...]  #: the laws that the theorem covers
     proves: str  #: what the commands prove
-    rest: str  #: what of the verdict they do not prove; empty if they prove all of it for all sets
+    not_proved: str  #: what of the verdict they do not prove; empty if they prove all of it for all sets
     commands: Mapping[str, str]  #: by parameter set
 
     @property
     def grade(self) -> str:
-        return "proved in part" if self.rest else "proved"
-
-    def json(self) -> dict[str, Any]:
-        return {
-            "theorem": self.theorem,
-            "friction": list(self.friction),
-            "proves": self.proves,
-            "not_proved": self.rest,
-            "commands": dict(self.commands),
-        }
+        return "proved in part" if self.not_proved else "proved"
 
 
 def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> ClaimProof | None:

@@ -20,6 +20,7 @@ from tippedisk_verify.flow.contract import Build, Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.branches import family
 from tippedisk_verify.orbits.folds import fold_in_double
 from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
@@ -138,9 +139,11 @@ class Claim:
     cost: float = 0.0  #: what examining three sets takes alone on one core [s], where that is two or more
 
 
-@dataclass
-class Audit:
+@dataclass(repr=False)
+class Audit(Printable):
     """What the claims are examined on: the parameter sets, and what several claims share, computed once."""
+
+    untold = ("parameters", "engine", "omega_h_builds")
 
     parameters: Parameters
     engine: Engine

@@ -7,12 +7,13 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 from tippedisk_verify.bench.methods import METHODS, Method, Outcome, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.provenance import processor
 
@@ -25,8 +26,8 @@ _BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # on the error, for the ratio
 _GROUPS = {"heyoka": "heyoka", "scipy": "scipy", "cvode": "peer", "diffrax": "peer", "numbalsoda": "peer"}  # by family
 
 
-@dataclass(frozen=True)
-class Score:
+@dataclass(frozen=True, repr=False)
+class Score(Printable):
     """One method at one setting on one problem. Errors are absolute, in rad and rad/s; None where there is no end."""
 
     problem: str
@@ -42,9 +43,6 @@ class Score:
     steps: int | None
     evaluations: int | None
     truth_uncertainty: float
-
-    def json(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 @dataclass

@@ -174,7 +174,7 @@ class BranchProof:
         where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
         return f"{where} {self.stopped.value}"
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """For the command line."""
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {"hopf": {"closed": hopf}, "heteroclinic": {"closed": self.end_closed}}
@@ -186,7 +186,7 @@ class BranchProof:
                 reason = self.end.statement
             ends["heteroclinic"]["reason"] = f"{reason}; {self._reason}"
         elif self.end is not None:
-            told = self.end.json()
+            told = self.end.to_dict()
             ends["heteroclinic"] |= {name: told[name] for name in ("from", "to", "gamma", "v", "numbers")}
         entries: dict[str, object] = {
             "proved": self.proved,
@@ -194,15 +194,15 @@ class BranchProof:
             "statement": self.statement,
             "ends": ends,
         }
-        entries["omega_crit"] = omega_crit(self.parameters).json()
+        entries["omega_crit"] = omega_crit(self.parameters).to_dict()
         if self.connection is not None and self.connection.omega_h is not None and self.connection.proved:
-            entries["omega_h"] = self.connection.omega_h.json()
+            entries["omega_h"] = self.connection.omega_h.to_dict()
         if hopf:
             names = ("v_0_per_gamma_bar_0", "v_0", "omega")
             entries["amplitude_end"] = exact_text(self.pieces[-1].high)
             entries["omega_end"] = exact_text(self.omega_end or Fraction(0))
             entries["unique_within"] = dict(zip(names, map(rounded_down, self.unique_within()), strict=True))
-        arcs = [piece.json() for piece in self.pieces]
+        arcs = [piece.to_dict() for piece in self.pieces]
         return entries | {"arcs_read": self.read, "arcs": arcs, "parameters": self.parameters.name}
 
 

@@ -56,7 +56,7 @@ def certificate_text(
 
 def cycle_certificate(proof: OrbitProof) -> str:
     """A certificate of a limit cycle that is proved. Raises Shortfall if none can be written."""
-    numbers = proof.json()
+    numbers = proof.to_dict()
     claim = {
         "kind": "limit cycle" if isinstance(proof, CycleProof) else "rotating limit cycle",
         "parameters": parameter_texts(proof.parameters),
@@ -94,7 +94,7 @@ def fold_certificate(proof: FoldProof) -> str:
         "kind": f"fold of {'rotating ' * (proof.laps == 1)}limit cycles",
         "parameters": parameter_texts(proof.parameters),
         "numbers": {
-            name: (number if name == first else Measured(number.value, number.uncertainty * 5 / 4)).json()
+            name: (number if name == first else Measured(number.value, number.uncertainty * 5 / 4)).to_dict()
             for name, number in numbers.items()
         },
         "extremum": proof.extremum,

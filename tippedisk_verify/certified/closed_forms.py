@@ -45,6 +45,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.results import Printable
 
 __all__ = [
     "Criticality",
@@ -70,24 +71,23 @@ _BITS = 128  # to tell on which side of Omega_crit a speed lies
 _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
-@dataclass(frozen=True)
-class Eigenvalue:
+@dataclass(frozen=True, repr=False)
+class Eigenvalue(Printable):
     """One eigenvalue [1/s]: exactly one lies in the rectangle; a real one has the imaginary part 0 exactly."""
 
     re: Measured
     im: Measured
-
-    def json(self) -> dict[str, dict[str, str]]:
-        return {"re": self.re.json(), "im": self.im.json()}
 
     def __str__(self) -> str:
         imaginary = self.im.value or self.im.uncertainty
         return f"({self.re}) + ({self.im}) i" if imaginary else str(self.re)
 
 
-@dataclass(frozen=True)
-class ProvedEquilibrium:
+@dataclass(frozen=True, repr=False)
+class ProvedEquilibrium(Printable):
     """Eigenvalues and stability of stationary spinning at one speed."""
+
+    untold = ("name",)
 
     name: str
     eigenvalues: tuple[Eigenvalue, ...]  #: by descending real part, then descending imaginary part
@@ -95,17 +95,9 @@ class ProvedEquilibrium:
     unstable_directions: int  #: eigenvalues with positive real part
     statement: str
 
-    def json(self) -> dict[str, object]:
-        return {
-            "eigenvalues": [value.json() for value in self.eigenvalues],
-            "stable": self.stable,
-            "unstable_directions": self.unstable_directions,
-            "statement": self.statement,
-        }
 
-
-@dataclass(frozen=True)
-class ProvedHopf:
+@dataclass(frozen=True, repr=False)
+class ProvedHopf(Printable):
     """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
 
     omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
@@ -119,13 +111,9 @@ class ProvedHopf:
     criticality: Criticality
     statement: str
 
-    def json(self) -> dict[str, object]:
-        entries = ((name, getattr(self, name)) for name in self.__dataclass_fields__)
-        return {name: value.json() if isinstance(value, Measured) else value for name, value in entries}
 
-
-@dataclass(frozen=True)
-class ProvedStability:
+@dataclass(frozen=True, repr=False)
+class ProvedStability(Printable):
     """Linear stability at every speed (Theorem 1), with the numbers at Omega_crit; for both friction laws."""
 
     omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
@@ -133,10 +121,6 @@ class ProvedStability:
     lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
     transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
     statement: str
-
-    def json(self) -> dict[str, object]:
-        entries = ((name, getattr(self, name)) for name in self.__dataclass_fields__)
-        return {name: value.json() if isinstance(value, Measured) else value for name, value in entries}
 
 
 def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:

@@ -99,7 +99,7 @@ class _Writer:
         self.entry: dict[str, Any] = {
             "low": exact_text(end.low),
             "high": exact_text(end.high),
-            "omega_h": omega_h.json(),
+            "omega_h": omega_h.to_dict(),
             "directions": [[dyadic(part) for part in row] for row in self.frame.directions.tolist()],
             "extents": [exact_text(extent) for extent in EXTENTS],
             "cells": list(_CELLS),

@@ -168,12 +168,12 @@ class OrbitProof(ABC):
             raise InputError(self.statement)
         return {name: measured(getattr(self, name)) for name in self.names()}
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
         entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        entries["omega"] = Measured(self.omega, Fraction(0)).json()
+        entries["omega"] = Measured(self.omega, Fraction(0)).to_dict()
         if self.proved:
-            entries |= {name: value.json() for name, value in self.numbers().items()}
+            entries |= {name: value.to_dict() for name, value in self.numbers().items()}
             entries["stable"] = self.stable
             if self.parameters.friction == "smooth":
                 entries["sliding_reversals"] = self.reversals

@@ -103,14 +103,14 @@ class IntervalProof:
             f"and dT/dOmega within {numbers['dperiod_domega']} s^2/rad."
         )
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """For the command line: the statement and, if proved, the numbers."""
         entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
-        entries["omega"] = Measured(self.omega, Fraction(0)).json()
+        entries["omega"] = Measured(self.omega, Fraction(0)).to_dict()
         entries["radius"] = exact_text(self.radius)
         if self.proved:
             names = ("gamma_bar_0", "v_0")
-            entries |= {name: value.json() for name, value in self.numbers}
+            entries |= {name: value.to_dict() for name, value in self.numbers}
             entries["stable"] = self.stable
             entries["beta_below"] = exact_text(self.beta_below or Fraction(0))
             entries["unique_within"] = dict(zip(names, map(exact_text, self.unique_within), strict=True))

@@ -65,7 +65,7 @@ def family_certificate(
         "amplitude_first": exact_text(proof.pieces[0].high),
         "amplitude_end": exact_text(proof.pieces[-1].high),
         "omega_end": exact_text(proof.omega_end or Fraction(0)),
-        "numbers": {"omega_crit": omega_crit(proof.parameters).json()},
+        "numbers": {"omega_crit": omega_crit(proof.parameters).to_dict()},
         "unique_within": dict(zip(names, map(rounded_down, proof.unique_within()), strict=True)),
     }
     bits = _CLAIM_BITS

@@ -93,11 +93,11 @@ class FoldProof(ABC):
     def _cycles(self, arc: str, pair: str) -> str:
         """That for each point of the arc there is one pair of v and Omega with a cycle."""
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """For the command line."""
         entries: dict[str, object] = {"proved": self.proved, "statement": self.statement}
         numbers = {name: getattr(self, name) for name in ("omega", *self.unknowns, "period")}
-        entries |= {name: value.json() for name, value in numbers.items() if value is not None}
+        entries |= {name: value.to_dict() for name, value in numbers.items() if value is not None}
         if self.extremum is not None:
             entries["extremum"] = self.extremum
         return entries | {"parameters": self.parameters.name, "bits": self.bits}

@@ -80,6 +80,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "not_proved", "prove_connection"]
 
@@ -116,9 +117,14 @@ class Room(NamedTuple):
     v: Fraction
 
 
-@dataclass(frozen=True)
-class ProvedConnection:
+@dataclass(frozen=True, repr=False)
+class ProvedConnection(Printable):
     """The interval of Omega_h, and what was proved of it; without status PROVED nothing was."""
+
+    told = (
+        *("proved", "status", "statement", "limit_cycle", "omega_h", "unique"),
+        *("saddle_eigenvalues", "saddle_value", "upright", "room", "bits"),
+    )
 
     status: Status
     omega_h: Measured | None  #: [rad/s]; the interval I
@@ -142,7 +148,7 @@ class ProvedConnection:
         if not self.saddle_eigenvalues:
             return None
         unstable, slow, _ = self.saddle_eigenvalues
-        return Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty)
+        return unstable + slow
 
     @property
     def statement(self) -> str:
@@ -179,20 +185,9 @@ class ProvedConnection:
             "tends to infinity as Omega tends to Omega_h."
         )
 
-    def json(self) -> dict[str, object]:
-        return {
-            "proved": self.proved,
-            "status": self.status.name.lower(),
-            "statement": self.statement,
-            "limit_cycle": self.limit_cycle,
-            "omega_h": None if self.omega_h is None else self.omega_h.json(),
-            "unique": self.unique,
-            "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
-            "saddle_value": None if self.saddle_value is None else self.saddle_value.json(),
-            "upright": self.upright,
-            "room": None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()},
-            "bits": self.bits,
-        }
+    def to_dict(self) -> dict[str, object]:
+        room = None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()}
+        return super().to_dict() | {"status": self.status.name.lower(), "room": room}
 
 
 def not_proved(status: Status, bits: int = 0, detail: str = "") -> ProvedConnection:

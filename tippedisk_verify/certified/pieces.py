@@ -98,7 +98,7 @@ class Piece:
         middle = self.at(amplitude)[1]
         return middle - self.within[1], middle + self.within[1]
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         """Exact decimals."""
         return {
             "low": exact_text(self.low),

@@ -80,12 +80,12 @@ class ProvedEnd:
         )
         return all(map(positive, inside))
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return {
             "proved": self.proved,
             "status": self.status.name.lower(),
             "statement": self.statement,
-            "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.json(),
+            "omega_h": None if self.connection.omega_h is None else self.connection.omega_h.to_dict(),
             "from": exact_text(self.low),
             "to": exact_text(self.high),
             "gamma": exact_text(self.gamma),

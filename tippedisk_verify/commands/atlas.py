@@ -16,15 +16,18 @@ from tippedisk_verify.commands.common import (
     print_result,
     processes,
     progress,
+    quantities_of,
 )
-from tippedisk_verify.commands.quantities import quantities_of
+from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.results import plain
+from tippedisk_verify.reference_values.entries import trimmed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from fractions import Fraction
 
-    from tippedisk_verify.model.measured import Measured
-    from tippedisk_verify.orbits.atlas import Atlas
+    from tippedisk_verify.orbits.atlas import Atlas, CurvePoint
+    from tippedisk_verify.orbits.connection_curve import SpecialPoint
 
 __all__ = ["COMMANDS"]
 
@@ -73,34 +76,19 @@ def atlas(
 
 
 def _as_json(found: Atlas) -> dict[str, Any]:
-    from tippedisk_verify.model.measured import Measured, exact_text
-
     plane = found.plane
     name = plane.name
+
+    def told(point: CurvePoint | SpecialPoint) -> dict[str, Any]:
+        entries = vars(point).items()
+        return {name if key == "value" else key: plain(entry) for key, entry in entries if entry is not None}
+
     return {
         "plane": [name, "Omega"],
         "range": [exact_text(plane.lowest), exact_text(plane.highest)],
         "parameters": plane.parameters.decimals(),
-        "curves": [
-            {
-                "kind": curve.kind,
-                "points": [
-                    {
-                        name: Measured.of(point.value, 0).json(),
-                        **{
-                            part: getattr(point, part).json()
-                            for part in ("omega", "gamma_bar_0", "v_0", "period")
-                            if getattr(point, part) is not None
-                        },
-                    }
-                    for point in curve.points
-                ],
-            }
-            for curve in found.curves
-        ],
-        "points": [
-            {"kind": point.kind, name: point.value.json(), "omega": point.omega.json()} for point in found.points
-        ],
+        "curves": [{"kind": curve.kind, "points": [told(point) for point in curve.points]} for curve in found.curves],
+        "points": [told(point) for point in found.points],
         "missing": [
             {
                 "kind": kind,
@@ -145,20 +133,13 @@ def _lines(found: Atlas, digits: int) -> Iterator[str]:
         where = f" from ({name}, Omega) = {ends[0]} to {ends[-1]}" if ends else ""
         yield f"{curve.kind} curve: {len(ends)} points{where}"
     for point in found.points:
-        value, omega = (_short(number, digits) for number in (point.value, point.omega))
+        # Closed forms have many digits more.
+        value, omega = (trimmed(number, digits + 3) for number in (point.value, point.omega))
         yield f"{point.kind}: {name} = {value}, Omega = {omega} rad/s"
     for kind, values, reason in _missing(found):
         first, last = (f"{float(value):.9g}" for value in (values[0], values[-1]))
         where = f"{name} = {first}" if len(values) == 1 else f"{len(values)} values of {name} from {first} to {last}"
         yield f"{kind} missing at {where}: {reason}"
-
-
-def _short(number: Measured, digits: int) -> Measured:
-    """The same to three digits more than were asked for: closed forms have many."""
-    from tippedisk_verify.model.measured import Measured, decimal_magnitude
-
-    value = round(number.value, digits + 3 - decimal_magnitude(number.value))
-    return Measured(value, number.uncertainty + abs(number.value - value))
 
 
 COMMANDS = (atlas,)

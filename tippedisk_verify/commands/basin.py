@@ -13,10 +13,10 @@ from tippedisk_verify.commands.common import (
     common_options,
     print_result,
     processes,
+    quantities_of,
     speed,
     speed_options,
 )
-from tippedisk_verify.commands.quantities import quantities_of
 from tippedisk_verify.errors import InputError, Shortfall
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def basin(
         write_basins(plane, folder)
     shares = plane.fractions().items()
     lines = (f"{name:20s} {100 * share:8.3f} % +- {100 * error:.3f} %" for name, (share, error) in shares)
-    print_result(common, plane.json(), lines)
+    print_result(common, plane.to_dict(), lines)
     return 0
 
 
@@ -88,7 +88,7 @@ def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:
     if len(state) != 3:
         raise InputError(f"a start is three numbers, beta,gamma,v, not '{start[:60]}'")
     margin = BasinBoundary(common.parameters, omega, default_engine()).margin(state)
-    return {"margin": margin.json(), "keeps_standing": margin > 0}
+    return {"margin": margin.to_dict(), "keeps_standing": margin > 0}
 
 
 def _boundary(parameters: Parameters, omega: Fraction) -> BasinBoundary | None:

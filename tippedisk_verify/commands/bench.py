@@ -44,7 +44,7 @@ def bench(common: Common, peers: bool, only: tuple[str, ...], out: str | None) -
         scores = raced(problems, methods, advance, map if pool is None else pool.map)
     result: dict[str, Any] = {
         "machine": machine(),
-        "runs": [score.json() for score in scores],
+        "runs": [score.to_dict() for score in scores],
         "ratios": ratios(scores),
     }
     if folder is not None:

@@ -55,11 +55,11 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None, every_
     if every_speed:
         if omega is not None or below_crit is not None:
             raise InputError("--every-speed takes the place of --omega and --below-crit")
-        print_result(common, {"proved": True, **proved_stability(common.parameters, common.digits).json()})
+        print_result(common, {"proved": True, **proved_stability(common.parameters, common.digits).to_dict()})
         return 0
     value = speed(common, omega, below_crit)
     proofs = {name: proved_equilibrium(common.parameters, value, name, common.digits) for name in _EQUILIBRIA}
-    print_result(common, {"proved": True, **{name: proof.json() for name, proof in proofs.items()}})
+    print_result(common, {"proved": True, **{name: proof.to_dict() for name, proof in proofs.items()}})
     return 0
 
 
@@ -70,7 +70,7 @@ def hopf(common: Common) -> int:
     from tippedisk_verify.certified.closed_forms import proved_hopf
 
     common.parameters.refuse_smooth("the Hopf point's normal form is")
-    print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).json()})
+    print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).to_dict()})
     return 0
 
 
@@ -98,7 +98,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
     if common.digits > MOST_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
-    result, proved = proof.json(), proof.proved
+    result, proved = proof.to_dict(), proof.proved
     if cycles is not None:
         end = _end(common, proof, cycles)
         if end.proved and certificate is not None:
@@ -108,7 +108,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
                 advance("certificate", 0)
                 text = end_certificate(end)
             write_text(certificate, text)
-        result, proved = result | {"cycles": end.json()}, end.proved
+        result, proved = result | {"cycles": end.to_dict()}, end.proved
     print_result(common, result)
     return 0 if proved else 1
 

@@ -106,7 +106,7 @@ def _proved(parameters: Parameters, digits: int, job: _Job) -> list[Told]:
     from tippedisk_verify.certified.lane_cycles import prove_cycles
 
     proofs = prove_cycles(parameters, [speed for _, speed, _ in job], [guess for *_, guess in job], digits=digits)
-    return [(proof.json(), _line(proof)) for proof in proofs]  # Arb's balls do not travel between processes
+    return [(proof.to_dict(), _line(proof)) for proof in proofs]  # Arb's balls do not travel between processes
 
 
 def _cycles(parameters: Parameters, where: str) -> list[LimitCycle]:

@@ -15,11 +15,11 @@ from tippedisk_verify.commands.common import (
     checked_jobs,
     print_result,
     progress,
-    result_lines,
     workers_of,
 )
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.files import write_text
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.branch import BranchProof
@@ -105,7 +105,7 @@ def family_as_a_curve(
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")
-    print_result(common, proof.json(), _lines(proof))
+    print_result(common, proof.to_dict(), _lines(proof))
     return 0 if proof.proved else 1
 
 
@@ -195,7 +195,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 
 def _lines(proof: BranchProof) -> Iterator[str]:
-    entries = proof.json()
+    entries = proof.to_dict()
     del entries["arcs"]
     yield from result_lines(entries)
     yield f"{len(proof.pieces)} arcs"

@@ -86,12 +86,12 @@ def orbit(
             cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
             failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
-            print_result(common, failed.json())
+            print_result(common, failed.to_dict())
             return 1
         start = (cycle.gamma_bar_0.value, cycle.v_0.value)
     if radius is not None:
         interval = prove_interval(parameters, value, radius, start)
-        print_result(common, interval.json())
+        print_result(common, interval.to_dict())
         return 0 if interval.proved else 1
     return _ended(common, prove_cycle(parameters, value, start, digits=common.digits), certificate)
 
@@ -105,7 +105,7 @@ def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | No
 
         text = cycle_certificate(proof) if isinstance(proof, OrbitProof) else fold_certificate(proof)
         write_text(certificate, text)
-    print_result(common, proof.json())
+    print_result(common, proof.to_dict())
     return 0 if proof.proved else 1
 
 
@@ -128,7 +128,7 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     except (NoSuchCycleError, NoConnectionError, Shortfall) as error:
         fault = str(error)
     if not folds:
-        print_result(common, kind(False, fault, parameters, 0).json())
+        print_result(common, kind(False, fault, parameters, 0).to_dict())
         return 1
     if number is None and len(folds) > 1:
         speeds = ", ".join(f"{fold.omega:.10g}" for fold in folds)
@@ -162,7 +162,7 @@ def _rotating(
         try:
             cycle = rotating_cycle(parameters, value, default_engine(), stable=not unstable)
         except NoSuchCycleError as fault:
-            print_result(common, RotationProof(Status.NO_GUESS, str(fault), parameters, value, 0).json())
+            print_result(common, RotationProof(Status.NO_GUESS, str(fault), parameters, value, 0).to_dict())
             return 1
         start = (cycle.beta_bar_top.value, cycle.v_top.value)
     return _ended(common, prove_rotation(parameters, value, start, digits=digits), certificate)

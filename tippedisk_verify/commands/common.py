@@ -16,6 +16,7 @@ import click
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file
 from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.model.results import QUANTITIES, heading, result_lines
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -37,7 +38,7 @@ __all__ = [
     "print_result",
     "processes",
     "progress",
-    "result_lines",
+    "quantities_of",
     "speed",
     "speed_options",
     "workers_of",
@@ -89,6 +90,19 @@ def plain_options(command: F) -> F:
 def speed_options(command: F) -> F:
     """Add the two ways to give the speed."""
     return _with(command, *_SPEED_OPTIONS)
+
+
+def quantities_of(*names: str) -> Callable[[click.Command], click.Command]:
+    """Adds what these quantities are to the end of a command's help."""
+    width = max(len(heading(name)) for name in names)
+    lines = [f"  {heading(name):{width}}  {QUANTITIES[name].meaning}" for name in names]
+
+    def added(command: click.Command) -> click.Command:
+        # The mark keeps click from filling the lines anew.
+        command.epilog = "\b\nQuantities (± is a half-width that holds the true value):\n" + "\n".join(lines)
+        return command
+
+    return added
 
 
 def _with(command: F, *options: Callable[[F], F]) -> F:
@@ -156,38 +170,6 @@ def print_result(common: Common, result: dict[str, Any], lines: Iterable[object]
     elif not common.quiet:
         for line in result_lines(result) if lines is None else lines:
             click.echo(line)
-
-
-def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
-    """A line for each number and sentence; what consists of several goes below its name."""
-    from tippedisk_verify.commands.quantities import heading
-
-    for name, value in entries.items():
-        if isinstance(value, dict) and not _measured(value):
-            yield f"{indent}{heading(name)}:"
-            yield from result_lines(value, indent + "  ")
-        elif isinstance(value, list) and len(value) > 1:
-            yield f"{indent}{heading(name)}:"
-            yield from (f"{indent}  {_said(entry)}" for entry in value)
-        elif value is not None:
-            yield f"{indent}{heading(name)}: {_said(value)}"
-
-
-def _measured(value: Any) -> bool:
-    return isinstance(value, dict) and set(value) == {"value", "uncertainty"}
-
-
-def _said(value: Any) -> str:
-    if _measured(value):
-        text, width = str(value["value"]), str(value["uncertainty"])
-        return text if width == "0" else f"{text} ± {width}"
-    if isinstance(value, dict):
-        return ", ".join(f"{name} {_said(entry)}" for name, entry in value.items())
-    if isinstance(value, list):
-        return "; ".join(_said(entry) for entry in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def alone_in(out: str | None) -> Path | None:

@@ -131,11 +131,11 @@ def compare(common: Common, old: str, new: str, reading: str | None) -> int:
     with progress(common, 0) as advance:
         found = changes(*(graded(*_read(file, reading, advance)) for file in (old, new)))
     counts = {kind: sum(change.kind == kind for change in found) for kind in ("broken", "gone", "lost", "gained")}
-    lines = [f"{change.kind:8}{change.id}  {_digits(change.json())}" for change in found[:_SHOWN]]
+    lines = [f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in found[:_SHOWN]]
     if len(found) > _SHOWN:
         lines.append(f"{len(found) - _SHOWN} more are in what --json prints")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
-    print_result(common, {**counts, "changes": [change.json() for change in found]}, lines)
+    print_result(common, {**counts, "changes": [change.to_dict() for change in found]}, lines)
     return 1 if counts["broken"] or counts["gone"] else 0
 
 

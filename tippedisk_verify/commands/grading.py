@@ -149,7 +149,7 @@ class Wanted:
         if self.picture is not None:
             write_text(self.picture, badge(levels))
         if common.json:
-            print_result(common, report.json())
+            print_result(common, report.to_dict())
         elif not common.quiet:
             print_report(report, console())
         return 1 if short else 0

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import Common, common_options, print_result, result_lines, speed, speed_options
-from tippedisk_verify.commands.quantities import quantities_of
+from tippedisk_verify.commands.common import Common, common_options, print_result, quantities_of, speed, speed_options
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from tippedisk_verify.motion import Solution

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import click
 
-from tippedisk_verify.commands.common import Common, common_options, print_result, result_lines, speed, speed_options
-from tippedisk_verify.commands.quantities import quantities_of
+from tippedisk_verify.commands.common import Common, common_options, print_result, quantities_of, speed, speed_options
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
+from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tippedisk_verify.orbits.cycles import Cycle, LimitCycle, RotatingCycle
+    from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
     from tippedisk_verify.orbits.folds import Fold
 
 __all__ = ["COMMANDS"]
@@ -31,9 +31,9 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int
 
     omega_value, result = speed(common, omega, below_crit), {}
     for name in get_args(EquilibriumName):
-        changes = [change.json() for change in kind_changes(common.parameters, name, common.digits)]
+        changes = [change.to_dict() for change in kind_changes(common.parameters, name, common.digits)]
         found = equilibrium(common.parameters, omega_value, name, common.digits)
-        result[name] = found.json() | {"kind_changes": changes}
+        result[name] = found.to_dict() | {"kind_changes": changes}
     print_result(common, result)
     return 0
 
@@ -57,11 +57,11 @@ def hopf(common: Common, bautin: str | None) -> int:
     from tippedisk_verify.theory.hopf import hopf_point
 
     common.parameters.refuse_smooth("the Hopf point's normal form is")
-    entries = hopf_point(common.parameters, common.digits).json()
+    entries = hopf_point(common.parameters, common.digits).to_dict()
     if bautin is None:
         print_result(common, entries)
         return 0
-    points = [point.json() for point in bautin_points(common.parameters, bautin, common.digits)]
+    points = [point.to_dict() for point in bautin_points(common.parameters, bautin, common.digits)]
     lines = list(result_lines(entries))
     if not points:
         lines.append(f"no Bautin point: no admissible {bautin} makes the first Lyapunov coefficient zero")
@@ -94,7 +94,7 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 
     common.parameters.refuse_smooth("the slow manifold's expansion is")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
-    print_result(common, study(common.parameters, omega_value, order, common.digits, at=(beta, gamma)).json())
+    print_result(common, study(common.parameters, omega_value, order, common.digits, at=(beta, gamma)).to_dict())
     return 0
 
 
@@ -149,13 +149,13 @@ def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
     asked.refuse_unless_one("omega", "below_crit", "below_het" if rotating else "above_het", "at_fold")
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        print_result(common, rotation_fold(parameters, engine, digits=digits).json())
+        print_result(common, rotation_fold(parameters, engine, digits=digits).to_dict())
         return 0
     try:
         family = AmplitudeFamily(parameters, engine)
     except NoSuchCycleError as fault:
         raise Shortfall(str(fault)) from None
-    folds = [fold.json() for fold in libration_folds(parameters, engine, digits=digits, family=family)]
+    folds = [fold.to_dict() for fold in libration_folds(parameters, engine, digits=digits, family=family)]
     end = "Omega_h" if family.connected else f"an amplitude of pi at {family.limit:.7g} rad/s"
     said = [f"this disk's family of limit cycles about inverted spinning has no fold from Omega_crit to {end}"]
     for number, fold in enumerate(folds, 1):
@@ -175,16 +175,9 @@ def _librating(common: Common, asked: _Asked) -> dict[str, object]:
         raise InputError("--below-het belongs to --rotating")
     asked.refuse_unless_one("omega", "below_crit", "above_het", "at_fold")
     if asked.above_het is not None:
-        return _without_history(cycle_above(parameters, asked.above_het, engine, digits=digits))
+        return cycle_above(parameters, asked.above_het, engine, digits=digits).to_dict()
     value, stable = speed(common, asked.omega, asked.below_crit), False if asked.unstable else None
-    return _without_history(cycle_at(parameters, value, engine, digits=digits, stable=stable))
-
-
-def _without_history(cycle: Cycle) -> dict[str, object]:
-    """A cycle as JSON, without its iteration's residuals: they are for whoever studies it, from Python."""
-    entries = cycle.json()
-    del entries["residuals"]
-    return entries
+    return cycle_at(parameters, value, engine, digits=digits, stable=stable).to_dict()
 
 
 def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
@@ -197,9 +190,9 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
         raise InputError("--above-het leads to cycles that do not rotate: use --omega, --below-crit or --below-het")
     asked.refuse_unless_one("omega", "below_crit", "below_het", "at_fold")
     if asked.below_het is not None:
-        return _without_history(rotating_below(parameters, asked.below_het, engine, digits=digits))
+        return rotating_below(parameters, asked.below_het, engine, digits=digits).to_dict()
     value = speed(common, asked.omega, asked.below_crit)
-    return _without_history(rotating_cycle(parameters, value, engine, stable=not asked.unstable, digits=digits))
+    return rotating_cycle(parameters, value, engine, stable=not asked.unstable, digits=digits).to_dict()
 
 
 @quantities_of("omega", "period", "beta_max", "multiplier_slow")
@@ -250,7 +243,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         f"  beta_max {float(cycle.beta_max):.12g} rad  multiplier_slow {float(cycle.multiplier_slow):.6g}"
         for cycle in cycles
     )
-    orbits: list[dict[str, object]] = [_without_history(cycle) for cycle in cycles]
+    orbits: list[dict[str, object]] = [cycle.to_dict() for cycle in cycles]
     if proved:
         from tippedisk_verify.commands.certify_branch import proofs_of
         from tippedisk_verify.orbits.cycles import LimitCycle
@@ -264,7 +257,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         )
     folds = _folds(common, rotating, total >= branches.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
-    entries: list[object] = [fold.json() for fold in folds]
+    entries: list[object] = [fold.to_dict() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
     print_result(common, {"orbits": orbits} | turns, chain(lines, told))
     return 0
@@ -311,7 +304,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
         times, states = connected.orbit(engine=engine)
         rows = [list(row) for row in zip(times.tolist(), *states.tolist(), strict=True)]
         write_csv(target, ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"), rows)
-    print_result(common, connected.json())
+    print_result(common, connected.to_dict())
     return 0
 
 
@@ -327,7 +320,7 @@ def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, 
     common.parameters.refuse_smooth("harmonic balance is")
     omega_value = speed(common, omega, below_crit)
     cycle = balanced_cycle(common.parameters, omega_value, digits=common.digits, harmonics=harmonics)
-    print_result(common, cycle.json())
+    print_result(common, cycle.to_dict())
     return 0
 
 

@@ -51,6 +51,6 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
 
 def write_pieces(name: str, parameters: Parameters, pieces: Sequence[Piece]) -> None:
     """Replace the file by one with these pieces. Raises InputError if it cannot be written."""
-    entries = [piece.json() for piece in sorted(pieces, key=lambda piece: piece.low)]
+    entries = [piece.to_dict() for piece in sorted(pieces, key=lambda piece: piece.low)]
     head = {"disk": parameters.definition(), "origin": code_version(), "proves": _PROVES}
     write_checked(Path(name), head | {"pieces": entries})

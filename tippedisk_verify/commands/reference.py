@@ -80,7 +80,7 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
         f"{report.files} files, {report.numbers} numbers, {report.recomputed} computed again by another road: "
         f"{len(report.faults) or 'no'} fault{'s' * (len(report.faults) != 1)}"
     )
-    print_result(common, report.json(), [*report.faults, total])
+    print_result(common, report.to_dict(), [*report.faults, total])
     return 1 if report.faults else 0
 
 
@@ -132,7 +132,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
     quantities = [value_of(id_) for id_ in ids]
     lines = (line for quantity in quantities for line in _lines(quantity))
     told = [
-        {**quantity.json(), "definition": definition(quantity.kind, quantity.name), "catches": _caught(quantity)}
+        {**quantity.to_dict(), "definition": definition(quantity.kind, quantity.name), "catches": _caught(quantity)}
         for quantity in quantities
     ]
     print_result(common, {"values": told}, lines)
@@ -140,7 +140,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
 
 
 def _lines(quantity: Quantity) -> Iterator[str]:
-    from tippedisk_verify.commands.quantities import heading
+    from tippedisk_verify.model.results import heading
     from tippedisk_verify.reference_values.definitions import definition
 
     yield f"{quantity.id} [{quantity.unit}]"

@@ -149,9 +149,9 @@ def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, 
                 for shown in panels:
                     _animate(shown, folder, advance)
     result = {
-        "scenes": {panel.scene.name: panel.json() for panel in panels},
-        "omega_h": None if given is None else given.json(),
-        "compiled_for_omega_h": [build.json() for build in builds],
+        "scenes": {panel.scene.name: panel.to_dict() for panel in panels},
+        "omega_h": None if given is None else given.to_dict(),
+        "compiled_for_omega_h": [build.to_dict() for build in builds],
         "parameters": common.parameters.name,
         "friction": common.friction,
     }

@@ -15,6 +15,7 @@ from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
 from tippedisk_verify.model.measured import Bounded
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.questions import (
     FAILS_BELOW,
@@ -55,8 +56,8 @@ _SOME = 1.0  # digits that even rounded inputs must leave
 _FEW = 0.5  # share of the digits needed that makes an answer imprecise rather than wrong
 
 
-@dataclass(frozen=True, slots=True)
-class Grade:
+@dataclass(frozen=True, slots=True, repr=False)
+class Grade(Printable):
     """One answer against the truth for what it was computed from."""
 
     id: str
@@ -79,7 +80,7 @@ class Grade:
         short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
         return f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         entry = {
             "id": self.id,
             "level": self.level,
@@ -93,8 +94,8 @@ class Grade:
         return entry | ({"note": self.note} if self.note else {})
 
 
-@dataclass(frozen=True)
-class LevelGrade:
+@dataclass(frozen=True, repr=False)
+class LevelGrade(Printable):
     """The answers of one level."""
 
     level: int
@@ -116,7 +117,7 @@ class LevelGrade:
             return "not answered"
         return "agrees" if not self.failed else "too few digits" if self.few == self.failed else "fails"
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {
             "level": self.level,
             "name": self.name,
@@ -130,8 +131,8 @@ class LevelGrade:
         }
 
 
-@dataclass(frozen=True)
-class QuantityGrade:
+@dataclass(frozen=True, repr=False)
+class QuantityGrade(Printable):
     """The answers for one quantity at one level, under one friction law."""
 
     level: int
@@ -142,7 +143,7 @@ class QuantityGrade:
     few: int  #: of the failed ones, those with too few digits only
     least: float  #: digits; NaN where no answer is a number
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {
             "level": self.level,
             "quantity": self.quantity,

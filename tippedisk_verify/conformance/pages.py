@@ -11,6 +11,7 @@ from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, LevelGrade, QuantityGrade, by_quantity
 from tippedisk_verify.conformance.sheet import Answers, looks_like
 from tippedisk_verify.files import csv_text
+from tippedisk_verify.model.results import Printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -27,8 +28,8 @@ _MOSTLY = 0.9  # of the answers unreadable: the way they are written is at fault
 _MOST_ROWS = 4_000  # on a page; the JSON has all
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, repr=False)
+class Report(Printable):
     """Everything about one graded sheet."""
 
     source: str
@@ -53,11 +54,10 @@ class Report:
         return any(grade.verdict != "no-truth" for grade in self.grades) and not self.failed
 
     def __str__(self) -> str:
-        """The result in a sentence, what was noticed, the diagnosis, and the failures, one to a line."""
-        lines = [self.headline(), *self.remarks(), *(diagnosis.says() for diagnosis in self.diagnoses)]
-        lines += [grade.shortfall(grade.needs) for grade in self.failed[:_WORST]]
-        more = len(self.failed) - _WORST
-        return "\n".join([*lines, *([f"and {more} more"] if more > 0 else [])])
+        """The result in a sentence, the diagnosis, what was noticed, and the failures, in ten lines at most."""
+        lines = [self.headline(), *(diagnosis.says() for diagnosis in self.diagnoses), *self.remarks()]
+        lines += [grade.shortfall(grade.needs) for grade in self.failed]
+        return "\n".join(lines if len(lines) <= 10 else [*lines[:9], f"and {len(lines) - 9} more"])
 
     @property
     def first_failure(self) -> LevelGrade | None:
@@ -155,24 +155,24 @@ class Report:
 
     def csv(self) -> str:
         """The grades by level, quantity and friction law, as a table."""
-        columns = list(QuantityGrade(0, "", "", 0, 0, 0, math.nan).json())
-        return csv_text(columns, (list(row.json().values()) for row in by_quantity(self.grades)))
+        columns = list(QuantityGrade(0, "", "", 0, 0, 0, math.nan).to_dict())
+        return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         first = self.first_failure
         seconds = {"start_up": self.start_up, "kinds": list(self.times)}
         return {
             "source": self.source,
             "headline": self.headline(),
             "first_failing_level": None if first is None else first.level,
-            "levels": [level.json() for level in self.levels],
-            "quantities": [row.json() for row in by_quantity(self.grades)],
-            "diagnoses": [diagnosis.json() for diagnosis in self.diagnoses],
+            "levels": [level.to_dict() for level in self.levels],
+            "quantities": [row.to_dict() for row in by_quantity(self.grades)],
+            "diagnoses": [diagnosis.to_dict() for diagnosis in self.diagnoses],
             "shortcomings": list(self.shortcomings),
             "remarks": self.remarks(),
             "unknown": self.answers.unknown,
             "repeated": self.answers.repeated,
-            "grades": [grade.json() for grade in self.grades],
+            "grades": [grade.to_dict() for grade in self.grades],
             **({"seconds": seconds} if self.start_up is not None else {}),
         }
 

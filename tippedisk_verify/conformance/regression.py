@@ -77,7 +77,7 @@ class Change:
         lost = _counted(self.old) - _counted(self.new)
         return "lost" if lost >= _LOST else "gained" if lost <= -_LOST else ""
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {"id": self.id, "change": self.kind, "old_digits": _shown(self.old), "new_digits": _shown(self.new)}
 
 

@@ -85,7 +85,7 @@ def _near_omega_h(audit: Audit, examined: Sequence[str]) -> Drawing:
                 rows,
             ),
         ),
-        facts={"connection": connection.json(), "law_constant": constant},
+        facts={"connection": connection.to_dict(), "law_constant": constant},
     )
 
 

@@ -10,12 +10,13 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.files import csv_text
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["Drawing", "Exhibit", "Table", "drawn"]
 
 
-@dataclass(frozen=True)
-class Table:
+@dataclass(frozen=True, repr=False)
+class Table(Printable):
     """Rows that the report prints: each cell a number with all its digits, and as it is shown."""
 
     caption: str
@@ -28,9 +29,6 @@ class Table:
         """Floats are shown with so many significant digits, None as an empty cell."""
         shown = tuple(tuple(_cell(value, digits) for value in row) for row in rows)
         return cls(caption, tuple(columns), tuple(map(tuple, rows)), shown)
-
-    def json(self) -> dict[str, Any]:
-        return {"caption": self.caption, "columns": self.columns, "rows": self.rows, "shown": self.shown}
 
 
 def _cell(value: Any, digits: int) -> str:
@@ -105,7 +103,7 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
     entry |= {
         "reading": drawing.reading,
         "files": list(files),
-        "tables": [table.json() for table in drawing.tables],
+        "tables": [table.to_dict() for table in drawing.tables],
     }
     return {"entry": entry, "facts": drawing.facts, "files": files, "embedded": embedded}
 

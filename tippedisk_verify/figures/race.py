@@ -117,7 +117,7 @@ def _brief_methods() -> list[Method]:
 
 def _race(audit: Audit, examined: Sequence[str]) -> Drawing:
     scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
-    rows = [score.json() for score in scores]
+    rows = [score.to_dict() for score in scores]
     shown = [
         (score.problem, score.method, score.setting, score.seconds and score.seconds * 1e3, score.error, score.status)
         for score in scores

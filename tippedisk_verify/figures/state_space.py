@@ -244,7 +244,7 @@ def _scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
         reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of {rate:.3g} 1/s, and "
         f"stay on it; {_endings(panels)}.",
         data={name: table for panel in panels for name, table in scene_tables(panel).items()},
-        facts={"scenes": {panel.scene.name: panel.json() for panel in panels}},
+        facts={"scenes": {panel.scene.name: panel.to_dict() for panel in panels}},
         embedded="webp",
     )
 

@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.model.results import Printable
 
 __all__ = [
     "FLAT",
@@ -63,7 +64,8 @@ class Event:
     ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
     run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
     function stays below 64 roundings, at most 2^-15 s (but for sin(beta) = 0 as the edge of the domain), and an orbit
-    at rest there has none. Define an event once and pass the same object: engines keep what they built for it.
+    at rest there has none. A level that was computed goes into the function as ``float(level)``. Define an event once
+    and pass the same object: engines keep what they built for it.
     """
 
     name: str
@@ -171,9 +173,11 @@ class EventRecord(NamedTuple):
     uncertainty: Any = (math.inf,) * 3  #: of the state at the crossing, wherever in its half-width that lies
 
 
-@dataclass(frozen=True)
-class Build:
+@dataclass(frozen=True, repr=False)
+class Build(Printable):
     """One thing that was compiled (or taken from what was compiled before) for a request."""
+
+    untold = ("seconds",)  # it differs from run to run
 
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``
@@ -183,18 +187,6 @@ class Build:
     events: tuple[str, ...]
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
     seconds: float  #: spent building it, in this process
-
-    def json(self) -> dict[str, object]:
-        """For reports; the time is left out because it differs from run to run."""
-        return {
-            "engine": self.engine,
-            "precision": self.precision,
-            "friction": self.friction,
-            "variations": list(self.variations),
-            "divergence": self.divergence,
-            "events": list(self.events),
-            "u_variables": self.u_variables,
-        }
 
 
 @dataclass(frozen=True)

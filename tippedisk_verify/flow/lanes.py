@@ -16,7 +16,7 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
-from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
+from tippedisk_verify.flow.one_at_a_time import Kept, OneAtATime, building
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, event_values, start_window, starts_on
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
@@ -32,12 +32,13 @@ from tippedisk_verify.model.equations import field, products, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
 
-@dataclass(frozen=True)
-class BatchResult:
+@dataclass(frozen=True, repr=False)
+class BatchResult(Printable):
     """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
 
     With the smooth law a run whose branch was in doubt for a moment (two switches closer than events can tell) counts
@@ -71,7 +72,7 @@ class BatchTaylor:
         if width is not None and not 1 <= width <= _MOST_LANES:
             raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
-        self._batches: dict[tuple[Any, ...], OneAtATime] = {}
+        self._batches = Kept()
 
     def __call__(
         self,
@@ -112,7 +113,7 @@ class BatchTaylor:
             with building():
                 batch = self._batches.get(key)
                 if batch is None:  # another thread may have been faster
-                    make_room(self._batches)
+                    self._batches.make_room()
                     batch = self._batches[key] = OneAtATime(_Batch(self.width, *key))
         given_products = batch.runner.products
         pars = numpy.empty((len(names) + given_products, count))

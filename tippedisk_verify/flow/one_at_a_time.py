@@ -14,7 +14,7 @@ from typing import Any
 
 from tippedisk_verify.model.code_cache import vouch
 
-__all__ = ["OneAtATime", "building", "make_room"]
+__all__ = ["Kept", "OneAtATime", "building"]
 
 #: Integrators that an engine keeps, each of 1 to 4 MB; all commands one after the other need some 40, `stress` 110.
 _MOST_KEPT = 128
@@ -34,10 +34,16 @@ def building() -> Iterator[None]:
         vouch()
 
 
-def make_room(kept: dict[Any, OneAtATime]) -> None:
-    """For one more; what has not run for longest leaves. To be called within `building`."""
-    while len(kept) >= _MOST_KEPT:
-        del kept[min(kept, key=lambda key: kept[key].used)]
+class Kept(dict[Any, "OneAtATime"]):
+    """What an engine has compiled. It stays here: copies of the engine, and other processes, begin with nothing."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Kept, ()
+
+    def make_room(self) -> None:
+        """For one more; what has not run for longest leaves. To be called within `building`."""
+        while len(self) >= _MOST_KEPT:
+            del self[min(self, key=lambda key: self[key].used)]
 
 
 class OneAtATime:

@@ -14,11 +14,12 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.comparison import compared
 from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import OneAtATime, building, make_room
+from tippedisk_verify.flow.one_at_a_time import Kept, OneAtATime, building
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
@@ -52,7 +53,11 @@ class Taylor:
         if optimisation is not None:
             self._options["opt_level"] = optimisation
         self._compact = compact
-        self._integrators: dict[tuple[Any, ...], OneAtATime] = {}
+        self._integrators = Kept()
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """For other processes: the default engine is the one there."""
+        return (default_engine, ()) if self is default_engine() else super().__reduce_ex__(protocol)
 
     @property
     def name(self) -> str:
@@ -93,7 +98,7 @@ class Taylor:
         with building():
             integrator = self._integrators.get(key)
             if integrator is None:  # another thread may have been faster
-                make_room(self._integrators)
+                self._integrators.make_room()
                 integrator = OneAtATime(Integrator(request, events, self._options, compact))
                 self._integrators[key] = integrator
             return integrator

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
+__all__ = ["PI", "Exact", "Known", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
@@ -82,12 +82,28 @@ class Exact:
         return math.ldexp(mantissa, exponent)
 
 
+class Known:
+    """A number that is known to a half-width (`model.measured`). Wherever a number goes in, it stands for its value."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:  # a dataclass would take these for the defaults of its fields
+
+        @property
+        def value(self) -> Fraction: ...
+
+        @property
+        def uncertainty(self) -> Fraction: ...
+
+
 def exact(value: object) -> Exact:
     """The exact number that ``value`` stands for.
 
     Accepts int, float, Fraction, Decimal, numpy long double, mpmath mpf, heyoka real and real128, `Exact`, and
     strings: decimals (``"0.435"``, ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi
-    (``"pi/2 + 0.4"``, ``"-3*pi/2"``). A float means its exact binary value.
+    (``"pi/2 + 0.4"``, ``"-3*pi/2"``). A float means its exact binary value. A computed number means the rational at
+    its middle, ``value``: the same one at every precision, and not the rounded decimals that are printed. Its
+    half-width does not go in with it. What holds for a whole interval of speeds is for `certify orbit --radius` to say.
 
     Raises InputError for anything else, for infinities and NaN.
     """
@@ -105,7 +121,9 @@ def exact(value: object) -> Exact:
 
 
 def fraction(value: object) -> Fraction:
-    """The exact value of one finite floating-point number of any kind, as a Fraction. Raises InputError otherwise."""
+    """The exact value of one finite number of any kind, as a Fraction. Raises InputError for anything else."""
+    if isinstance(value, Known):
+        return value.value
     if isinstance(value, int | Fraction):
         return Fraction(value)
     man_exp = mantissa_exponent(value)

@@ -6,14 +6,17 @@ What is printed, compared and combined still holds the truth.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from functools import partialmethod
+from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact, fraction, quotient, shown
+from tippedisk_verify.model.exact import Known, exact, fraction, quotient, shown
+from tippedisk_verify.model.results import Printable
 
 __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -21,24 +24,48 @@ __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text"
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
+T = TypeVar("T")
 
-class Bounded:
+_LARGEST_POWER = 1000  # that is taken by multiplication
+_LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
+_SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
+
+
+def _of_two(act: Callable[[Bounded, Measured], T]) -> Callable[[Bounded, object], T]:
+    """An operation with whatever is a number."""
+
+    def operation(self: Bounded, other: object) -> T:
+        theirs = _operand(other)
+        return NotImplemented if theirs is None else act(self, theirs)
+
+    return operation
+
+
+def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int], bool]) -> bool:
+    """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
+    low, high = (compare(end, 0) for end in (mine - theirs)._ends())
+    if low != high:
+        raise Shortfall(
+            f"{mine} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
+            " sorted(xs, key=float) does"
+        )
+    return low
+
+
+class Bounded(Known, Printable):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
-    float() and `mpf` take its value. Sums, differences, products and quotients hold whatever the true values in the
-    half-widths give; numbers without one are exact. Each half-width counts as independent, so x - x is zero with twice
-    the half-width. A comparison that the half-widths leave open raises Shortfall.
+    Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
+    cos and tan, as methods or as NumPy's, hold whatever the true values in the half-widths give; numbers without one
+    are exact. Each half-width counts as independent, so x - x is zero with twice the half-width. What has no room for a
+    half-width leaves it behind: float(), `mpf` and `numpy.asarray` take the value.
+
+    A comparison that the half-widths leave open raises Shortfall, and so does `int`, `round` to an integer,
+    `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
+    the divisor may be zero, InputError where a function is not defined for all that the number may be.
     """
 
     __slots__ = ()
-
-    if TYPE_CHECKING:  # a dataclass would take these for the defaults of its fields
-
-        @property
-        def value(self) -> Fraction: ...
-
-        @property
-        def uncertainty(self) -> Fraction: ...
 
     def __float__(self) -> float:
         """The double nearest to the value."""
@@ -50,29 +77,66 @@ class Bounded:
 
         return quotient(mpmath.mp, self.value)
 
-    def __lt__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference < 0)
+    def __format__(self, spec: str) -> str:
+        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
+        if not spec:
+            return str(self)
+        return format(Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0, spec)
 
-    def __le__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference <= 0)
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """The double nearest to the value, without dimensions; the half-width stays behind.
 
-    def __gt__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference > 0)
+        An array of objects has the number itself.
+        """
+        import numpy
 
-    def __ge__(self, other: object) -> bool:
-        return self._below(other, lambda difference: difference >= 0)
+        if dtype is None or numpy.dtype(dtype) != object:
+            return numpy.array(float(self), dtype=dtype)
+        array = numpy.empty((), object)
+        array[()] = self
+        return array
 
-    def _below(self, other: object, answer: Callable[[Fraction], bool]) -> bool:
-        """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
-        if (theirs := _operand(other)) is None:
-            return NotImplemented  # type: ignore[no-any-return]
-        difference: Measured = self - theirs
-        low, high = (difference.value + sign * difference.uncertainty for sign in (-1, 1))
-        if answer(low) != answer(high):
+    def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """NumPy's functions, element by element: what they give are objects that keep their half-widths."""
+        import numpy
+
+        def exactly(part: Any) -> Any:
+            if isinstance(part, Bounded):
+                return numpy.asarray(part, object)
+            # NumPy makes no other objects of these, so that they would ask here again.
+            extended = getattr(part, "dtype", None) == numpy.longdouble
+            return numpy.frompyfunc(fraction, 1, 1)(part) if extended else part
+
+        return getattr(function, method)(*map(exactly, inputs), **options)
+
+    def _ends(self) -> tuple[Fraction, Fraction]:
+        """The least and the greatest that the true value may be."""
+        return self.value - self.uncertainty, self.value + self.uncertainty
+
+    __lt__ = _of_two(lambda mine, other: _compared(mine, other, operator.lt))
+    __le__ = _of_two(lambda mine, other: _compared(mine, other, operator.le))
+    __gt__ = _of_two(lambda mine, other: _compared(mine, other, operator.gt))
+    __ge__ = _of_two(lambda mine, other: _compared(mine, other, operator.ge))
+
+    def _integer(self, rounding: Callable[[Fraction], int]) -> int:
+        """The integer that a number is rounded to, if it is the same wherever in the half-width the true value lies."""
+        low, high = map(rounding, self._ends())
+        if low != high:
             raise Shortfall(
-                f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float()"
+                f"{self} may be rounded to {shown(low)} or to {shown(high)}: ask for more digits, or round float(x)"
             )
-        return answer(low)
+        return low
+
+    __int__ = __trunc__ = partialmethod(_integer, math.trunc)
+    __floor__ = partialmethod(_integer, math.floor)
+    __ceil__ = partialmethod(_integer, math.ceil)
+
+    def __round__(self, digits: int | None = None) -> Any:
+        """To so many decimals, with what the rounding changes added to the half-width; to an integer without them."""
+        if digits is None:
+            return self._integer(round)
+        rounded = round(self.value, digits)
+        return Measured(rounded, self.uncertainty + abs(rounded - self.value))
 
     def __neg__(self) -> Measured:
         return Measured(-self.value, self.uncertainty)
@@ -80,33 +144,21 @@ class Bounded:
     def __abs__(self) -> Measured:
         return Measured(abs(self.value), self.uncertainty)
 
-    def __add__(self, other: object) -> Measured:
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        return Measured(self.value + theirs.value, self.uncertainty + theirs.uncertainty)
+    @_of_two
+    def __add__(self, other: Measured) -> Measured:
+        return Measured(self.value + other.value, self.uncertainty + other.uncertainty)
 
-    __radd__ = __add__
+    @_of_two
+    def __mul__(self, other: Measured) -> Measured:
+        mine, its = self.uncertainty, other.uncertainty
+        width = abs(self.value) * its + abs(other.value) * mine + mine * its
+        return Measured(self.value * other.value, width)
 
-    def __sub__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else self + -theirs
-
-    def __rsub__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else theirs + -self
-
-    def __mul__(self, other: object) -> Measured:
-        if (theirs := _operand(other)) is None:
-            return NotImplemented
-        mine, its = self.uncertainty, theirs.uncertainty
-        width = abs(self.value) * its + abs(theirs.value) * mine + mine * its
-        return Measured(self.value * theirs.value, width)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else self * theirs._inverse()
-
-    def __rtruediv__(self, other: object) -> Measured:
-        return NotImplemented if (theirs := _operand(other)) is None else theirs * self._inverse()
+    __radd__, __rmul__ = __add__, __mul__
+    __sub__ = _of_two(lambda mine, other: mine + -other)
+    __rsub__ = _of_two(lambda mine, other: other + -mine)
+    __truediv__ = _of_two(lambda mine, other: mine * other._inverse())
+    __rtruediv__ = _of_two(lambda mine, other: other * mine._inverse())
 
     def _inverse(self) -> Measured:
         least = abs(self.value) - self.uncertainty
@@ -114,13 +166,61 @@ class Bounded:
             raise ZeroDivisionError(f"{self} may be zero")
         return Measured(1 / self.value, self.uncertainty / (abs(self.value) * least))
 
+    @_of_two
+    def __pow__(self, other: Measured) -> Measured:
+        """Of any number for an integer up to 1000, otherwise of a positive one."""
+        power = other.value
+        if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
+            return (self.log() * other).exp()
+        base, size = self if power >= 0 else self._inverse(), abs(int(power))
+        # Away from 0 a power changes by more than towards it, or to the other side.
+        return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
+
+    def __rpow__(self, other: object) -> Measured:
+        theirs = _operand(other)
+        if theirs and isinstance(other, float):  # Python 3.11 makes one of a Fraction before it asks here
+            theirs = Measured(theirs.value, abs(theirs.value) / 2**53)
+        return NotImplemented if theirs is None else theirs**self
+
+    def _of(self, name: str) -> Measured:
+        """A function of the number, as accurately as its half-width deserves: to 50 digits if it is exact."""
+        low, high = self._ends()
+        if {"sqrt": low < 0, "log": low <= 0}.get(name):
+            raise InputError(
+                f"{name} of {self} is not defined, for that may be {'' if low < 0 else 'zero or '}negative"
+            )
+        if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
+            raise InputError(f"exp of {self} may lie beyond 1e±43000")
+        bits, slope = 128, {"sin": "cos", "cos": "sin"}.get(name)
+        while True:
+            middle, width = _at(name, self.value, bits), self.uncertainty
+            if slope is None:  # it rises
+                ends = (_at(name, end, bits) for end in (low, high))
+                width = max(abs(end.value - middle.value) + end.uncertainty for end in ends)
+            elif width:  # Taylor's formula: neither the second derivative nor the function exceeds 1
+                steepest = max(map(abs, _at(slope, self.value, bits)._ends()))
+                width = min(steepest * width + width**2 / 2, 1 + abs(middle.value))
+            allowed = width / 1000 if self.uncertainty else abs(middle.value) / 10**50
+            if middle.uncertainty <= allowed:
+                return Measured(middle.value, width + middle.uncertainty)
+            bits *= 2
+
+    sqrt = partialmethod(_of, "sqrt")
+    log = partialmethod(_of, "log")
+    exp = partialmethod(_of, "exp")
+    sin = partialmethod(_of, "sin")
+    cos = partialmethod(_of, "cos")
+
+    def tan(self) -> Measured:
+        return self.sin() / self.cos()
+
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Measured(Bounded):
     """A value and its half-width, both exact rationals; what computations return.
 
-    `json` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is added
-    to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
+    `to_dict` and ``str`` print decimals. What they print still holds the truth: the rounding of the printed value is
+    added to the printed half-width, which itself is rounded up. Equality is that of value and half-width.
     """
 
     value: Fraction
@@ -152,12 +252,6 @@ class Measured(Bounded):
         """Whether all that ``other`` may stand for lies within the half-width."""
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
-    def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
-        if not spec:
-            return str(self)
-        return format(Decimal(self.decimals()[0]) if self.value else 0.0, spec)
-
     def decimals(self) -> tuple[str, str]:
         """``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
@@ -168,22 +262,19 @@ class Measured(Bounded):
         steps = round(self.value / unit)
         return _decimal_text(steps, place), rounded_up(self.uncertainty + abs(self.value - steps * unit))
 
-    def json(self) -> dict[str, str]:
+    def to_dict(self) -> dict[str, str]:
         """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
 
     def __str__(self) -> str:
-        value, uncertainty = self.decimals()
-        return f"{value} ± {uncertainty}"
+        return " ± ".join(self.decimals())
 
     def __repr__(self) -> str:
         return f"Measured({self})"
 
 
 def _rational(value: object) -> Fraction:
-    if not isinstance(value, str | Decimal):
-        return fraction(value)
     number = exact(value)
     if number.pi_multiple:
         raise InputError(f"a decimal is needed, not {shown(value)}")
@@ -202,6 +293,20 @@ def _operand(other: object) -> Measured | None:
         if isinstance(other, float | Decimal):  # infinite, or not a number
             raise
         return None
+
+
+def _at(name: str, point: Fraction, bits: int) -> Measured:
+    """sqrt, log, exp, sin or cos at a rational, with mpmath's error and that of the point's own rounding."""
+    from mpmath import libmp
+
+    given = libmp.from_rational(point.numerator, point.denominator, bits)
+    at, found = (
+        Fraction(*map(int, libmp.to_rational(number))) for number in (given, getattr(libmp, f"mpf_{name}")(given, bits))
+    )
+    size = abs(found)
+    # |x f'(x)|, or more: what a relative change of the point does.
+    moved = {"sqrt": size, "log": Fraction(1), "exp": abs(point) * size}.get(name, abs(point))
+    return Measured(found, (size + moved * (at != point)) / 2 ** (bits - _SPARE_BITS))
 
 
 def exact_text(value: Fraction) -> str:

@@ -17,6 +17,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
+from tippedisk_verify.model.results import Printable
 
 __all__ = [
     "CALIBRATED",
@@ -65,8 +66,8 @@ def _quantity(unit: str, source: str) -> Any:
     return field(metadata={"unit": unit, "source": source})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Parameters:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Parameters(Printable):
     """One tippedisk and its friction law. All values are exact rationals; give strings, Fractions, Decimals, ints or
     floats.
 
@@ -186,6 +187,12 @@ class Parameters:
             for item in fields(self)
             if item.name in _QUANTITIES and getattr(self, item.name) is not None
         }
+
+    def to_dict(self) -> dict[str, Any]:
+        return {**self.decimals(), "name": self.name, "friction": self.friction}
+
+    def _title(self) -> str:
+        return f"{type(self).__name__} {self.name} ({self.friction})"
 
     @property
     def law(self) -> str:

@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Exact, exact, mantissa_exponent, shown
+from tippedisk_verify.model.exact import PI, Exact, Known, exact, mantissa_exponent, shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +56,10 @@ class Precision:
 
     def __hash__(self) -> int:  # looked up once per integration, so computed once
         return self._hash  # type: ignore[attr-defined,no-any-return]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: without what was computed from them."""
+        return Precision, (self.kind, self.bits)
 
     @property
     def name(self) -> str:
@@ -118,7 +122,7 @@ class Precision:
             if not math.isfinite(value):
                 raise InputError(f"a finite number is needed, not {value}")
             return float(value)
-        pair = None if isinstance(value, str | int | Fraction | Decimal | Exact) else mantissa_exponent(value)
+        pair = None if isinstance(value, str | int | Fraction | Decimal | Exact | Known) else mantissa_exponent(value)
         if pair is None or pair[0].bit_length() > self.bits or pair[0].bit_length() + pair[1] < self._lowest:
             number = exact(value)
             pair = number.rounded(self.bits)

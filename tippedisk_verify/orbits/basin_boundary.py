@@ -18,6 +18,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.basins import SPEEDS_OF_STATES
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
@@ -34,12 +35,14 @@ _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 _UPRIGHT = Event("upright", SECTION.function)
 
 
-class BasinBoundary:
+class BasinBoundary(Printable):
     """The boundary at one speed [rad/s], in double: two sheets, each a graph of beta over (gamma, v).
 
     Starts between the sheets keep standing, the others lie flat. Raises NoSuchCycleError where there is no unstable
     rotating cycle: below the rotating cycles' fold everything lies flat.
     """
+
+    told = ("omega", "cycle")
 
     def __init__(self, parameters: Parameters, omega: object, engine: Engine) -> None:
         self.parameters, self.engine, self.omega = parameters, engine, checked_speed(omega)

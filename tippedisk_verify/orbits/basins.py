@@ -26,6 +26,7 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.orbits.turn_map import ROUND
@@ -47,8 +48,8 @@ _MOST_STATES = 10_000_000  # they take some 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s
 
 
-@dataclass(frozen=True)
-class Basins:
+@dataclass(frozen=True, repr=False)
+class Basins(Printable):
     """What the states ended on."""
 
     parameters: Parameters
@@ -69,7 +70,7 @@ class Basins:
             shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
         return shares
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         shares = self.fractions()
         return {
             "omega": str(float(self.omega)),

@@ -16,6 +16,7 @@ from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import equilibrium, linearization, location, right_eigenvector
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
@@ -38,8 +39,8 @@ _SPREADS = 4
 _LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
 
 
-@dataclass(frozen=True)
-class Connection:
+@dataclass(frozen=True, repr=False)
+class Connection(Printable):
     """The speed of the heteroclinic connection and how it was found."""
 
     omega_h: Measured  #: [rad/s]

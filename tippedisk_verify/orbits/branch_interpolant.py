@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy
@@ -23,6 +23,7 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.amplitude_family import NODES, AmplitudeFamily, Solved, Solver, amplitude
 from tippedisk_verify.orbits.batch_shooting import LIBRATING, Cycles, Guess, corrected, measured_cycles
 from tippedisk_verify.orbits.branch_budget import BranchBudget, multiplier_widths
@@ -41,8 +42,8 @@ _FAR_OFF = 1e-6  # rad/s; a limit farther from the given Omega_h is another conn
 _POWERS = {"v_0": 1, "beta_max": 1, "period": 0, "log_multipliers": 0}
 
 
-@dataclass(frozen=True)
-class Values:
+@dataclass(frozen=True, repr=False)
+class Values(Printable):
     """Interpolated numbers of n cycles as (n,) arrays, and their half-widths under the same names."""
 
     omega: Array  #: [rad/s]
@@ -55,7 +56,7 @@ class Values:
     uncertainty: dict[str, Any]
 
 
-class BranchInterpolant:
+class BranchInterpolant(Printable):
     """The branch of the linear law's limit cycles from the Hopf point to the connection at ``omega_h``, in double.
 
     Where it turns round in a fold, a speed has several cycles: answers list them from the smallest amplitude on, speed
@@ -63,6 +64,8 @@ class BranchInterpolant:
     is left out at either end. Raises InputError for bounds outside the branch or where it does not end at ``omega_h``,
     NoSuchCycleError where it cannot be followed.
     """
+
+    told = ("omega_crit", "omega_h", "lowest", "highest")
 
     def __init__(
         self,
@@ -277,14 +280,13 @@ def _slope(cycles: Any) -> Any:
 
 def all_at_once(parameters: Parameters, lanes: BatchTaylor) -> Solver:
     """Newton's iteration on the half maps of all amplitudes, with v, T and Omega as the unknowns."""
-    constants = field_constants(parameters)
+    return partial(_solved, field_constants(parameters), lanes)
 
-    def solve(gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
-        guess = Guess(gamma_bar, v, half)
-        found = corrected(constants, omega, guess, lanes, whole=False, tolerance=1e-8, free_omega=True)
-        slope = 1 / found.dgamma_bar_0_domega
-        return Solved(
-            found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
-        )
 
-    return solve
+def _solved(constants: Array, lanes: BatchTaylor, gamma_bar: Array, v: Array, half: Array, omega: Array) -> Solved:
+    guess = Guess(gamma_bar, v, half)
+    found = corrected(constants, omega, guess, lanes, whole=False, tolerance=1e-8, free_omega=True)
+    slope = 1 / found.dgamma_bar_0_domega
+    return Solved(
+        found.v_0, found.period / 2, found.omega, found.dv_0_domega * slope, found.dperiod_domega / 2 * slope, slope
+    )

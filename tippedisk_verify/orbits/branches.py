@@ -19,6 +19,7 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable, plain
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
@@ -36,8 +37,8 @@ _MOST = 1_000_000
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
-@dataclass(frozen=True)
-class Branch:
+@dataclass(frozen=True, repr=False)
+class Branch(Printable):
     """A family of limit cycles as arrays (n,) in the order of its speeds; ``cycles`` has each with all its numbers."""
 
     cycles: tuple[LimitCycle, ...]
@@ -60,6 +61,9 @@ class Branch:
         columns = {name: numpy.array(column, float) for name, column in numbers.items()}
         widths = {name: numpy.array([_in_double(number) for number in column]) for name, column in numbers.items()}
         return cls(kept, uncertainty=widths, **columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"orbits": plain(self.cycles)}
 
 
 def _in_double(number: Measured) -> float:

@@ -14,10 +14,11 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, raise_unless_usable
-from tippedisk_verify.model.exact import fraction, quotient, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.monodromy import Monodromy, monodromy
 
 __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
@@ -25,28 +26,35 @@ __all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
 _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
 
 
-class Cycle(ABC):
-    """What the results have in common; a subclass says where on the cycle its coordinates are taken."""
+@dataclass(frozen=True, repr=False)
+class Cycle(Printable, ABC):
+    """What the results have in common; each number's half-width holds the truth.
+
+    A subclass says where on the cycle its coordinates are taken.
+    """
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
     beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
-    omega: Measured
-    period: Measured
-    v_0: Measured
-    beta_max: Measured
-    multiplier_slow: Measured
-    log_multiplier_slow: Measured
-    log_multiplier_fast: Measured
-    parameters: Parameters
+    omega: Measured  #: [rad/s]
+    period: Measured  #: T [s]
+    v_0: Measured  #: v next to the saddle [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
+    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
+    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
+    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
+    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
+    dperiod_domega: Measured  #: [s^2/rad]
+    stable: bool | None  #: None if the multiplier's half-width holds 1
+    residuals: tuple[float, ...]  #: of the Newton iteration
+    parameters: Parameters  #: whose cycle it is, with the friction law
+    engine: str  #: what computed it
+    precision: str  #: the arithmetic of its numbers
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
         """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
-        fast, ctx = self.log_multiplier_fast, bits(256).context
-        low, high = (fraction(ctx.exp(quotient(ctx, fast.value + sign * fast.uncertainty))) for sign in (-1, 1))
-        rounding = high / 2**230  # of a logarithm of some thousands at most
-        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, Measured(high, high - low + rounding)
+        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
 
     @property
     @abstractmethod
@@ -106,15 +114,8 @@ class Cycle(ABC):
         axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
         return axes
 
-    def json(self) -> dict[str, object]:
-        return {
-            name: value.json() if isinstance(value, Measured) else list(value) if isinstance(value, tuple) else value
-            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)  # type: ignore[attr-defined]
-            if name not in ("parameters", "engine", "precision")
-        }
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LimitCycle(Cycle):
     """A limit cycle about inverted spinning, with its multipliers and sensitivities; each number's half-width holds it.
 
@@ -122,24 +123,11 @@ class LimitCycle(Cycle):
     """
 
     unknowns = ("gamma_bar_0", "v_0")
+    first = ("omega", "period", *unknowns)
 
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
-    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]; v_0 is v there
     dgamma_bar_0_domega: Measured  #: [s]
     dv_0_domega: Measured  #: [1]
-    stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration in double
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
-    precision: str  #: the arithmetic of its numbers
 
     @property
     def start(self) -> tuple[Measured, Measured, Measured]:
@@ -155,7 +143,7 @@ class LimitCycle(Cycle):
         return states
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RotatingCycle(Cycle):
     """A rotating limit cycle with its multipliers and sensitivities; each number's half-width holds it.
 
@@ -165,26 +153,13 @@ class RotatingCycle(Cycle):
 
     unknowns = ("beta_bar_top", "v_top")
     beside_the_saddle = ("beta_bar_0", "v_0")
+    first = ("omega", "period", *unknowns, *beside_the_saddle)
 
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
-    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]
-    v_0: Measured  #: v there [rad/s]
-    beta_max: Measured  #: largest beta - pi/2 [rad]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
-    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
-    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
-    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
-    dperiod_domega: Measured  #: [s^2/rad]
+    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]; v_0 is v there
     dbeta_bar_top_domega: Measured  #: [s]
     dv_top_domega: Measured  #: [1]
-    stable: bool | None  #: None if the multiplier's half-width holds 1
-    residuals: tuple[float, ...]  #: of the Newton iteration
-    parameters: Parameters  #: whose cycle it is, with the friction law
-    engine: str  #: what computed it
-    precision: str  #: the arithmetic of its numbers
 
     @property
     def start(self) -> tuple[Measured, Measured, Measured]:

@@ -22,6 +22,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
 from tippedisk_verify.orbits.half_map import HalfFlights
 from tippedisk_verify.orbits.newton import NewtonIteration
@@ -50,8 +51,8 @@ _SMALL_FOLD = 0.1  # rad; for smaller ones the law of fourth order is a better s
 _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
 
 
-@dataclass(frozen=True)
-class Fold:
+@dataclass(frozen=True, repr=False)
+class Fold(Printable):
     """What folds have in common; each number's half-width holds the truth."""
 
     section: ClassVar[type[HalfFlights]]  #: whose map has the fold's cycle as a fixed point
@@ -66,26 +67,23 @@ class Fold:
     engine: str  #: what computed it
     precision: str  #: the arithmetic of its numbers
 
-    def json(self) -> dict[str, object]:
-        names = ("omega", "period", *self.section.unknowns, *self.__dataclass_fields__)
-        values = {name: getattr(self, name) for name in names}
-        return {name: value.json() for name, value in values.items() if isinstance(value, Measured)}
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LibrationFold(Fold):
     """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
 
     section = HalfFlights
+    first = ("omega", "period", *section.unknowns)
 
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]; v_0 is v there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RotationFold(Fold):
     """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
 
     section = TurnFlights
+    first = ("omega", "period", *section.unknowns)
 
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]

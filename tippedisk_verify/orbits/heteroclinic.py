@@ -21,6 +21,7 @@ from tippedisk_verify.model.exact import Exact, fraction, shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.orbits.bisection import bisect_omega_h
 from tippedisk_verify.orbits.limit_of_cycles import limit_of_cycles
 from tippedisk_verify.orbits.splitting import MOST_DIGITS, splitting_zero
@@ -34,8 +35,8 @@ METHODS: tuple[Method, ...] = get_args(Method)
 _DOUBLE_DIGITS = 12
 
 
-@dataclass(frozen=True)
-class Heteroclinic:
+@dataclass(frozen=True, repr=False)
+class Heteroclinic(Printable):
     """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0); by the point symmetry the way back exists too."""
 
     omega_h: Measured  #: [rad/s]
@@ -75,18 +76,6 @@ class Heteroclinic:
         states[:2] += math.pi / 2
         return chosen - middle, states
 
-    def json(self) -> dict[str, object]:
-        entries: dict[str, object] = {
-            "omega_h": self.omega_h.json(),
-            "saddle_eigenvalues": [value.json() for value in self.saddle_eigenvalues],
-            "saddle_value": self.saddle_value.json(),
-            "method": self.method,
-        }
-        if self.splitting_derivative is not None:
-            entries["splitting_derivative"] = self.splitting_derivative.json()
-            entries["budget"] = self.budget
-        return entries
-
 
 def heteroclinic(
     parameters: Parameters,
@@ -121,7 +110,7 @@ def heteroclinic(
     return Heteroclinic(
         omega_h=omega_h,
         saddle_eigenvalues=eigenvalues,
-        saddle_value=Measured(unstable.value + slow.value, unstable.uncertainty + slow.uncertainty),
+        saddle_value=unstable + slow,
         method=method,
         parameters=parameters,
         engine=engine.name,

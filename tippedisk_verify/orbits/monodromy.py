@@ -15,6 +15,7 @@ from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, ra
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.results import Printable
 
 if TYPE_CHECKING:
     from tippedisk_verify.orbits.cycles import Cycle
@@ -26,8 +27,8 @@ _MORE_BITS = 16
 _MOVED = 2**12  #: half-widths by which a number is moved, so that rounding does not hide what that does
 
 
-@dataclass(frozen=True, eq=False)
-class Monodromy:
+@dataclass(frozen=True, eq=False, repr=False)
+class Monodromy(Printable):
     """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v) [rad, rad, rad/s].
 
     ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3); `numpy.asarray` gives it in doubles. Its eigenvalues
@@ -39,6 +40,8 @@ class Monodromy:
     >>> print(found.matrix.round(4)[0], f"{found.log_multipliers[2]:.7g}")
     [1.0135 0.4084 0.0088] -96.12968
     """
+
+    told = ("time", "matrix", "uncertainty", "log_multipliers")
 
     cycle: Cycle
     time: Any  #: [s] since the start of ``cycle.orbit()``

@@ -243,4 +243,4 @@ def with_speed(cycle: _C, omega_h: Measured, above: Fraction, room: Fraction) ->
     )
     steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
     widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
-    return replace(cycle, **changes)  # type: ignore[type-var]
+    return replace(cycle, **changes)  # type: ignore[arg-type]

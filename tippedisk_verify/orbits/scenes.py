@@ -20,6 +20,7 @@ from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Statu
 from tippedisk_verify.model.exact import PI, Exact, exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -61,8 +62,8 @@ AttractorKind = Literal["inverted spinning", "limit cycle", "rotating limit cycl
 _AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "beta_bar_at_top"}
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Printable):
     """One panel: its speed, relative to Omega_h or Omega_crit, and what it needs beyond a plain integrator."""
 
     name: str
@@ -84,7 +85,7 @@ class Scene:
             raise InputError(f"scene {self.name} needs Omega_h")
         else:
             base = omega_h
-        return Measured(base.value + self.offset, base.uncertainty)
+        return base + self.offset
 
 
 #: The panels, with the labels of the paper's Figure 3D.
@@ -106,8 +107,8 @@ def scene_named(name: str) -> Scene:
     raise InputError(f"scene '{shown(name)}' is not known: use a, b, c, d, e, f or all")
 
 
-@dataclass(frozen=True)
-class Ending:
+@dataclass(frozen=True, repr=False)
+class Ending(Printable):
     """What an orbit ends on, by the criterion of `classified`."""
 
     kind: AttractorKind
@@ -117,15 +118,10 @@ class Ending:
     amplitude: Measured | None = None
     wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
 
-    def json(self) -> dict[str, object]:
-        entries: dict[str, object] = {"kind": self.kind, "reason": self.reason}
-        if self.time is not None:
-            entries["time"] = self.time.json()
-        if self.amplitude is not None:
-            entries[_AMPLITUDES[self.kind]] = self.amplitude.json()
-        if self.wells_passed is not None:
-            entries["wells_passed"] = self.wells_passed
-        return entries
+    def to_dict(self) -> dict[str, object]:
+        told = super().to_dict()
+        told[_AMPLITUDES.get(self.kind, "amplitude")] = told.pop("amplitude")
+        return {name: value for name, value in told.items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -139,8 +135,8 @@ class Orbit:
     steps: int
 
 
-@dataclass(frozen=True)
-class Panel:
+@dataclass(frozen=True, repr=False)
+class Panel(Printable):
     """A computed scene."""
 
     scene: Scene
@@ -151,11 +147,11 @@ class Panel:
     orbits: tuple[Orbit, ...]
     compiled: tuple[Build, ...]  #: what was built or used for it
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return {
-            "omega": self.omega.json(),
-            "attractor": [orbit.ending.json() for orbit in self.orbits],
-            "compiled": [build.json() for build in self.compiled],
+            "omega": self.omega.to_dict(),
+            "attractor": [orbit.ending.to_dict() for orbit in self.orbits],
+            "compiled": [build.to_dict() for build in self.compiled],
         }
 
 

@@ -6,12 +6,13 @@ import json
 import random
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_measured, case_of, disagreements
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
@@ -25,17 +26,14 @@ __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
 _CHEAP_LEVEL = 5
 
 
-@dataclass(frozen=True)
-class CheckReport:
+@dataclass(frozen=True, repr=False)
+class CheckReport(Printable):
     """What was looked at, and a line for each thing that is wrong."""
 
     files: int
     numbers: int  #: of the files
     recomputed: int  #: by a second road
     faults: tuple[str, ...]
-
-    def json(self) -> dict[str, object]:
-        return asdict(self) | {"faults": list(self.faults)}
 
 
 @dataclass(frozen=True)

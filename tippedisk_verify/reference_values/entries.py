@@ -121,12 +121,8 @@ def case_of(item: Item, reading: Reading) -> Case:
 def trimmed(measured: Measured, digits: int) -> Measured:
     """The value rounded to ``digits`` significant digits; what the rounding takes away is added to the half-width."""
     size = abs(measured.value)
-    if not size:
-        return measured
-    place = len(str(size.numerator)) - len(str(size.denominator)) - digits
-    unit = Fraction(10) ** place
-    value = round(measured.value / unit) * unit
-    return Measured(value, measured.uncertainty + abs(measured.value - value))
+    places = len(str(size.denominator)) - len(str(size.numerator)) + digits
+    return round(measured, places) if size else measured
 
 
 def disagreements(stored: Values, other: Values) -> list[str]:
@@ -192,7 +188,7 @@ def _quantity(
     value, uncertainty = by_reading["decimals"][name].decimals()
     entry: dict[str, Any] = {"unit": kind.units(name), "value": value, "uncertainty": uncertainty}
     if "doubles" in by_reading:
-        entry["from_doubles"] = by_reading["doubles"][name].json()
+        entry["from_doubles"] = by_reading["doubles"][name].to_dict()
     entry["grade"] = "two-method" if confirmed else "agreed" if distances else "single"
     entry["methods"] = {kind.roads[0].name: "0"} | {road: _short(away) for road, away in distances.items()}
     entry["condition"] = {symbol: _short(slope) for symbol, slope in condition.items() if slope}

@@ -133,7 +133,7 @@ def _with_proof(entry: dict[str, Any], proof: Proof) -> dict[str, Any]:
         if enclosure is None:
             quantities[name] = quantity
             continue
-        told = enclosure.json()
+        told = enclosure.to_dict()
         if not as_measured(quantity).contains(as_measured(told)):
             raise Shortfall(f"{entry['id']}/{name} does not contain its enclosure: it is wrong, or claims too much")
         quantities[name] = {**quantity, "grade": "proved", "enclosure": told}

@@ -11,10 +11,10 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Result
 from tippedisk_verify.model.equations import field
-from tippedisk_verify.model.exact import PI, Exact, fraction, quotient
+from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits
+from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.orbits.cycle_budget import numbers_at
 from tippedisk_verify.orbits.folds import fold_near, rotation_fold
 from tippedisk_verify.orbits.half_map import EXTREME
@@ -161,16 +161,8 @@ def _collocation(case: Case, known: Values) -> Values:
     stable = case.inputs["form"] == "stable"
     cycle = spectral_rotation(case.parameters, case.inputs["Omega"], stable=stable, digits=_COLLOCATED)
     numbers = {name: getattr(cycle, name) for name in ("period", "beta_bar_top", "v_top", "multiplier_slow")}
-    slow = _logarithm(cycle.multiplier_slow, bits(_BITS))
+    slow = cycle.multiplier_slow.log()
     return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": cycle.log_multipliers - slow}
-
-
-def _logarithm(number: Measured, precision: Precision) -> Measured:
-    """The natural logarithm of a positive number whose half-width is small."""
-    ctx = precision.context
-    value = fraction(ctx.log(quotient(ctx, number.value)))
-    # |log(x + d) - log(x)| <= |d| / (x - |d|)
-    return Measured(value, number.uncertainty / (number.value - number.uncertainty) + abs(value) * precision.epsilon)
 
 
 def _in_double(case: Case, known: Values, engine: Any) -> dict[str, float]:

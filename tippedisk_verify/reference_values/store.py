@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import numbers
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
+from tippedisk_verify.model.results import plain
 from tippedisk_verify.reference_values.manifest import sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
@@ -24,7 +25,7 @@ __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
 Reading = Literal["decimals", "doubles"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Quantity(Bounded):
     """One reference value with what is known of it.
 
@@ -83,31 +84,25 @@ class Quantity(Bounded):
     real = property(float)  # these two are asked of a number by pytest.approx
     imag = 0.0
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """For NumPy: the double nearest to the value, as an array without dimensions."""
-        import numpy
+    def __hash__(self) -> int:
+        return hash((self.id, self.reading))
 
-        return numpy.array(float(self), dtype=dtype)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For other processes: views of mappings do not travel."""
+        values = (getattr(self, item.name) for item in fields(self))
+        return Quantity, tuple(dict(value) if isinstance(value, Mapping) else value for value in values)
 
     def __str__(self) -> str:
         """The value with its half-width."""
         return " ± ".join(self.values[self.reading])
 
-    def __format__(self, spec: str) -> str:
-        return format(self.measured(), spec) if spec else str(self)
-
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "unit": self.unit, "value": value, "uncertainty": uncertainty}
         if "doubles" in self.values:
             entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
-        return entry | {
-            "grade": self.grade,
-            "methods": dict(self.methods),
-            "condition": dict(self.condition),
-            "inputs": dict(self.inputs),
-            **({} if self.proof is None else {"proof": dict(self.proof)}),
-        }
+        names = ("grade", "methods", "condition", "inputs", *["proof"] * (self.proof is not None))
+        return entry | {name: plain(getattr(self, name)) for name in names}
 
 
 numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too

@@ -14,6 +14,7 @@ from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import plain
 from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.work import AuditJob
@@ -33,11 +34,7 @@ def shown(value: Measured | str) -> str:
 
 def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
     """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
-
-    def entry(value: Measured | str) -> Any:
-        return value if isinstance(value, str) else value.json()
-
-    by_set = {name: entry(value) for name, value in finding.computed.items()}
+    by_set = plain(finding.computed)
     agreed = {
         name: digits
         for name, value in by_set.items()
@@ -61,7 +58,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "note": finding.note,
         "methods": list(finding.methods),
         "grade": "computed" if proof is None else proof.grade,
-        "proof": None if proof is None else proof.json(),
+        "proof": None if proof is None else proof.to_dict(),
         "reading": claim.reading,
         "own_check": claim.own_check,
         "command": f"{_command(order)} --only {claim.name}",

@@ -45,6 +45,6 @@ def write_bench(folder: Path, scores: Sequence[Score], result: dict[str, Any]) -
 
     write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
     if scores:
-        rows = [score.json() for score in scores]
+        rows = [score.to_dict() for score in scores]
         write_csv(folder / "bench.csv", list(rows[0]), [list(row.values()) for row in rows])
         save(draw_bench(scores), folder, "bench")

@@ -23,6 +23,7 @@ from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured, decimal_magnitude
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.equilibria import EquilibriumName, linearization, location
 from tippedisk_verify.theory.hopf import normal_form
@@ -35,8 +36,8 @@ _FASTEST = Fraction(10) ** 6  # rad/s, as for all speeds
 _LARGEST = Fraction(10) ** 30  # what `Parameters` takes
 
 
-@dataclass(frozen=True)
-class BautinPoint:
+@dataclass(frozen=True, repr=False)
+class BautinPoint(Printable):
     """A disk with l_1 = 0, and what its neighbours do. Derivatives are along the one parameter that varies."""
 
     parameter: str  #: A, B, m, r or e
@@ -49,10 +50,6 @@ class BautinPoint:
     quadratic_coefficient_slope: Measured  #: c_1' [1/(rad s) per unit of the parameter]
     fold_amplitude_slope: Measured  #: limit of a_fold^2 / (p - p_B) [rad^2 per unit]; its sign is the fold's side
     fold_speed_curvature: Measured  #: limit of (Omega_fold - Omega_crit) / (p - p_B)^2 [rad/s per unit squared]
-
-    def json(self) -> dict[str, object]:
-        entries = ((name, getattr(self, name)) for name in self.__dataclass_fields__ if name != "parameters")
-        return {name: value.json() if isinstance(value, Measured) else value for name, value in entries}
 
 
 def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[BautinPoint, ...]:

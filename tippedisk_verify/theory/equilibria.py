@@ -19,6 +19,7 @@ from tippedisk_verify.model.exact import PI, Exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable, plain
 
 __all__ = [
     "Eigenvalue",
@@ -56,12 +57,9 @@ class Eigenvalue(NamedTuple):
     re: Measured
     im: Measured
 
-    def json(self) -> dict[str, dict[str, str]]:
-        return {"re": self.re.json(), "im": self.im.json()}
 
-
-@dataclass(frozen=True)
-class Equilibrium:
+@dataclass(frozen=True, repr=False)
+class Equilibrium(Printable):
     """One stationary state at one speed."""
 
     name: EquilibriumName
@@ -69,10 +67,10 @@ class Equilibrium:
     eigenvalues: tuple[Eigenvalue, Eigenvalue, Eigenvalue]  #: by descending real part, then descending imaginary part
     stable: bool  #: all eigenvalues in the open left half-plane, by the exact Routh-Hurwitz criterion
 
-    def json(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, object]:
         return {
             "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
-            "eigenvalues": [value.json() for value in self.eigenvalues],
+            "eigenvalues": plain(self.eigenvalues),
             "stable": self.stable,
         }
 

@@ -19,6 +19,7 @@ from tippedisk_verify.model.exact import quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.hopf import omega_crit_squared
 
 __all__ = [
@@ -38,8 +39,8 @@ __all__ = [
 Form = Literal["printed", "consistent"]
 
 
-@dataclass(frozen=True)
-class OneHarmonic:
+@dataclass(frozen=True, repr=False)
+class OneHarmonic(Printable):
     """The one-harmonic cycle at a speed."""
 
     amplitude: Measured  #: C [rad], Eq. Csol

@@ -17,6 +17,7 @@ from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.expansion import cubic_acceleration, derived
 
@@ -39,8 +40,8 @@ _GUARDS = (15, 60, 240, 960)  # digits more than asked for, in turn
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 
-@dataclass(frozen=True)
-class HopfPoint:
+@dataclass(frozen=True, repr=False)
+class HopfPoint(Printable):
     """Everything local about the Hopf point, to the digits asked for."""
 
     omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
@@ -59,12 +60,6 @@ class HopfPoint:
         if self.amplitude_squared_slope is None or self.period_slope is None:
             raise Shortfall("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
         return self.amplitude_squared_slope, self.period_slope
-
-    def json(self) -> dict[str, object]:
-        return {
-            name: value.json() if isinstance(value, Measured) else value
-            for name, value in ((name, getattr(self, name)) for name in self.__dataclass_fields__)
-        }
 
 
 def omega_crit_squared(parameters: Parameters) -> Fraction:

@@ -24,6 +24,7 @@ from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits, heyoka_module
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.jets import Jet, coordinate_sine
@@ -295,8 +296,8 @@ def _trace_root(parameters: Parameters, order: int, working_bits: int) -> Any:
 
 
 # ------------------------------------------------------------------------------------------------------ the study
-@dataclass(frozen=True)
-class SlowManifold:
+@dataclass(frozen=True, repr=False)
+class SlowManifold(Printable):
     """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones."""
 
     order: int
@@ -312,21 +313,6 @@ class SlowManifold:
     smallest_term: Measured  #: that size [rad/s]
     reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
     warning: str | None
-
-    def json(self) -> dict[str, object]:
-        return {
-            "order": self.order,
-            "omega": Measured(self.omega, Fraction(0)).json(),
-            "beta": Measured(self.beta, Fraction(0)).json(),
-            "gamma": Measured(self.gamma, Fraction(0)).json(),
-            "h": [value.json() for value in self.h],
-            "residual": [value.json() for value in self.residual],
-            "residual_slope": [value.json() for value in self.residual_slope],
-            "best_order": self.best_order,
-            "smallest_term": self.smallest_term.json(),
-            "reduced_omega_crit": None if self.reduced_omega_crit is None else self.reduced_omega_crit.json(),
-            "warning": self.warning,
-        }
 
 
 def study(

@@ -24,6 +24,7 @@ from tippedisk_verify.model.exact import quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.odd_fourier import OddSeries, Samples, double_operators, motion, operators
 from tippedisk_verify.theory.spectral_branch import (
     MOST_HARMONICS,
@@ -41,9 +42,11 @@ _JACOBIAN = 1e-10  # the relative error of a Jacobian taken at the double soluti
 _WORTHLESS = 0.01  # a relative truncation estimate above this says that there may be no cycle at all
 
 
-@dataclass(frozen=True)
-class BalancedCycle:
+@dataclass(frozen=True, repr=False)
+class BalancedCycle(Printable):
     """A limit cycle from harmonic balance; every number with a half-width from the truncation estimate."""
+
+    untold = ("decay", "amplitudes")
 
     omega: Fraction  #: the spinning speed [rad/s]
     harmonics: int  #: number of odd harmonics
@@ -53,14 +56,6 @@ class BalancedCycle:
     beta_max: Measured  #: largest |beta - pi/2| [rad]
     decay: float  #: factor by which the harmonics' amplitudes fall from one odd harmonic to the next
     amplitudes: tuple[float, ...]  #: of the odd harmonics of beta_bar [rad]
-
-    def json(self) -> dict[str, object]:
-        measured = {name: getattr(self, name).json() for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
-        return {
-            "omega": Measured(self.omega, Fraction(0)).json(),
-            "harmonics": self.harmonics,
-            **measured,
-        }
 
 
 def balanced_cycle(

@@ -96,7 +96,7 @@ class Diagnosis:
         causes = " or ".join(cause for _, cause in self.causes)
         return f"{where}; likely cause: {causes} (predicts all {len(self.tried)} of them that it was tried on)"
 
-    def json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         return {
             "level": self.level,
             "sets": list(self.sets),

@@ -1,0 +1,73 @@
+"""Every kind of result travels, and says itself: to other processes, in ten lines, as a table and as JSON."""
+
+from __future__ import annotations
+
+import copy
+import json
+import multiprocessing
+import pickle
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+
+import cloudpickle
+import pytest
+
+import tippedisk_verify as tv
+
+START = ("pi/2", "pi/2 + 0.4", 0)
+LEVEL = tv.Event("level", lambda ops, constants, omega, beta, gamma, v: gamma - 2, terminal=False)
+DISK, CRIT = tv.Disk("printed"), "printed/linear/hopf/point/omega_crit"
+RESULTS = {
+    "disk": lambda: DISK,
+    "omega_crit": lambda: DISK.omega_crit,
+    "equilibrium": lambda: DISK.equilibrium("inverted", DISK.omega_crit - 0.5),
+    "hopf": lambda: DISK.hopf(digits=50),
+    "bautin": lambda: DISK.bautin_points("A")[0],
+    "solution": lambda: DISK.integrate(DISK.omega_crit - 0.5, START, DISK.hopf().period, events=(LEVEL,)),
+    "lying flat": lambda: DISK.integrate("29.9", START, 20),
+    "of 30 digits": lambda: DISK.integrate("30.4", START, "0.1", digits=30),
+    "SciPy's": lambda: DISK.integrate("30.4", START, 1, engine=tv.Baseline()),
+    "basins": lambda: DISK.basins("30.4", count=20, duration=5.0),
+    "limit cycle": lambda: DISK.limit_cycle(DISK.omega_crit - 0.5),
+    "rotating cycle": lambda: DISK.rotating_cycle("30.5", stable=False),
+    "boundary": lambda: DISK.basin_boundary("30.5"),
+    "branch": lambda: DISK.branch(["30.3", "30.4", "30.5", "30.6", "30.7"]),
+    "connection": lambda: DISK.heteroclinic(method="bisection"),
+    "interpolant": lambda: tv.BranchInterpolant(DISK, tv.BatchTaylor(), 30.0488682607225),
+    "reference": lambda: tv.reference(CRIT),
+    "grade": lambda: tv.compare(CRIT, DISK.omega_crit),
+    "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),
+    "one harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
+    "balanced cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
+    "slow manifold": lambda: tv.study(DISK, "30.4", 1),
+    "scene": lambda: tv.scene_named("a"),
+    "audit": lambda: tv.Audit(DISK, tv.Taylor()),
+}
+
+
+@pytest.fixture(scope="module")
+def worker() -> Iterator[Executor]:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        yield pool
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_a_result_travels_and_says_itself(kind: str, worker: Executor) -> None:
+    result = RESULTS[kind]()
+    told = json.dumps(result.to_dict(), allow_nan=False)
+    ways = (pickle.dumps, cloudpickle.dumps)
+    copies = [
+        copy.deepcopy(result),
+        worker.submit(copy.copy, result).result(),
+        *(pickle.loads(w(result)) for w in ways),
+    ]
+    for other in copies:
+        assert json.dumps(other.to_dict()) == told
+        if isinstance(result, tv.Solution):
+            assert (other(result.t[7]) == result(result.t[7])).all()
+    assert worker.submit(repr, result).result() == repr(result)
+    assert result._repr_html_().count("<tr>") >= len(result.to_dict()) > 0
+    for text in (repr(result), *([] if kind == "report" else [str(result)])):  # a diagnosis is a sentence
+        assert len(text.splitlines()) <= 10
+        assert max(map(len, text.splitlines())) <= 100
+    assert len(str(result).splitlines()) <= 10
