@@ -183,4 +183,6 @@ def _brief(value: Any) -> Any:
     if len(value) > _MOST_ENTRIES:
         return f"{len(value)}, from {_said(_brief(value[0]))} to {_said(_brief(value[-1]))}"
     shorter = [_brief(part) for part in value]
-    return "; ".join(map(_said, shorter)) if any(isinstance(part, list) for part in value) else shorter
+    if not any(isinstance(part, list) for part in shorter):
+        return shorter
+    return "; ".join(", ".join(map(_said, part)) if isinstance(part, list) else _said(part) for part in shorter)
