@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from tests.conformance.scipy_program import motion
 from tippedisk_verify.conformance.diagnosis.causes import _fit
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
-from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
 from tippedisk_verify.conformance.diagnosis.connection import searches
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of
 from tippedisk_verify.conformance.diagnosis.defects import defects
@@ -366,38 +365,3 @@ def test_the_end_of_an_interval_and_few_halvings_of_it_are_told() -> None:
     assert text.startswith("omega_h is the round number 30.2")
     (text,) = searches("printed", "linear", 29.8 + 0.6 * 427 / 2**10, 30.0489)  # of 29.8 to 30.4
     assert text == "omega_h is a multiple of 0.1/2^9: a bisection that stops after few steps"
-
-
-@pytest.mark.parametrize("step", [5e-3, 4.3e-3])
-def test_the_largest_deflection_at_a_step_is_told(step: float, store: Store) -> None:
-    given = {}
-    for k in (1, 2, 3, 4, 5, 6):
-        period = store[f"printed/linear/limit-cycle/crit-0.{k}/period"]
-        gamma, v = (store[period.id.replace("period", name)].for_doubles for name in ("gamma_bar_0", "v_0"))
-        times = np.arange(0, period.for_doubles / 2, step)
-        run = solve_ivp(_rates(period), (0, times[-1]), [math.pi / 2, math.pi / 2 + gamma, v], "DOP853", t_eval=times,
-                        rtol=1e-11, atol=1e-11)  # fmt: skip
-        given[period.id.replace("period", "beta_max")] = math.pi / 2 - run.y[0].min()
-    found = coarse_of(*_grades(store, given), store)
-    said = {
-        5e-3: "beta_max: the largest of the states at steps of 5e-3 s, not the one where v = 0",
-        4.3e-3: "beta_max: too small by what a state has that is up to 2 ms from the turning point, now more and now "
-        "less: taken at steps, not where v = 0, or that instant is refined wrongly",
-    }
-    assert found is not None
-    assert found[0] == (("coarse", said[step]),)
-    for id_ in given:  # the same sign everywhere, but a smooth formula's error
-        given[id_] = store[id_].for_doubles * (1 - 1e-4 * store[id_].for_doubles)
-    assert coarse_of(*_grades(store, given), store) is None
-
-
-def test_an_asymptotic_law_next_to_the_connection_is_told(store: Store) -> None:
-    rate = store["printed/linear/heteroclinic/point/lambda_u"].for_doubles
-    ids = {k: f"printed/linear/near-heteroclinic/het+1e-{k}/period" for k in range(1, 7)}
-    fitted = store[ids[3]].for_doubles + 2 / rate * math.log(1e-3)
-    given = {id_: fitted + 2 / rate * k * math.log(10) for k, id_ in ids.items()}
-    found = coarse_of(*_grades(store, given), store)
-    assert found is not None
-    assert f"-2/lambda_u log(Omega - Omega_h) + {fitted:.6g}" in found[0][0][1]
-    given[ids[2]] += 5e-3  # no line has this
-    assert coarse_of(*_grades(store, given), store) is None

@@ -20,7 +20,6 @@ from typing import Any
 from tippedisk_verify.conformance.diagnosis.along import along_of
 from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative
 from tippedisk_verify.conformance.diagnosis.closing import closing_of, unclosed
-from tippedisk_verify.conformance.diagnosis.coarse import coarse_of
 from tippedisk_verify.conformance.diagnosis.copies import copy_of
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_slip_of, following_of
 from tippedisk_verify.conformance.diagnosis.factors import OF_ANOTHER, free_values, term_factors
@@ -247,7 +246,7 @@ def _causes(
         found = fitting(outputs) or shape_of(usable, wrong, store, by_place=False)
         if found is None and level in _CYCLES:
             advance(f"level {level}: cycles", 1)
-            found = coarse_of(usable, wrong, store) or shape_of(usable, wrong, store, by_place=True)
+            found = shape_of(usable, wrong, store, by_place=True)
             found = found or following_of(usable, wrong, store) or along_of(usable, wrong, store)
             found = found or cycle_slip_of(usable, wrong, store)
             found = found or quotients_of(usable, wrong, store) or closing_of(usable, wrong, store)

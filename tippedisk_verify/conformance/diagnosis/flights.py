@@ -67,15 +67,15 @@ def field(
     return drifting if drifts else rates
 
 
-def runge_kutta(table: Sequence[Sequence[Any]]) -> Step:
-    """An explicit method: its matrix, row by row, and its weights as the last row; numbers, or lanes of them."""
+def runge_kutta(table: Sequence[Sequence[float]]) -> Step:
+    """An explicit method: its matrix, row by row, and its weights as the last row."""
     *rows, weights = table
 
     def step(f: Field, y: Array, h: Any) -> Array:
         slopes = [f(y)]
         for row in rows:
-            slopes.append(f(y + h * sum(a * k for a, k in zip(row, slopes, strict=False) if numpy.any(a))))
-        moved: Array = y + h * sum(b * k for b, k in zip(weights, slopes, strict=True) if numpy.any(b))
+            slopes.append(f(y + h * sum(a * k for a, k in zip(row, slopes, strict=False) if a)))
+        moved: Array = y + h * sum(b * k for b, k in zip(weights, slopes, strict=True) if b)
         return moved
 
     return step

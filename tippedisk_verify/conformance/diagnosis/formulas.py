@@ -14,7 +14,6 @@ from typing import Any
 
 from tippedisk_verify.conformance.diagnosis.alternatives import Alternative
 from tippedisk_verify.conformance.diagnosis.connection import searches
-from tippedisk_verify.conformance.diagnosis.cubic import other_c_1
 from tippedisk_verify.conformance.diagnosis.factors import LONG, critical_speed, model_bases, model_values, said_factor
 from tippedisk_verify.conformance.diagnosis.matrices import matrices
 from tippedisk_verify.conformance.diagnosis.predictions import Model, eigenvalues
@@ -153,7 +152,7 @@ def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[s
 
     Two of the answers tell such a complex number; the others have to bear it out.
     """
-    given, set_name = {quantity.name: answers[quantity.id] for quantity in here}, here[0].set
+    given = {quantity.name: answers[quantity.id] for quantity in here}
     bad = {quantity.name for quantity in here if quantity.id in wrong}
     n = _normal_form(here[0].set, critical_speed(here[0].set))
     if not {*_BY_C_1, "transversality"} <= given.keys() or not given["first_lyapunov_coefficient"]:
@@ -163,9 +162,6 @@ def _other_coefficients(here: Sequence[Quantity], answers: Answers, wrong: set[s
     if bad == set(_BY_C_1):
         imaginary = (given["period_slope"] / n["turn"] + drift.imag) / (drift.real / real)
         coefficients.append(("c_1, the coefficient of |z|^2 z,", c_1, complex(real, imaginary), drift))
-        for rank, text, other in other_c_1(n, set_name, complex(real, imaginary)):
-            numbers = n | _following(n, other, drift)
-            yield rank, text, lambda _, x=numbers: x  # type: ignore[misc]
     elif bad == {"transversality", *_BY_C_1[1:]}:
         imaginary = c_1.imag * speed / c_1.real - given["period_slope"] / n["turn"]
         coefficients.append(("d lambda/d Omega", drift, c_1, complex(speed, imaginary)))

@@ -22,7 +22,6 @@ from tippedisk_verify.conformance.diagnosis.flights import Array, field, flown
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found
 from tippedisk_verify.conformance.diagnosis.steps import MEMORY, METHODS, flights
-from tippedisk_verify.conformance.diagnosis.tableaus import slipped_table
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
@@ -98,12 +97,6 @@ def fixed_steps(here: Sequence[Quantity], answers: Mapping[str, Decimal]) -> str
             if off < last < _LOST:  # by the order that the last two steps show
                 wanted = count * (off / size) ** min(math.log(count / before) / math.log(last / off), _SLOW)
             last, before = off, count
-    if (
-        text := slipped_table(
-            lambda some: field(here[0].set, here[0].friction, speeds[some]), starts, exact + errors, exact, time
-        )
-    ) is not None:
-        return f"a slip in the method, {text}"
     if like:
         return f"too long a step, or a slip in the method: nearly as {min(like)[1]}, to {100 * min(like)[0]:.1g} %"
     return None

@@ -48,7 +48,6 @@ class HalfOrbits:
     change: Array
     divergence: Array  #: integral of dv'/dv, by slip
     deepest: Array  #: the largest pi/2 - beta
-    turning: Array  #: when that is, from 0 to half
     shallower: Array  #: what gamma and v take off it, two rows
 
     def left(self) -> Array:
@@ -109,9 +108,7 @@ def half_orbits(
     changes = run.y[3 * count :, -1].reshape(len(slips), 10, count)
     speed = jacobian(end, model.friction)[0]
     change = changes[:, :9].reshape(len(slips), 3, 3, count)
-    return HalfOrbits(
-        half, gamma, v, omega, end, speed, change, changes[:, 9], _QUARTER - y[0], turn * half, there[3:5]
-    )
+    return HalfOrbits(half, gamma, v, omega, end, speed, change, changes[:, 9], _QUARTER - y[0], there[3:5])
 
 
 def solved_each(matrices: Array, right: Array) -> Array:
