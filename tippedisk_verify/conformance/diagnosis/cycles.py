@@ -19,13 +19,11 @@ from tippedisk_verify.conformance.diagnosis.flights import Array
 from tippedisk_verify.conformance.diagnosis.predictions import Model
 from tippedisk_verify.conformance.diagnosis.shapes import Found, borne_out, shape_of
 from tippedisk_verify.conformance.diagnosis.shooting import HalfOrbits, Slip, half_orbits
-from tippedisk_verify.conformance.diagnosis.starts import differenced
 from tippedisk_verify.conformance.grading import Grade, as_decimal
 from tippedisk_verify.reference_values.store import Quantity, Store
 
 __all__ = ["cycle_slip_of", "following_of", "numbers_of", "pieces_of"]
 
-_BLUR = 2e-3  # of an answer's error, where an integrator's own error is divided by a short step
 _TINY = 1e-9  # far below all slow multipliers that are asked for
 _STATE = ("period", "gamma_bar_0", "v_0")
 _DERIVATIVES = ("dperiod_domega", "dgamma_bar_0_domega", "dv_0_domega")
@@ -188,20 +186,11 @@ _SIZES: dict[str, Callable[[Array], Any]] = {
 
 
 def numbers_of(
-    pieces: Pieces,
-    corrected: str = "",
-    shifted: str = "",
-    timed: str = "",
-    sized: str = "",
-    matrix: Array | None = None,
+    pieces: Pieces, corrected: str = "", shifted: str = "", timed: str = "", sized: str = ""
 ) -> dict[str, float]:
-    """The derivatives by Omega and the multipliers that follow from the half map's pieces, with a slip.
-
-    ``matrix`` is put for the half map's derivative by the start.
-    """
+    """The derivatives by Omega and the multipliers that follow from the half map's pieces, with a slip."""
     dt = -pieces.change[0] / pieces.speed[0]
     by = -(pieces.change + _CORRECTED[corrected](pieces.speed, dt))[1:]
-    by[:, :2] = by[:, :2] if matrix is None else matrix
     p, slope = by[:, :2], _SHIFTED[shifted](by[:, :2], by[:, 2])
     slow = float(_SIZES[sized](p))
     log = math.log(slow) if slow > 0 else math.nan
@@ -219,7 +208,7 @@ Numbers = Mapping[str, Mapping[str, float]]  # by entry and quantity
 
 
 def _all_of(parts: Mapping[str, Pieces], **slip: str) -> dict[str, dict[str, float]]:
-    return {entry: numbers_of(part, **slip) for entry, part in parts.items()}  # type: ignore[arg-type]
+    return {entry: numbers_of(part, **slip) for entry, part in parts.items()}
 
 
 def _only(made: Numbers, names: Sequence[str]) -> Numbers:
@@ -358,17 +347,6 @@ def _by_shares(
             yield f"dperiod_domega has {name} {value:.6g} times", made
 
 
-def _by_differences(right: Mapping[str, Pieces], store: Store) -> Iterator[tuple[str, Numbers]]:
-    alone = "the first entry of the half map's derivative, squared, for its spectral radius"
-    for text, matrices in differenced(list(right), store):
-        made = {entry: numbers_of(part, matrix=matrices[entry]) for entry, part in right.items()}
-        yield text, made
-        yield f"{text}, for the derivatives", _only(made, _DERIVATIVES)
-        yield f"{text}, for the multipliers", _only(made, _MULTIPLIERS)
-        made = {entry: numbers_of(part, sized=alone, matrix=matrices[entry]) for entry, part in right.items()}
-        yield f"{text}, of gamma by gamma alone", _only(made, _MULTIPLIERS)
-
-
 def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
     """The one slip that gives the wrong derivatives and multipliers of cycles that are right."""
     answers = {grade.id: as_decimal(grade.answer) for grade in usable}
@@ -377,15 +355,12 @@ def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Fou
         return None
     here = list({quantity.id.rsplit("/", 1)[0]: quantity for quantity in asked}.values())
 
-    def fits(made: Numbers, blurred: bool = False) -> bool:
+    def fits(made: Numbers) -> bool:
         tried = set()
         for quantity in asked:
             entry, name = quantity.id.rsplit("/", 1)
             expected = made[entry].get(name, quantity.for_doubles)
-            off, error = (abs(float(answers[quantity.id]) - x) for x in (expected, quantity.for_doubles))
-            if blurred and quantity.id in wrong and off < _BLUR * error:
-                pass
-            elif borne_out(answers[quantity.id], expected, quantity, quantity.id in wrong) is None:
+            if borne_out(answers[quantity.id], expected, quantity, quantity.id in wrong) is None:
                 return False
             tried.add(quantity.id)
         return wrong <= tried
@@ -403,13 +378,10 @@ def cycle_slip_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Fou
             lambda: _by_sources(pieces, answers, wrong),
             lambda: _by_shares(pieces[""], answers, wrong),
         )
-        several_names = len({store[id_].name for id_ in wrong}) > 1
-        if several_names:
+        if len({store[id_].name for id_ in wrong}) > 1:
             made_of += (lambda: _varied(_pieces(here, store, _more_variants())),)
         for several in made_of:
             found = found or [text for text, made in several() if fits(made)]
-        if not found and several_names:
-            found = [text for text, made in _by_differences(pieces[""], store) if fits(made, blurred=True)]
     return (tuple(("slip", text) for text in found[:1]), frozenset(wrong)) if found else None
 
 

@@ -150,29 +150,11 @@ def _odeint(rates: Any, start: Array, time: float, relative: float, absolute: fl
     return numpy.asarray(odeint(rates, start, times, rtol=relative, atol=absolute, tfirst=True)[-1])
 
 
-def _ode(name: str, **options: Any) -> Callable[[Any, Array, float, float, float, float], Array]:
-    """An integrator of SciPy's class `ode`, which is asked for a state each ``run``."""
-
-    def state(rates: Any, start: Array, time: float, relative: float, absolute: float, run: float) -> Array:
-        from scipy.integrate import ode
-
-        solver = ode(rates).set_integrator(name, rtol=relative, atol=absolute, nsteps=_FEW, **options)
-        solver.set_initial_value(start, 0.0)
-        count = round(time / run) if run else 1
-        for n in range(1, count + 1):
-            solver.integrate(time * n / count)
-        return numpy.asarray(solver.y) if solver.successful() else start * math.nan
-
-    return state
-
-
 _SOLVERS = (
     _Solver("LSODA (odeint or solve_ivp)", _odeint, _OUTPUTS),
     *(_Solver(name, _classes(name), (_DURATION, 0.0)) for name in ("RK45", "RK23")),
     _Solver("LSODA (odeint or solve_ivp)", _classes("LSODA"), (_DURATION, 0.0, *_ENDS)),
     *(_Solver(name, _classes(name), (_DURATION, 0.0)) for name in ("BDF", "Radau", "DOP853")),
-    *(_Solver(f"ode({name!r})", _ode(name), (0.0, 0.1, 0.05, 0.02, 0.01)) for name in ("dopri5", "dop853")),
-    *(_Solver(f"ode('vode', {kind})", _ode("vode", method=kind), _OUTPUTS[:5]) for kind in ("adams", "bdf")),
 )
 
 
