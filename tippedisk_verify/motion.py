@@ -265,7 +265,7 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         omega=request.omega,
         t=times,
         y=samples.T,
-        uncertainty=sample_widths.T.astype(float),
+        uncertainty=sample_widths.T.astype(float, copy=False),
         status=result.status,
         end=last,
         events=tuple(

@@ -16,7 +16,6 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import Known, exact, fraction, quotient, shown
-from tippedisk_verify.model.results import Printable
 
 __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -52,7 +51,7 @@ def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int]
     return low
 
 
-class Bounded(Known, Printable):
+class Bounded(Known):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
     Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
@@ -266,6 +265,11 @@ class Measured(Bounded):
         """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
+
+    def _repr_html_(self) -> str:
+        """A table, for notebooks."""
+        rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
+        return f"<table>{''.join(rows)}</table>"
 
     def __str__(self) -> str:
         return " ± ".join(self.decimals())

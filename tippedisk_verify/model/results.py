@@ -10,6 +10,8 @@ from fractions import Fraction
 from html import escape
 from typing import Any, ClassVar, NamedTuple
 
+from tippedisk_verify.model.measured import Measured
+
 __all__ = ["QUANTITIES", "Printable", "heading", "plain", "result_lines"]
 
 _MOST_LINES, _WIDEST = 10, 100
@@ -125,8 +127,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [plain(part) for part in value]
     if isinstance(value, Fraction):
-        from tippedisk_verify.model.measured import Measured  # whose file needs this one
-
         return Measured(value, Fraction(0)).to_dict()
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None

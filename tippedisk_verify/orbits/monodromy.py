@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy
 
@@ -16,9 +16,6 @@ from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable
-
-if TYPE_CHECKING:
-    from tippedisk_verify.orbits.cycles import Cycle
 
 __all__ = ["Monodromy", "monodromy"]
 
@@ -43,7 +40,7 @@ class Monodromy(Printable):
 
     told = ("time", "matrix", "uncertainty", "log_multipliers")
 
-    cycle: Cycle
+    cycle: Any  #: the `Cycle`, whose file needs this one
     time: Any  #: [s] since the start of ``cycle.orbit()``
     matrix: Any
     uncertainty: Any
@@ -61,7 +58,7 @@ class Monodromy(Printable):
         return Measured(Fraction(0), Fraction(0)), self.cycle.log_multiplier_slow, self.cycle.log_multiplier_fast
 
 
-def monodromy(cycle: Cycle, time: object = 0) -> Monodromy:
+def monodromy(cycle: Any, time: object = 0) -> Monodromy:
     """The matrix at a ``time`` [s] within a period, by the variational equations over a whole period from there.
 
     Its half-widths are the flight's, by wider arithmetic, and what those of the cycle's numbers make of it, by flights

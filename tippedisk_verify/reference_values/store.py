@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
-from tippedisk_verify.model.results import plain
+from tippedisk_verify.model.results import Printable, plain
 from tippedisk_verify.reference_values.manifest import sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
@@ -26,7 +26,7 @@ Reading = Literal["decimals", "doubles"]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Quantity(Bounded):
+class Quantity(Printable, Bounded):
     """One reference value with what is known of it.
 
     It behaves as a number: the value, with its half-width, of one of its two readings. ``reading`` says which, and
