@@ -60,7 +60,7 @@ def test_integrate_prints_and_writes_a_motion(tmp_path: Path, capsys) -> None:
     assert header == "t,beta,gamma,v,beta_uncertainty,gamma_uncertainty,v_uncertainty"
     assert first.startswith("1.0,1.5707963267948")
     assert (tmp_path / "motion.png").read_bytes()[:4] == b"\x89PNG"
-    (tmp_path / "times").write_text("1, 1.5\n")
+    (tmp_path / "times").write_text("t\n1\n1.5,0\n")
     assert main([*asked, "--times", str(tmp_path / "times")]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(",")[0] for line in lines[-2:]] == ["  t 1.0", "  t 1.5"]

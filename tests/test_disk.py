@@ -172,6 +172,21 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
     assert disk.integrate("30.4", START, ("10", "9.98")).t[:2].tolist() == [10.0, 9.9999]
 
 
+@pytest.mark.parametrize("span", [("1e6", "1e6 + 0.1"), ("1/3", "2"), ("pi", "pi + 1"), ("0", "0.1"), ("1/3", "0.3")])
+def test_times_are_exact(span) -> None:
+    """States are those at the exact times, however far from zero they are and whatever doubles make of the ends."""
+    disk, start, end = tv.Disk("printed"), *map(tv.exact, span)
+    share = (end - start) * Fraction(1, 32)
+    early = disk.integrate("30.4", START, end - start, t_eval=[share, end - start], digits=20)
+    late = disk.integrate("30.4", START, span, t_eval=[start + share, span[1]], digits=20)
+    known = late.uncertainty
+    assert (abs((late.y - early.y).astype(float)) <= known + early.uncertainty).all()
+    assert (abs((late([start + share, end]) - late.y).astype(float)) <= known).all()
+    assert late(float(start)).shape == late(late.end.time).shape == (3,)
+    assert abs(float(end - late.end.time)) <= late.end.time_uncertainty
+    assert len(disk.integrate("30.4", START, span).t) == 201
+
+
 def test_crossings_lie_within_their_half_widths() -> None:
     disk = tv.Disk("printed")
     mine, sharp = (disk.integrate("30.4", START, 3, events=("section", "turn"), digits=n) for n in (12, 30))
@@ -214,6 +229,15 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     step = 1e-6
     moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (2 * step)
     assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
+
+
+def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
+    disk = tv.Disk("printed")
+    assert disk.integrate("30.4", START, 1, t_eval="0.5", events="section", variations="omega").y.shape == (3, 1)
+    assert disk.integrate("30.4", START, 1, events=None).events == ()
+    for wrong in (len, "section,turn", ["turn", 1]):
+        with pytest.raises(tv.InputError, match="none of section, turn, surface, and no Event"):
+            disk.integrate("30.4", START, 1, events=wrong)
 
 
 @pytest.mark.parametrize("name", ["rtol", "atol", "method", "max_step", "dense_output"])

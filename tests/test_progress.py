@@ -16,7 +16,6 @@ from tippedisk_verify.cli import main
 
 _CALLS = {
     "basins": lambda wanted: tv.Disk("printed").basins("30.4", count=50, progress=wanted),
-    "tv.basins": lambda wanted: tv.basins(tv.PRINTED, "30.4", count=50, progress=wanted),
     "branch": lambda wanted: tv.Disk("printed").branch("30.4", progress=wanted),
     "rotating_branch": lambda wanted: tv.Disk("printed").rotating_branch("30.03", progress=wanted),
     "grade": lambda wanted: tv.grade({"printed/linear/hopf/point/period": 1.0}, progress=wanted),

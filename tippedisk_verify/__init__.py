@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.answers import grade
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
-    from tippedisk_verify.disk import Disk, basins
+    from tippedisk_verify.disk import Disk
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
     from tippedisk_verify.flow.contract import Event, Request, Result, Status
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
     from tippedisk_verify.motion import Solution
+    from tippedisk_verify.orbits.basins import basins
     from tippedisk_verify.orbits.bisection import bisect_omega_h
     from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
     from tippedisk_verify.orbits.heteroclinic import heteroclinic
@@ -72,7 +73,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
-    "disk": ("Disk", "basins"),
+    "disk": ("Disk",),
     "motion": ("Solution",),
     "answers": ("grade",),
     "errors": ("InputError", "Shortfall"),
@@ -88,6 +89,7 @@ _HOMES = {
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
     "orbits.branch_interpolant": ("BranchInterpolant",),
+    "orbits.basins": ("basins",),
     "orbits.bisection": ("bisect_omega_h",),
     "orbits.heteroclinic": ("heteroclinic",),
     "orbits.near_connection": ("cycle_above",),

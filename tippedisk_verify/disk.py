@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import checked_speeds
+from tippedisk_verify.model.equations import checked_speeds, field, jacobian
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction, Parameters
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
-__all__ = ["Disk", "basins"]
+__all__ = ["Disk"]
 
 
 class Disk(Parameters):
@@ -119,9 +119,10 @@ class Disk(Parameters):
         """The motion from ``state`` (beta, gamma, v) for a ``time`` [s], or from t0 to t1 of a pair; backward if less.
 
         ``t_eval`` are where the solution is wanted, strictly monotonic and within that; 201 even ones if left out.
-        ``events`` are Events, or "section" (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is
-        zero), whose crossings are recorded. ``variations`` of "state" and "omega" add the derivatives of the end by
-        them. Texts such as "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
+        ``events`` are Events (these end the run unless made with ``terminal=False``), or by their names "section"
+        (beta = pi/2), "turn" (v = 0) and "surface" (the sliding velocity gamma_y is zero), whose crossings are
+        recorded. ``variations`` of "state" and "omega" add the derivatives of the end by them. Texts such as
+        "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
         Raises InputError for what makes no sense; a run that ends early does not raise.
 
         >>> start = "pi/2", "pi/2 + 0.4", 0
@@ -143,19 +144,22 @@ class Disk(Parameters):
 
         ``y`` is a state (3,) or states (3, k). Angles in rad, v in rad/s. Raises InputError for a speed <= 0.
         """
-        from tippedisk_verify.model.arrays import RightHandSide
+        from tippedisk_verify.model.arrays import OnArrays
 
-        return RightHandSide(self, omega)
+        return OnArrays(field, self, omega)
 
     def jacobian(self, omega: object) -> Callable[[object, Any], Array]:
         """The derivative of `rhs` by the state, ``jac(t, y)``: (3, 3), or (3, 3, k) for states (3, k)."""
-        from tippedisk_verify.model.arrays import Jacobian
+        from tippedisk_verify.model.arrays import OnArrays
 
-        return Jacobian(self, omega)
+        return OnArrays(jacobian, self, omega)
 
-    def basins(self, omega: object, **options: Any) -> Basins:
-        """What each of many initial states ends on; options as those of `tippedisk_verify.basins`."""
-        return basins(self, omega, **options)
+    def basins(self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any) -> Basins:
+        """What each of ``count`` initial states ends on. Options as those of `basins`, progress as that of `branch`."""
+        from tippedisk_verify.orbits.basins import basins
+
+        with progress_of(count if isinstance(count, int) else 0, progress) as advance:
+            return basins(self, omega, count=count, advance=advance, **options)
 
     # ---------------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
@@ -280,16 +284,3 @@ class Disk(Parameters):
         from tippedisk_verify.flow import default_engine
 
         return default_engine()
-
-
-def basins(
-    disk: Parameters, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any
-) -> Basins:
-    """What each of ``count`` initial states ends on; ``duration``, ``v``, ``seed`` as those of `orbits.basins.basins`.
-
-    Progress as that of `Disk.branch`.
-    """
-    from tippedisk_verify.orbits.basins import basins as found
-
-    with progress_of(count if isinstance(count, int) else 0, progress) as advance:
-        return found(disk, omega, count=count, advance=advance, **options)

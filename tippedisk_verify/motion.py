@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -47,8 +48,9 @@ _VARIATIONS: dict[str, tuple[Variation, ...]] = {"state": STATE_VARIATIONS, "ome
 class Solution(Printable):
     """A motion, as `scipy.integrate.solve_ivp` gives it, with half-widths that hold the truth.
 
-    ``t`` (n,) [s] are the times asked for that were reached, ``y`` (3, n) the states there, with rows beta, gamma [rad]
-    and v [rad/s], and ``uncertainty`` (3, n) their half-widths, infinite where rounding decides how the run ends.
+    ``t`` (n,) [s] are the times asked for that were reached, rounded once, ``y`` (3, n) the states at the exact times,
+    with rows beta, gamma [rad] and v [rad/s], and ``uncertainty`` (3, n) their half-widths, infinite where rounding
+    decides how the run ends.
     ``end`` is where the run ended, which is before the final time if the disk lies flat or a terminal event ends it:
     ``status`` and ``message`` say so. It and the ``events`` have half-widths of their time and state.
 
@@ -115,25 +117,21 @@ class Solution(Printable):
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
-        given = numpy.asarray(t)
+        given = numpy.asarray(t, dtype=object)
         if given.ndim > 1:
             raise InputError("a solution is asked for at a time, or at a list of times")
-        try:
-            times = self._request.precision.array(given.ravel().tolist())
-        except (TypeError, OverflowError):
-            raise InputError("a solution is asked for at times, which are numbers") from None
-        first, last = sorted((self._request.precision.number(self._start), self.end.time))
-        if any(not float(first) <= float(time) <= float(last) for time in times):
-            raise InputError(f"the solution is known from {float(first):.10g} s to {float(last):.10g} s")
-        if self._start != exact(0):
-            times = self._request.precision.array([exact(time) - self._start for time in times])
+        end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
+        _, times = _since(self._start, end, numpy.atleast_1d(given).tolist())
+        near, length = DOUBLE.array(times), float(end - self._start)
+        if (near * length < 0).any() or (abs(near) > abs(length)).any():
+            first, last = sorted((float(self._start), float(end)))
+            raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
         if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
-            sign = 1 if last == self.end.time else -1
-            ahead, places = numpy.unique(sign * times, return_inverse=True)
-            wanted = replace(self._request, times=sign * ahead + 0.0, events=(), variations=())
+            _, chosen, places = numpy.unique(abs(near), return_index=True, return_inverse=True)
+            wanted = replace(self._request, times=[times[n] for n in chosen], events=(), variations=())
             states = self._engine(wanted).samples.T[:, places]
         else:
-            states = self._dense(times).T
+            states = self._dense(self._request.precision.array(times)).T
         return states if given.ndim else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
@@ -145,9 +143,9 @@ class Solution(Printable):
         return {
             "status": self.status.name.lower(),
             "message": self.message,
-            "t": [repr(float(time)) if float(time) == time else _said(time, 0)["value"] for time in self.t],
-            **dict(zip(_STATE, _said(self.y, self.uncertainty), strict=True)),
             "end": _moment(self.end),
+            "t": [repr(float(t)) if self.precision == DOUBLE.name else _said(t, 0)["value"] for t in self.t],
+            **dict(zip(_STATE, _said(self.y, self.uncertainty), strict=True)),
             "events": [{"name": event.name} | _moment(event) for event in self.events],
             **{name: _said(values, widths) for name, values, widths in derivatives if values is not None},
         }
@@ -181,8 +179,14 @@ def integrated(
 ) -> Solution:
     """`Disk.integrate`, which defines the arguments."""
     start, end = _span(time)
-    if t_eval is None and start != end:
+    t_eval = t_eval if t_eval is None or numpy.ndim(t_eval) else [t_eval]
+    if t_eval is None and float(end - start):
         t_eval = numpy.linspace(float(start), float(end), _SAMPLES)
+        if (numpy.diff(t_eval) == 0).any():  # doubles do not tell the times of so short a run apart
+            t_eval = [start + (end - start) * Fraction(n, _SAMPLES - 1) for n in range(_SAMPLES)]
+    times = t_eval
+    if t_eval is not None and (start != exact(0) or exact(float(end)) != end):
+        t_eval, times = _since(start, end, t_eval)
     corrected = engine.measures_error and checked_digits(digits) <= CORRECTED_DIGITS
     request = Request(
         parameters,
@@ -191,7 +195,7 @@ def integrated(
         end - start,
         shifted=shifted,
         precision=DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8)),
-        times=_since(start, end, t_eval),
+        times=times,
         variations=tuple(one for name in _several(variations) for one in _named(name, _VARIATIONS)),
         events=tuple(event if isinstance(event, Event) else _named(event, EVENTS) for event in _several(events)),
         error_estimate=engine.measures_error,
@@ -210,20 +214,25 @@ def _span(time: object) -> tuple[Exact, Exact]:
 
 
 def _several(names: Any) -> Any:
-    return (names,) if isinstance(names, str | Event) else names
+    return () if names is None else names if isinstance(names, tuple | list) else (names,)
 
 
 def _named(name: object, names: dict[str, Any]) -> Any:
     if not isinstance(name, str) or name not in names:
-        raise InputError(f"{shown(name)} is none of {', '.join(names)}")
+        raise InputError(f"{shown(name)} is none of {', '.join(names)}{', and no Event' * ('section' in names)}")
     return names[name]
 
 
-def _since(start: Exact, end: Exact, times: Any) -> Any:
-    """Sample times counted from the start. The double of the end stands for the end."""
-    if times is None or start == exact(0):
-        return times
-    return [(end if time == float(end) else exact(time)) - start for time in times]
+def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
+    """The exact times, and how long after the start they are; outside the run its ends' doubles stand for the ends."""
+    asked, length = [exact(time) for time in times], float(end - start)
+    for n, time in enumerate(asked):
+        since, near = DOUBLE.number(time - start), DOUBLE.number(time)
+        if since * length < 0 and near == float(start):
+            asked[n] = start
+        elif abs(since) > abs(length) and near == float(end):
+            asked[n] = end
+    return asked, [time - start for time in asked]
 
 
 def _solution(request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any) -> Solution:
@@ -252,7 +261,8 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
     widths = zip(error.events or [numpy.inf] * count, error.event_states or [unknown] * count, strict=True)
     last = moment(result.status.name.lower(), result.time, result.state, error.time, error.state)
     if result.status is Status.REACHED:
-        last = last._replace(time=precision.number(end), time_uncertainty=0.0)
+        rounded = precision.number(end)
+        last = last._replace(time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
     if result.samples is None:
         times, samples, sample_widths = precision.array([last.time]), result.state[None], error.state[None]
     else:

@@ -122,3 +122,12 @@ def test_it_goes_wherever_a_number_goes() -> None:
         assert (base ** Measured(Fraction(2, 7), Fraction(0))).holds(
             quotient(SHARP, Fraction(base)) ** (SHARP.mpf(2) / 7)
         )
+
+
+def test_what_numpy_and_python_ask_of_a_number() -> None:
+    number, tiny = Measured.of("1.25", "1e-9"), Fraction(123456789, 10**330)
+    assert not numpy.isnan(number)
+    assert numpy.isfinite(number)
+    assert sorted([number, number]) == [number, number]
+    assert (f"{number:g}", f"{number:.3e}") == ("1.25", "1.250e+0")
+    assert (tiny ** Measured.of(1, 0)).holds(tiny)  # which Python 3.11 rounds to a subnormal double first

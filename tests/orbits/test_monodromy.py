@@ -30,7 +30,7 @@ def _quotients(sharp: Cycle, since: Fraction) -> numpy.typing.NDArray[numpy.floa
         found = disk.integrate(sharp.omega.value, point, time, t_eval=[time], digits=40, shifted=True)
         return numpy.array(found.end.state)
 
-    point = [number.value for number in sharp.start]
+    point = [number.value for number in sharp._start]
     if since:
         point = [tv.exact(value).rational for value in end(point, since)]
     columns = []

@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
-from tippedisk_verify.flow.contract import Build, Engine
+from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
@@ -143,12 +143,9 @@ class Claim:
 class Audit(Printable):
     """What the claims are examined on: the parameter sets, and what several claims share, computed once."""
 
-    untold = ("parameters", "engine", "omega_h_builds")
-
     parameters: Parameters
     engine: Engine
     digits: int = 12
-    omega_h_builds: dict[Build, None] = field(default_factory=dict)
     _connections: dict[str, Heteroclinic] = field(default_factory=dict)
     _folds: dict[str, dict[str, float] | None] = field(default_factory=dict)
     _panels: dict[tuple[str, str], Panel] = field(default_factory=dict)
@@ -172,7 +169,6 @@ class Audit(Printable):
         """The heteroclinic connection of a set. Raises InputError for an unknown set, Shortfall if there is none."""
         if name not in self._connections:
             self._connections[name] = heteroclinic(self._set(name), self.engine)
-            self.omega_h_builds |= dict.fromkeys(self.engine.builds)
         return self._connections[name]
 
     def omega_h(self, name: str) -> Measured:

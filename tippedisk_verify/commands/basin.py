@@ -13,6 +13,7 @@ from tippedisk_verify.commands.common import (
     common_options,
     print_result,
     processes,
+    progress,
     quantities_of,
     speed,
     speed_options,
@@ -50,17 +51,16 @@ def basin(
     out: str | None,
 ) -> int:
     """What each of many initial states ends on: picture, and fractions with their sampling error."""
-    from tippedisk_verify.disk import basins
+    from tippedisk_verify.orbits.basins import basins
 
     value = speed(common, omega, below_crit)
     if margin is not None:
         print_result(common, _margin(common, value, margin))
         return 0
     folder = alone_in(out)
-    shown = not common.quiet
-    with processes(jobs, needed=count >= 10_000) as pool:
+    with processes(jobs, needed=count >= 10_000) as pool, progress(common, count) as advance:
         plane = basins(
-            common.parameters, value, count=count, duration=seconds, v=velocity, executor=pool, progress=shown
+            common.parameters, value, count=count, duration=seconds, v=velocity, executor=pool, advance=advance
         )
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins, draw_boundary

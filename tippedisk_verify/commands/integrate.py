@@ -26,7 +26,7 @@ _LARGEST_FILE = 2**25  # bytes
 @speed_options
 @click.option("--state", required=True, metavar="BETA,GAMMA,V", help="The start, such as pi/2,pi/2+0.4,0.")
 @click.option("--time", "span", required=True, metavar="T|T0,T1", help="How long, or from when to when [s].")
-@click.option("--times", metavar="N|FILE", help="So many even times, or those in a file; printed if they are given.")
+@click.option("--times", metavar="N|FILE", help="So many even times, or the first column of a file.")
 @click.option(
     "--events",
     metavar="NAME,...",
@@ -73,12 +73,14 @@ def integrate(
 
 
 def _times(text: str, ends: list[str]) -> list[Any]:
-    """Even ones over the run, or what a file has, separated by blanks, lines or commas."""
+    """Even ones over the run, or those in the first column of a file, below ``t`` if that stands there."""
     from tippedisk_verify.files import read_text
     from tippedisk_verify.model.exact import exact
 
     if not text.isdecimal():
-        return read_text(Path(text), _LARGEST_FILE).replace(",", " ").split()
+        lines = read_text(Path(text), _LARGEST_FILE).splitlines()
+        column = [line.split(",")[0].strip() for line in lines if line.strip()]
+        return column[1:] if column[:1] == ["t"] else column
     if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
         raise InputError(f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'")
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])

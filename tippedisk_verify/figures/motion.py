@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy
+
 from tippedisk_verify.figures.style import BLUE, ORANGE, pyplot
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.motion import Solution
 
 __all__ = ["draw_motion"]
 
+_PLACES = 4001  # along the curves
+
 
 def draw_motion(solution: Solution) -> Any:
     """beta, gamma and v against t, one below the other; events as dots."""
+    times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), _PLACES)
+    states = solution(times).astype(float)
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
     for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):
-        axis.plot(solution.t.astype(float), solution.y[row].astype(float), color=BLUE, lw=1.2)
+        axis.plot(times, states[row], color=BLUE, lw=1.2)
         for event in solution.events:
             axis.plot(float(event.time), float(event.state[row]), ".", color=ORANGE)
         axis.set(ylabel=name)
     axes[-1].set(xlabel="t [s]")
+    speed = float(exact(solution.omega))
     axes[0].set_title(
-        f"Ω = {float(exact(solution.omega)):.6g} rad/s, {solution.disk.friction} law: {solution.message}", fontsize=10
+        f"{solution.disk.name}, Ω = {speed:.6g} rad/s, {solution.disk.friction} law: {solution.message}", fontsize=10
     )
     return figure

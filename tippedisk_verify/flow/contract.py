@@ -45,7 +45,7 @@ class Status(Enum):
 
     REACHED = "the final time was reached"
     EVENT = "a terminal event ended the run"
-    FLAT = "the disk lies flat (sin beta = 0): the model ends here; shorten the run or start elsewhere"
+    FLAT = "the disk lies flat (sin beta <= 0): the model ends here; shorten the run or start elsewhere"
     NON_FINITE = "the state became infinite or NaN; check the start, or integrate in more bits"
     STEP_LIMIT = "the step limit was reached before the final time; raise max_steps or shorten the run"
     STEP_TOO_SMALL = "the step size fell below what this arithmetic resolves; integrate in more bits"
@@ -59,7 +59,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Event:
-    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
+    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow, with ops.sin and ops.cos.
 
     ``direction`` is +1 (rising with time, in backward runs too), -1 (falling) or 0 (both). A terminal event ends the
     run on the crossing; others are recorded. A start on the surface, up to rounding, is no crossing for as long as the
@@ -204,7 +204,6 @@ class ErrorEstimate:
     events: tuple[float, ...] = ()
     event_states: tuple[Any, ...] = ()
     variations: Any = None
-    seconds: float = 0.0  #: what the companion run cost
 
     @property
     def largest(self) -> float:
@@ -279,4 +278,4 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
         raise InputError("sample times must be a list of numbers")
     ahead = plain if duration >= 0 else -plain
     if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and float(ahead[-1]) <= abs(duration)):
-        raise InputError("sample times must be strictly monotonic, from 0 on and up to the duration")
+        raise InputError("sample times must be strictly monotonic, from the start on and up to the end of the run")

@@ -7,7 +7,6 @@ parameters are runtime values, so one build serves every parameter set and speed
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -105,7 +104,6 @@ class Taylor:
 
     def _with_error(self, request: Request, result: Result) -> Result:
         """By the run's defect, or where that cannot tell by a wider run."""
-        begin = time.perf_counter()
         found = from_defect(request, result)
         if found is None and request.digits > PLAIN_DIGITS:
             return self(
@@ -117,8 +115,7 @@ class Taylor:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
             found = compared(self, request, result)
-        assert found.error is not None
-        return found._replace(error=replace(found.error, seconds=time.perf_counter() - begin), series=None)
+        return found._replace(series=None)
 
 
 def _outside(request: Request, result: Result) -> bool:

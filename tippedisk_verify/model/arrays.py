@@ -8,34 +8,24 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from tippedisk_verify.model.equations import checked_speed, field, jacobian
+from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "Jacobian", "RightHandSide"]
+__all__ = ["Array", "OnArrays"]
 
 Array = NDArray[numpy.float64]
 
 
-class RightHandSide:
-    """The equations of motion as ``f(t, y)``; the time does not matter. It can be pickled."""
+class OnArrays:
+    """`field` or `jacobian` as ``f(t, y)`` of a state (3,) or of states (3, k) in doubles. It can be pickled."""
 
-    made: Callable[..., Any] = staticmethod(field)
-
-    def __init__(self, parameters: Parameters, omega: object) -> None:
-        self._of = parameters, omega
-        self._function = self.made(
-            numpy, parameters.at(DOUBLE), DOUBLE.number(checked_speed(omega)), parameters.friction
-        )
+    def __init__(self, made: Callable[..., Any], parameters: Parameters, omega: object) -> None:
+        self._of, speed = (made, parameters, omega), DOUBLE.number(checked_speed(omega))
+        self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
         return numpy.array(self._function(*y))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._of
-
-
-class Jacobian(RightHandSide):
-    """Their derivative by the state."""
-
-    made = staticmethod(jacobian)
+        return OnArrays, self._of

@@ -42,7 +42,8 @@ def _of_two(act: Callable[[Bounded, Measured], T]) -> Callable[[Bounded, object]
 
 def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int], bool]) -> bool:
     """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
-    low, high = (compare(end, 0) for end in (mine - theirs)._ends())
+    difference = mine - theirs if mine is not theirs else Measured(Fraction(0), Fraction(0))
+    low, high = (compare(end, 0) for end in difference._ends())
     if low != high:
         raise Shortfall(
             f"{mine} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
@@ -77,9 +78,14 @@ class Bounded(Known):
         return quotient(mpmath.mp, self.value)
 
     def __format__(self, spec: str) -> str:
-        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``."""
+        """The value as ``spec`` says, such as '.10g'; places beyond its decimals are zeros. Else as ``str``.
+
+        Without a number of places, 'g', 'e', 'f' and '%' give those of a float.
+        """
         if not spec:
             return str(self)
+        if spec[-1] in "gGeEfF%" and "." not in spec:
+            return format(float(self), spec)
         return format(Decimal(Measured(self.value, self.uncertainty).decimals()[0]) if self.value else 0.0, spec)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
@@ -98,6 +104,9 @@ class Bounded(Known):
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
         """NumPy's functions, element by element: what they give are objects that keep their half-widths."""
         import numpy
+
+        if function in (numpy.isfinite, numpy.isinf, numpy.isnan):
+            return function(numpy.asarray(inputs[0], dtype=float))
 
         def exactly(part: Any) -> Any:
             if isinstance(part, Bounded):
@@ -178,7 +187,7 @@ class Bounded(Known):
     def __rpow__(self, other: object) -> Measured:
         theirs = _operand(other)
         if theirs and isinstance(other, float):  # Python 3.11 makes one of a Fraction before it asks here
-            theirs = Measured(theirs.value, abs(theirs.value) / 2**53)
+            theirs = Measured(theirs.value, abs(theirs.value) / 2**53 + Fraction(1, 2**1075))
         return NotImplemented if theirs is None else theirs**self
 
     def _of(self, name: str) -> Measured:

@@ -15,6 +15,7 @@ from tippedisk_verify.model.measured import Measured
 __all__ = ["QUANTITIES", "Printable", "heading", "plain", "result_lines"]
 
 _MOST_LINES, _WIDEST = 10, 100
+_LONGEST = 24  # of an exact number
 _MOST_ENTRIES = 4  # of a list, before it is shown by its first and its last
 
 
@@ -176,6 +177,8 @@ def _said(value: Any) -> str:
 
 def _brief(value: Any) -> Any:
     """Plain data with its long lists cut down to their ends, and rows of a matrix beside each other."""
+    if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _LONGEST:
+        return f"{value['value'][:_LONGEST]}…"  # a double has up to 50 digits
     if isinstance(value, dict):
         return {name: _brief(part) for name, part in value.items()}
     if not isinstance(value, list):

@@ -58,7 +58,7 @@ class Cycle(Printable, ABC):
 
     @property
     @abstractmethod
-    def start(self) -> tuple[Measured, Measured, Measured]:
+    def _start(self) -> tuple[Measured, Measured, Measured]:
         """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
 
     @cached_property
@@ -91,7 +91,7 @@ class Cycle(Printable, ABC):
         request = Request(
             self.parameters,
             self.omega.value,
-            [part.value for part in self.start],
+            [part.value for part in self._start],
             duration,
             shifted=True,
             precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
@@ -130,7 +130,7 @@ class LimitCycle(Cycle):
     dv_0_domega: Measured  #: [1]
 
     @property
-    def start(self) -> tuple[Measured, Measured, Measured]:
+    def _start(self) -> tuple[Measured, Measured, Measured]:
         return Measured(Fraction(0), Fraction(0)), self.gamma_bar_0, self.v_0
 
     def _states(self, times: Any, engine: Engine) -> Any:
@@ -162,7 +162,7 @@ class RotatingCycle(Cycle):
     dv_top_domega: Measured  #: [1]
 
     @property
-    def start(self) -> tuple[Measured, Measured, Measured]:
+    def _start(self) -> tuple[Measured, Measured, Measured]:
         return self.beta_bar_top, Measured(Fraction(0), Fraction(0)), self.v_top
 
     def _states(self, times: Any, engine: Engine) -> Any:

@@ -52,6 +52,9 @@ class Monodromy(Printable):
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         return numpy.array(self.matrix, dtype=float if dtype is None else dtype)
 
+    def __getitem__(self, index: Any) -> Any:
+        return self.matrix[index]
+
     @property
     def log_multipliers(self) -> tuple[Measured, Measured, Measured]:
         """Along the flow (0), of the slow and of the fast one [1]."""
@@ -67,7 +70,7 @@ def monodromy(cycle: Any, time: object = 0) -> Monodromy:
     since, period = exact(time), cycle.period
     if not 0 <= float(since) <= float(period):
         raise InputError(f"a point of the cycle has a time from 0 to {float(period):.10g} s")
-    numbers = [*cycle.start, period, cycle.omega]
+    numbers = [*cycle._start, period, cycle.omega]
     values = [number.value for number in numbers]
     moves = [number.uncertainty for number in numbers]
     finest = max(move.denominator.bit_length() - move.numerator.bit_length() for move in moves if move)
