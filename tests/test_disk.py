@@ -18,6 +18,7 @@ from tests.orbits.passages import passage_times
 from tippedisk_verify.audit import friction_claims
 from tippedisk_verify.certified.closed_forms import proved_hopf
 from tippedisk_verify.certified.cycle_interval import prove_interval
+from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import right_hand_side
 from tippedisk_verify.model.precision import DOUBLE
@@ -242,7 +243,7 @@ def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
 
 @pytest.mark.parametrize("name", ["rtol", "atol", "method", "max_step", "dense_output"])
 def test_the_words_of_solve_ivp_lead_to_ours(name) -> None:
-    with pytest.raises(tv.InputError, match=f"no {name}: `digits`.*`engine`"):
+    with pytest.raises(UnknownKeywordError, match=f"no {name}: `digits`.*`engine`"):
         tv.Disk("printed").integrate("30.4", START, 1, **{name: 1e-9})
 
 

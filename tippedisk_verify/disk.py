@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tippedisk_verify.errors import InputError
+from tippedisk_verify.errors import InputError, UnknownKeywordError
 from tippedisk_verify.model.equations import checked_speeds, field, jacobian
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
@@ -133,7 +133,7 @@ class Disk(Parameters):
         from tippedisk_verify.motion import integrated
 
         if unknown:
-            raise InputError(
+            raise UnknownKeywordError(
                 f"integrate has no {', '.join(unknown)}: `digits` says how exact the motion is to be, `engine` what "
                 "computes it, such as Baseline('DOP853'), and the solution itself, sol(t), is its dense output"
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = ["InputError", "NoConnectionError", "NoSuchCycleError", "Shortfall"]
+__all__ = ["InputError", "NoConnectionError", "NoSuchCycleError", "Shortfall", "UnknownKeywordError"]
 
 
 class InputError(ValueError):
@@ -16,6 +16,10 @@ class InputError(ValueError):
     def __init__(self, faults: str | Iterable[str]) -> None:
         self.faults: tuple[str, ...] = (faults,) if isinstance(faults, str) else tuple(faults)
         super().__init__("; ".join(self.faults))
+
+
+class UnknownKeywordError(InputError, TypeError):
+    """A keyword that a function does not have; the message says what there is instead."""
 
 
 class Shortfall(RuntimeError):
