@@ -47,7 +47,7 @@ class Status(Enum):
     EVENT = "a terminal event ended the run"
     FLAT = "the disk lies flat (sin beta <= 0): the model ends here; shorten the run or start elsewhere"
     NON_FINITE = "the state became infinite or NaN; check the start, or integrate in more bits"
-    STEP_LIMIT = "the step limit was reached before the final time; raise max_steps or shorten the run"
+    STEP_LIMIT = "the step limit was reached before the final time; shorten the run, or raise max_steps of a Request"
     STEP_TOO_SMALL = "the step size fell below what this arithmetic resolves; integrate in more bits"
     FAILED = "the integrator gave up; try another method or a looser tolerance"
 
