@@ -125,8 +125,7 @@ class Disk(Parameters):
         "pi/2 + 0.4" are exact. Angles are beta_bar and gamma_bar, from pi/2, if ``shifted``.
         Raises InputError for what makes no sense; a run that ends early does not raise.
 
-        >>> start = "pi/2", "pi/2 + 0.4", 0
-        >>> sol = Disk("printed").integrate("30.4", start, (0, 10), t_eval=[1, 2], events=["section"])
+        >>> sol = Disk("printed").integrate("30.4", ("pi/2", 2, 0), (0, 10), t_eval=[1, 2], events="section")
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
@@ -143,6 +142,9 @@ class Disk(Parameters):
         """The equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and its like (Eq. 3DOF).
 
         ``y`` is a state (3,) or states (3, k). Angles in rad, v in rad/s. Raises InputError for a speed <= 0.
+
+        >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (Disk("printed").rhs, Disk("printed").jacobian)]
+        [(3,), (3, 3)]
         """
         from tippedisk_verify.model.arrays import OnArrays
 

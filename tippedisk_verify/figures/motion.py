@@ -12,12 +12,10 @@ from tippedisk_verify.motion import Solution
 
 __all__ = ["draw_motion"]
 
-_PLACES = 4001  # along the curves
-
 
 def draw_motion(solution: Solution) -> Any:
     """beta, gamma and v against t, one below the other; events as dots."""
-    times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), _PLACES)
+    times = numpy.linspace(float(solution.t[0]), float(solution.t[-1]), 4001)
     states = solution(times).astype(float)
     figure, axes = pyplot().subplots(3, sharex=True, figsize=(7.5, 5.5), layout="constrained")
     for row, (axis, name) in enumerate(zip(axes, ("β [rad]", "γ [rad]", "dβ/dt [rad/s]"), strict=True)):

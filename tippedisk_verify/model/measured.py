@@ -63,6 +63,9 @@ class Bounded(Known):
     A comparison that the half-widths leave open raises Shortfall, and so does `int`, `round` to an integer,
     `math.floor`, `math.ceil` or `math.trunc` where they leave open which integer it is. Raises ZeroDivisionError where
     the divisor may be zero, InputError where a function is not defined for all that the number may be.
+
+    >>> print(Measured.of(2, "1e-9") ** 2)
+    4.00000000000 ± 4.1e-9
     """
 
     __slots__ = ()

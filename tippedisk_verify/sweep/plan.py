@@ -17,12 +17,12 @@ from typing import Any, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.motion import integrated
 from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.orbits.near_connection import cycle_at
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
@@ -59,16 +59,14 @@ def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int)
 
 
 def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    # Four digits go in a passage or two; the error estimate tells if they were more.
-    precision = DOUBLE if digits <= 12 else bits(bits_for_digits(digits + 8))
     state, duration = [point.get(name, start) for name, start in _START.items()], point.get("duration", "10")
     omega = _speed(parameters, point, digits)
-    result = default_engine()(Request(parameters, omega, state, duration, precision=precision, error_estimate=True))
-    if result.error is None or not all(float(width) < float("inf") for width in result.error.state):
+    found = integrated(parameters, omega, state, duration, [duration], digits, (), default_engine())
+    if not max(map(float, found.end.uncertainty)) < float("inf"):
         raise Shortfall("rounding decides how this orbit ends: ask for more digits")
-    ends = zip(_START, result.state, result.error.state, strict=True)
+    ends = zip(_START, found.end.state, found.end.uncertainty, strict=True)
     numbers = {f"final_{name}": Measured.of(value, width) for name, value, width in ends}
-    return {"ended": result.status.name, "time": Measured.of(result.time, result.error.time), **numbers}
+    return {"ended": found.status.name, "time": Measured.of(found.end.time, found.end.time_uncertainty), **numbers}
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Fraction:

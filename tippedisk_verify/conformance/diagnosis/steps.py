@@ -14,7 +14,6 @@ __all__ = ["MEMORY", "METHODS", "flights"]
 Method = Callable[[Field, Array, float, int], Array]  #: (rates, states, duration, steps) -> states
 _TINY = 1e-7
 _NEWTON = 4  # iterations of an implicit step: with a difference quotient, of nearly second order
-_TINY = 1e-7
 _RK4 = ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
 _SLIPS = {
     "weights 1/4 each": (*_RK4[:3], (0.25,) * 4),
