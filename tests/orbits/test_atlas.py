@@ -137,7 +137,7 @@ def test_what_is_not_known_is_said(capsys) -> None:
         (["--range", "0.23e-3", "wide"], "wide"),
         (["--points", "4"], "5 to 10000 points"),
         (["--jobs", "0"], "--jobs"),
-        (["--digits", "0"], "0 digits"),
+        (["--digits", "0"], "digits are an int from 1 to 4000"),
         (["--friction", "smooth"], "linear friction law only"),
     ],
 )
