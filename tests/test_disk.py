@@ -162,10 +162,10 @@ def test_a_motion_may_begin_at_any_time(friction) -> None:
     assert {record.name for record in late.events} == {"section", "turn", "sliding reversal"}
     for mine, theirs in zip(late.events, early.events, strict=True):
         assert abs(mine.time - 8 - theirs.time) <= mine.time_uncertainty
-        assert theirs.time_uncertainty < mine.time_uncertainty < 1e-13
-        assert (mine.uncertainty < 1e-12).all()
+        assert theirs.time_uncertainty < mine.time_uncertainty < 1e-13  # some ten roundings of 10 s
+        assert (mine.uncertainty < 1e-12).all()  # twelve digits of states of order 1
         assert mine.state.tolist() == theirs.state.tolist()
-    assert abs(late(8.5) - early(0.5)).max() < 1e-15
+    assert late(8.5).tolist() == early(0.5).tolist()  # 8.5 - 8 is exact
     with pytest.raises(tv.InputError, match="known from 8 s to 10 s"):
         late(0.5)
     assert [times.shape for times in late.t_events] == [(4,), (4,), (5,)]
@@ -212,7 +212,7 @@ def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> N
     away = abs(numpy.column_stack((mine.transition, mine.by_omega)) - numpy.column_stack(columns))
     widths = numpy.column_stack((mine.transition_uncertainty, mine.by_omega_uncertainty))
     assert (away <= widths + numpy.spacing(abs(numpy.column_stack(columns)))).all()
-    assert (widths < 1e-11).all()
+    assert (widths < 1e-11).all()  # twelve digits of derivatives of order 10
     assert mine.to_dict()["by_omega"][0]["value"].startswith(f"{mine.by_omega[0]:.10f}"[:10])
 
 
@@ -221,7 +221,7 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     disk = tv.Disk("printed", friction=friction)
     rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
     start = [math.pi / 2, math.pi / 2 + 0.4, 0.0]
-    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)
+    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)  # of a step
     mine = disk.integrate("30.4", START, (0, 2), t_eval=theirs.t)
     assert abs(mine.y - theirs.y).max() < 1e-6  # a thousand tolerances: some hundred steps, whose errors grow
     assert rhs(0.0, mine.y).shape == mine.y.shape
@@ -229,7 +229,7 @@ def test_the_equations_serve_other_solvers(friction) -> None:
     assert jac(0.0, mine.y).shape == (3, *mine.y.shape)
     step = 1e-6
     moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (2 * step)
-    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
+    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)  # rates of 1e4: their rounding over the step
 
 
 def test_one_event_or_time_need_no_list_and_what_is_none_is_told() -> None:
