@@ -150,16 +150,28 @@ def test_the_javascript_client(store: Store, tmp_path: Path) -> None:
     assert _least(grades, 6) >= 10
 
 
-def test_the_scipy_client(store: Store, tmp_path: Path) -> None:
-    asked = ("printed/both/rhs/0", "printed/smooth/rhs/0", "printed/linear/trajectory/d1")
-    sheet = _asked(store, (*asked, "printed/linear/limit-cycle/crit-0.5"))
-    grades = _answered(
-        [sys.executable, str(FOLDER / CLIENTS["python"]), "sheet.csv", "answers.csv"], sheet, store, tmp_path
-    )
+@pytest.mark.parametrize(
+    "asked",
+    [
+        ("printed/both/", "printed/linear/rhs", "printed/smooth/rhs", "printed/linear/hopf", "printed/linear/harmonic",
+         "printed/linear/slow-manifold", "printed/linear/trajectory/d", "printed/smooth/trajectory/a",
+         "printed/smooth/limit-cycle"),
+        pytest.param(("printed/",), marks=pytest.mark.slow(minutes=3)),
+        pytest.param(("calibrated/",), marks=pytest.mark.slow(minutes=3)),
+    ],
+    ids=["pieces", "printed", "calibrated"],
+)  # fmt: skip
+def test_the_python_client(asked: tuple[str, ...], store: Store, tmp_path: Path) -> None:
+    """All levels but the cycles nearer than 1e-6 to Omega_h, whose flights doubles do not resolve."""
+    sheet = _asked(store, asked)
+    command = [sys.executable, str(FOLDER / CLIENTS["python"]), "sheet.csv", "answers.csv"]
+    grades = _answered(command, sheet, store, tmp_path)
     assert not any(grade.failed for grade in grades)
-    assert _least(grades, 1) >= 14
-    assert _least(grades, 6) >= 11
-    assert _least(grades, 7) >= 10
+    rows = list(csv.DictReader(io.StringIO(sheet)))
+    assert {row["id"] for row in rows if row["level"] != "9"} <= {grade.id for grade in grades}
+    # Levels 1 to 4 are closed forms in doubles; at level 3 differences cancel some hundred times.
+    assert min(_least(grades, level) for level in (1, 2, 4)) >= 11
+    assert _least(grades, 3) >= 12
 
 
 def _answers_nine_levels(grades: list[Grade], asked: str) -> None:
