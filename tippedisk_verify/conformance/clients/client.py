@@ -12,7 +12,7 @@ import sys
 from math import factorial
 
 import numpy as np
-from numpy import abs, cos, log, pi, sin, sqrt
+from numpy import abs, cos, hypot, log, pi, sin, sqrt
 
 # ---- the equations of motion ----
 
@@ -409,6 +409,7 @@ STAGES = (
 )  # the last row holds the weights
 TABLEAU = [np.array(row) for row in STAGES]
 FLIGHT_STEP = 0.005
+LONGEST_FLIGHT = 10  # seconds for which an orbit is followed if nothing is asked at given times
 LONGEST = 2.8  # seconds to a section; what takes longer passes a saddle nearer than doubles can tell
 
 
@@ -510,7 +511,9 @@ def trajectory(p, smooth, given, asked):
     number = np.zeros(len(Omega), dtype=int)
     flat_time = np.full(len(Omega), np.inf)
     samples = sorted({float(name.split("@")[1]) for name in asked if "@" in name})
-    stops = samples + [samples[-1] + 0.5] if "flat_time" in asked else samples
+    # A disk lies flat soon after its last sample; without samples, nothing says how long to wait for an event.
+    end = samples[-1] + 0.5 if samples else LONGEST_FLIGHT
+    stops = samples + [end] if "flat_time" in asked or not samples else samples
     start = 0
     for stop in stops:
         steps = int(np.ceil((stop - start) / FLIGHT_STEP))
@@ -547,11 +550,11 @@ def crossing_of(p, Omega, smooth, before, after, h, entries, target):
 
 
 def set_crossing(answers, i, number, crossing_time, crossing_gamma, crossing_v):
-    """Enter the crossing of this number, if it is asked."""
-    if f"crossing_time#{number}" in answers:
-        answers[f"crossing_time#{number}"][i] = crossing_time
-        answers[f"crossing_gamma#{number}"][i] = crossing_gamma
-        answers[f"crossing_v#{number}"][i] = crossing_v
+    """Enter what is asked of the crossing of this number."""
+    crossing = {"crossing_time": crossing_time, "crossing_gamma": crossing_gamma, "crossing_v": crossing_v}
+    for quantity, value in crossing.items():
+        if f"{quantity}#{number}" in answers:
+            answers[f"{quantity}#{number}"][i] = value
 
 
 # ---- limit cycles: the half map leads from beta = pi/2, v < 0 to the next crossing, mirrored ----
@@ -637,7 +640,10 @@ def limit_cycle_derivatives(p, Omega, smooth, gamma_bar, v, h):
         if np.nanmax(abs(change)) < 2e-8:
             break
         gamma_bar, v = gamma_bar + change[0], v + change[1]
-    return gamma_bar, v, half_time, P, dmap_domega, dtime, divergence
+    # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
+    away = np.where(hypot(gamma_bar, v) > 1e-6, 1, np.nan)
+    P = away[:, np.newaxis, np.newaxis] * P
+    return away * gamma_bar, away * v, away * half_time, P, dmap_domega, dtime, divergence
 
 
 def spectral_radius(P):
@@ -908,4 +914,6 @@ def main(sheet, target):
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 3:
+        sys.exit("usage: python client.py SHEET.csv ANSWERS.csv")
     main(sys.argv[1], sys.argv[2])
