@@ -1,4 +1,4 @@
-"""What others vendor: the data's version, tables and flags that follow from the values, definitions, how to cite."""
+"""What others vendor: the data's version, tables and lines that follow from the values, definitions, how to cite."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.catches import catches, mistakes_json
-from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.checking import check
 from tippedisk_verify.reference_values.definitions import DEFINITIONS, definition
 from tippedisk_verify.reference_values.kinds import KINDS
-from tippedisk_verify.reference_values.manifest import DATA_VERSION, faults_in_files
-from tippedisk_verify.reference_values.store import Store, data_folder, stored
-from tippedisk_verify.reference_values.tables import known_mistakes, retabulate, tables
+from tippedisk_verify.reference_values.manifest import (
+    DATA_VERSION,
+    STATIC,
+    faults_in_files,
+    replace_files,
+    write_manifest,
+)
+from tippedisk_verify.reference_values.store import data_folder, stored
+from tippedisk_verify.reference_values.tables import tables
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()
@@ -40,9 +43,9 @@ def test_the_version_of_the_data_is_the_same_everywhere(capsys: pytest.CaptureFi
 
 
 def test_values_change_with_their_version() -> None:
-    """Of version 1.0.0. Where this fails, values were changed: raise the version, say so, and put the new hash here."""
+    """Of version 1.0.1. Where this fails, values were changed: raise the version, say so, and put the new hash here."""
     values = {id_: quantity.values["decimals"][0] for id_, quantity in stored().items()}
-    assert (DATA_VERSION, digest(values)[:16]) == ("1.0.0", "cc4c134dac3c7d25")
+    assert (DATA_VERSION, digest(values)[:16]) == ("1.0.1", "cc4c134dac3c7d25")
 
 
 def test_what_a_deposit_asks_for() -> None:
@@ -56,9 +59,9 @@ def test_what_a_deposit_asks_for() -> None:
             assert re.search(rf"^{key}", text, re.MULTILINE), (path, key)
 
 
-# ------------------------------------------------------------------------------------------ lines and flags
+# ------------------------------------------------------------------------------------------ tables and lines
 def test_the_lines_say_what_the_files_say() -> None:
-    store, flags, seen = stored(), known_mistakes(DATA), []
+    store, seen = stored(), []
     for path in sorted(DATA.glob("*/values.jsonl")):
         for line in path.read_text().splitlines():
             told = json.loads(line)
@@ -67,89 +70,25 @@ def test_the_lines_say_what_the_files_say() -> None:
             if "from_doubles" in told:
                 assert tuple(told["from_doubles"].values()) == quantity.values["doubles"]
             assert (told["inputs"], told["unit"], told["grade"]) == (quantity.inputs, quantity.unit, quantity.grade)
-            assert told["catches"] == flags.get(told["id"], [])
             seen.append(told["id"])
     assert sorted(seen) == sorted(store)
 
 
-def test_flags_are_of_known_mistakes_and_most_questions_catch_some() -> None:
-    flags = known_mistakes(DATA)
-    known = {alternative.name for alternative in ALTERNATIVES}
-    caught = {name for names in flags.values() for name in names}
-    assert flags.keys() <= stored().keys()
-    assert caught <= known
-    # What is not caught anywhere is a coarse rounding, of which the finest is told, or shows in orbits only, which are
-    # not integrated anew for each mistake of the equations.
-    uncaught = [one for one in ALTERNATIVES if one.name not in caught]
-    assert all(one.of_the_model or re.search(r"-\d+-(digits|decimals)$", one.name) for one in uncaught)
-    assert len(flags) > 0.97 * len(stored())
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        *("printed/both/rhs/007", "printed/linear/rhs/040", "calibrated/smooth/rhs/123", "printed/linear/hopf/point"),
-        *("printed/both/equilibrium/inverted-30.4", "calibrated/linear/harmonic-balance/consistent-crit-0.1"),
-        *("printed/linear/slow-manifold/03", "printed/linear/trajectory/d1", "printed/smooth/limit-cycle/crit-0.5"),
-    ],
-)
-def test_flags_are_what_the_mistakes_do(entry: str) -> None:
-    flags, asked = known_mistakes(DATA), stored().matching(f"{entry}/")
-    found = catches(asked, stored())
-    assert {quantity.id: found.get(quantity.id, []) for quantity in asked} == {
-        quantity.id: flags.get(quantity.id, []) for quantity in asked
-    }
-
-
-def test_a_flag_means_what_it_says() -> None:
-    """gamma_y without the square, once more by hand: it fails the questions that say so, and passes the others."""
-    import math
-
-    flags = known_mistakes(DATA)
-    for quantity in tv.references("printed/both/rhs/1"):
-        if quantity.name != "gamma_y":
-            continue
-        omega, beta, gamma, v = (float(quantity.inputs[name]) for name in ("Omega", "beta", "gamma", "v"))
-        rho = 0.045 + 2.5e-3 * math.sin(gamma)
-        wrong = rho * v * math.sin(beta) - 2.5e-3 * omega * math.sin(beta) * math.cos(gamma)
-        assert tv.compare(quantity.id, wrong).failed == ("gamma-y-square" in flags[quantity.id])
-
-
 def test_tables_are_made_anew_and_checked(tmp_path: Path) -> None:
-    for name in ("printed/hopf.json", "printed/equilibrium.json"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / "printed").mkdir()
+    for name in ("printed/hopf.json", "printed/equilibrium.json", *STATIC):
         (tmp_path / name).write_bytes((DATA / name).read_bytes())
-    for name in ("README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "schema.json", "mistakes.json"):
-        (tmp_path / name).write_bytes((DATA / name).read_bytes())
-    with pytest.raises(InputError, match="no manifest"):
-        retabulate(tmp_path, "{}")
-    from tippedisk_verify.reference_values.manifest import write_manifest
-
     write_manifest(tmp_path)
     assert "does not hold the same numbers" in " ".join(check(tmp_path, sample=0).faults)
-    text = (DATA / "mistakes.json").read_text()
-    found = json.loads(mistakes_json(Store(tmp_path)))
-    assert found["mistakes"] == json.loads(text)["mistakes"]
-    assert {id_.split("/")[2] for id_ in found["caught"]} == {"hopf", "equilibrium"}
-    assert [path.name for path in retabulate(tmp_path, text)] == [
-        "mistakes.json", "values.csv", "values.jsonl", "sheet_with_truths.csv", "manifest.json"
-    ]  # fmt: skip
+    documents = [json.loads((tmp_path / f"printed/{kind}.json").read_text()) for kind in ("equilibrium", "hopf")]
+    made = tables(documents)
+    assert made.keys() == {"values.csv", "values.jsonl", "sheet_with_truths.csv"}
+    replace_files(tmp_path, {f"printed/{name}": text for name, text in made.items()})
     assert check(tmp_path, sample=2).faults == ()
     lines = (tmp_path / "printed/values.jsonl").read_text().splitlines()
     assert lines == [line for line in (DATA / "printed/values.jsonl").read_text().splitlines()
                      if "/hopf/" in line[:40] or "/equilibrium/" in line[:40]]  # fmt: skip
-    (tmp_path / "mistakes.json").write_text(text.replace("[0, ", "[999, "))
-    write_manifest(tmp_path)
-    assert "mistakes.json is damaged" in " ".join(check(tmp_path, sample=0).faults)
     assert faults_in_files(DATA) == []
-
-
-def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["reference", "mistakes", "--data", str(tmp_path / "nowhere")]) == 2
-    assert main(["reference", "mistakes", "--data", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.count("\n") == 2
-    assert list(tmp_path.iterdir()) == []
-    assert tables([], {}).keys() == {"values.csv", "values.jsonl", "sheet_with_truths.csv"}
 
 
 # ------------------------------------------------------------------------------------------ definitions
@@ -165,13 +104,9 @@ def test_every_quantity_is_defined_where_it_is_shown(capsys: pytest.CaptureFixtu
     assert main(["reference", "show", id_]) == 0
     printed = capsys.readouterr().out
     assert "time of the n-th crossing of beta = pi/2" in printed
-    assert re.search(r"^  catches +answers-in-milliseconds", printed, re.MULTILINE)
-    assert (
-        main(["reference", "show", id_, "printed/linear/harmonic-balance/consistent-crit-0.5/amplitude", "--json"]) == 0
-    )
-    one, two = json.loads(capsys.readouterr().out)["values"]
+    assert main(["reference", "show", id_, "--json"]) == 0
+    (one,) = json.loads(capsys.readouterr().out)["values"]
     assert one["definition"] == DEFINITIONS["trajectory"]["crossing_time"]
-    assert "printed-form" in two["catches"]
 
 
 def test_the_one_harmonic_law_is_the_documents() -> None:

@@ -84,24 +84,6 @@ def check(common: Common, data: str | None, everything: bool, sample: int, seed:
     return 1 if report.faults else 0
 
 
-@reference.command()
-@click.option("--data", default="reference_data", show_default=True, metavar="DIR", help="The folder to work on.")
-@plain_options
-def mistakes(common: Common, data: str) -> int:
-    """Find out which known mistakes each question catches (three minutes); write that, the tables and the manifest."""
-    from tippedisk_verify.conformance.catches import mistakes_json
-    from tippedisk_verify.reference_values.store import stored
-    from tippedisk_verify.reference_values.tables import retabulate
-
-    if not data or not Path(data).is_dir():
-        raise InputError(f"--data needs a folder with reference files, not '{data[:100]}'")
-    with progress(common, 0) as advance:
-        text = mistakes_json(stored(Path(data)), advance)
-    written = retabulate(Path(data), text)
-    print_result(common, {"written": [str(path) for path in written]}, written)
-    return 0
-
-
 @reference.command("list")
 @click.argument("prefix", default="")
 @plain_options
@@ -121,7 +103,7 @@ def listed(common: Common, prefix: str) -> int:
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
 @plain_options
 def show(common: Common, ids: tuple[str, ...]) -> int:
-    """Values with all that is known of them, and which known mistakes they catch.
+    """Values with all that is known of them.
 
     The condition says by how much a value changes, in its own unit, per relative change of
     each parameter or input.
@@ -131,10 +113,7 @@ def show(common: Common, ids: tuple[str, ...]) -> int:
 
     quantities = [value_of(id_) for id_ in ids]
     lines = (line for quantity in quantities for line in _lines(quantity))
-    told = [
-        {**quantity.to_dict(), "definition": definition(quantity.kind, quantity.name), "catches": _caught(quantity)}
-        for quantity in quantities
-    ]
+    told = [{**quantity.to_dict(), "definition": definition(quantity.kind, quantity.name)} for quantity in quantities]
     print_result(common, {"values": told}, lines)
     return 0
 
@@ -156,14 +135,6 @@ def _lines(quantity: Quantity) -> Iterator[str]:
         yield f"  by            {quantity.proof['command']}"
     slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
     yield f"  condition     {slopes or 'depends on nothing'}"
-    yield f"  catches       {', '.join(_caught(quantity)) or 'no known mistake alone'}"
-
-
-def _caught(quantity: Quantity) -> list[str]:
-    from tippedisk_verify.reference_values.store import data_folder
-    from tippedisk_verify.reference_values.tables import known_mistakes
-
-    return known_mistakes(data_folder()).get(quantity.id, [])
 
 
 COMMANDS = (reference,)

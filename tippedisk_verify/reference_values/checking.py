@@ -18,7 +18,7 @@ from tippedisk_verify.reference_values.entries import Item, Reading, Values, as_
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import LARGEST, SETS, faults_in_files
 from tippedisk_verify.reference_values.store import data_folder
-from tippedisk_verify.reference_values.tables import known_mistakes, tables
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["CheckReport", "check", "recomputed", "stored_entries"]
 
@@ -175,7 +175,7 @@ def _faults_in_form(folder: Path) -> list[str]:
             documents.append(document)
         if faults:  # what is not of the form cannot be tabulated
             continue
-        for name, text in tables(documents, known_mistakes(folder)).items():
+        for name, text in tables(documents).items():
             path = set_folder / name
             if not path.exists() or read_text(path, LARGEST) != text:
                 faults.append(f"{set_folder.name}/{name} does not hold the same numbers as the JSON files")

@@ -27,7 +27,7 @@ from tippedisk_verify.reference_values.entries import Item, Kind, answered, as_d
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import FORMAT, LARGEST, SETS, STATIC, replace_files, sound_files
 from tippedisk_verify.reference_values.store import data_folder
-from tippedisk_verify.reference_values.tables import known_mistakes, tables
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["Piece", "computed", "document_head", "file_text", "generate", "pieces_of"]
 
@@ -111,7 +111,7 @@ def _remove_remains(folder: Path) -> None:
     """What a killed run left unfinished beside its own targets."""
     targets = [folder / name for name in (*STATIC, "manifest.json")]
     targets += [folder / name / f"{kind.name}.json" for name in SETS for kind in KINDS]
-    targets += [folder / name / table for name in SETS for table in tables([], {})]
+    targets += [folder / name / table for name in SETS for table in tables([])]
     remains = [path for target in targets for path in remains_of(target)]
     for path in (*remains, *(folder / ".work").glob(".*.json-*")):  # nobody else writes into .work
         path.unlink(missing_ok=True)
@@ -143,12 +143,11 @@ def _generate(
         for (kind, name), of_kind in keys.items()
     }
     whole = _others(folder, kinds, sets) | texts
-    mistakes = known_mistakes(data_folder())
     for set_name in sets:
         output_folder(folder / set_name)
         present = [whole[name] for kind in KINDS if (name := f"{set_name}/{kind.name}.json") in whole]
         try:
-            beside = tables([json.loads(text) for text in present], mistakes)
+            beside = tables([json.loads(text) for text in present])
             texts |= {f"{set_name}/{name}": text for name, text in beside.items()}
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputError(f"a file in {folder / set_name} is damaged: generate all kinds again") from None

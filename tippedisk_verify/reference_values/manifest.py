@@ -20,7 +20,6 @@ __all__ = [
     "DATA_VERSION",
     "FORMAT",
     "LARGEST",
-    "MISTAKES",
     "SETS",
     "STATIC",
     "faults_in_files",
@@ -31,12 +30,10 @@ __all__ = [
 
 FORMAT = 1
 #: Of the values, apart from the program's; reference_data/CHANGELOG.md says what each version changed.
-DATA_VERSION = "1.0.0"
+DATA_VERSION = "1.0.1"
 COMMAND = "tippedisk-verify reference generate --out reference_data"
-#: Which known mistakes each question catches.
-MISTAKES = "mistakes.json"
 #: Not made by `generate`, and taken along to where data are generated.
-STATIC = ("README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "schema.json", MISTAKES)
+STATIC = ("README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "schema.json")
 #: The parameter sets that reference data is made for; each has a folder.
 SETS = ("printed", "calibrated")
 LARGEST = 64_000_000  #: bytes of a reference file; the largest has some three million

@@ -24,7 +24,7 @@ from tippedisk_verify.reference_values.entries import as_measured
 from tippedisk_verify.reference_values.generation import file_text
 from tippedisk_verify.reference_values.kinds import KINDS, kind_named
 from tippedisk_verify.reference_values.manifest import replace_files, sound_files
-from tippedisk_verify.reference_values.tables import known_mistakes, tables
+from tippedisk_verify.reference_values.tables import tables
 
 __all__ = ["Proof", "prove", "proved_entry"]
 
@@ -203,5 +203,5 @@ def _write(folder: Path, documents: dict[str, dict[str, Any]], changed: dict[str
     for set_folder in sorted({name.partition("/")[0] for name in documents}):
         present = [document for name, document in documents.items() if name.startswith(f"{set_folder}/")]
         present.sort(key=lambda document: rank[document["kind"]])
-        texts |= {f"{set_folder}/{name}": text for name, text in tables(present, known_mistakes(folder)).items()}
+        texts |= {f"{set_folder}/{name}": text for name, text in tables(present).items()}
     replace_files(folder, texts)
