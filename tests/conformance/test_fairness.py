@@ -98,6 +98,14 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
     assert report.to_dict()["grades"][0]["needs"] == 8
 
 
+def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
+    hopf = {quantity.id: repr(quantity.for_doubles) for quantity in store.values() if quantity.level == 3}
+    some = dict(list(hopf.items())[:-1])
+    for given, verdict in ((hopf, "agrees"), (some, "partial"), (some | {CRIT: "1"}, "fails"), ({}, "not answered")):
+        (level,) = [level for level in _report(given, store).levels if level.level == 3]
+        assert (level.verdict, level.answered, level.asked) == (verdict, len(given), len(hopf))
+
+
 def test_failures_are_counted_by_quantity(store: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All states right, all crossing times wrong."""
     entry = store.matching("printed/linear/trajectory/d1/")

@@ -113,9 +113,12 @@ class LevelGrade(Printable):
 
     @property
     def verdict(self) -> str:
+        """In words; *partial* where nothing failed, and some questions were left out."""
         if not self.answered:
             return "not answered"
-        return "agrees" if not self.failed else "too few digits" if self.few == self.failed else "fails"
+        if self.failed:
+            return "too few digits" if self.few == self.failed else "fails"
+        return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
         return {

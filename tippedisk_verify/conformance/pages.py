@@ -22,7 +22,9 @@ __all__ = ["Report", "html_page", "print_report"]
 # From here down a colour; the words in the table say the same.
 _SHADES = ((14.0, "full"), (10.0, "high"), (6.0, "middle"), (3.0, "low"), (-math.inf, "none"))
 _TERMINAL = {"full": "bold green", "high": "green", "middle": "yellow", "low": "dark_orange", "none": "red"}
-_VERDICTS = {"not answered": "dim", "agrees": "green", "too few digits": "yellow", "fails": "bold red"}
+_VERDICTS = {
+    "not answered": "dim", "agrees": "green", "partial": "cyan", "too few digits": "yellow", "fails": "bold red",
+}  # fmt: skip
 _WORST = 12
 _MOSTLY = 0.9  # of the answers unreadable: the way they are written is at fault
 _MOST_ROWS = 4_000  # on a page; the JSON has all

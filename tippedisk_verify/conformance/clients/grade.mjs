@@ -54,7 +54,8 @@ for (const [id, row] of asked) {
   console.log(`${verdict.padEnd(12)}  ${id}  ${one.answer} instead of ${+row[`truth_from_${one.reading}`]}`);
 }
 for (const [level, { asked, n, failed, few, least }] of levels) {
-  const says = !n ? 'not answered' : !failed ? 'agrees' : failed === few ? 'too few digits' : 'fails';
+  const passes = n < asked ? 'partial' : 'agrees', fails = failed === few ? 'too few digits' : 'fails';
+  const says = !n ? 'not answered' : failed ? fails : passes;
   console.log(`level ${level}: ${n} of ${asked} answered, ${failed} failed, least digits ${least.toFixed(1)}: ${says}`);
 }
 console.log(`${unknown} unknown ids, ${repeated} repeated`);

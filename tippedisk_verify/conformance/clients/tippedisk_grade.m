@@ -37,7 +37,8 @@ function tippedisk_grade(answers, truths)
   end
   for n = unique(level(:)).'
     here = level == n & ~strcmp(verdict, 'no-truth'); bad = sum(failed & here); says = 'fails';
-    if ~any(here), says = 'not answered'; elseif bad == 0, says = 'agrees';
+    if ~any(here), says = 'not answered'; elseif bad == 0 && sum(here) < sum(level == n), says = 'partial';
+    elseif bad == 0, says = 'agrees';
     elseif all(strcmp(verdict(failed & here), 'few-digits')), says = 'too few digits'; end
     fprintf('level %d: %d of %d answered, %d failed, least digits %.1f: %s\n', n, sum(here), sum(level == n), bad, ...
             min([digits(here), 15]), says);
