@@ -535,14 +535,24 @@ class _Page(HTMLParser):
         super().__init__()
         self.outside: list[str] = []
         self.open: list[str] = []
+        self.shown = ""  # the text that is neither the page's head nor folded away
+        self.unfolded = 0  # details that are open from the start
 
     def handle_starttag(self, tag, attributes) -> None:
         self.outside += [value for name, value in attributes if name in ("src", "href")]
         if tag not in ("meta", "br"):
-            self.open.append(tag)
+            folded = tag == "details" and "open" not in dict(attributes)
+            self.unfolded += tag == "details" and not folded
+            self.open.append("folded" if folded else tag)
 
     def handle_endtag(self, tag) -> None:
-        assert self.open.pop() == tag
+        assert self.open.pop() in (tag, "folded" if tag == "details" else tag)
+
+    def handle_data(self, data) -> None:
+        # The summary of what is folded is shown, if that is not itself within something folded.
+        around = self.open[:-2] if self.open[-1:] == ["summary"] else self.open
+        if "folded" not in around and "head" not in around:
+            self.shown += data
 
 
 def test_the_page_is_whole_and_escapes_what_others_wrote(store: Store) -> None:
@@ -556,6 +566,37 @@ def test_the_page_is_whole_and_escapes_what_others_wrote(store: Store) -> None:
     assert parser.outside == []
     assert "<script>" not in page
     assert "&lt;b&gt;.csv" in page
+
+
+def _read_page(given: dict[str, str], store: Store) -> tuple[str, _Page]:
+    answers = _answers(given)
+    grades, parser = graded(answers, store), _Page()
+    page = html_page(Report("a.csv", answers, grades, levels_of(grades, store.values()), diagnosed(grades, store)))
+    parser.feed(page)
+    return page, parser
+
+
+def test_a_page_shows_what_failed_and_folds_what_is_right(store: Store) -> None:
+    right = {quantity.id: repr(quantity.for_doubles) for quantity in store.values() if quantity.level in (1, 3)}
+    page, parser = _read_page(right, store)
+    assert OMEGA_CRIT in page
+    assert parser.unfolded == 0
+    assert "/point/" not in parser.shown
+    assert "/rhs/" not in parser.shown
+    assert "level 3, Hopf point: agrees, 12 of 12 answered" in parser.shown
+    assert len(parser.shown.split()) < 400  # a screen
+    _, parser = _read_page(right | {OMEGA_CRIT: "30.88"}, store)
+    assert parser.unfolded == 1
+    assert re.findall(r"\S+/(?:point|rhs)/\S+", parser.shown) == [OMEGA_CRIT]
+    assert "11 that did not fail" in parser.shown
+
+
+def test_a_page_holds_two_thousand_answers_of_a_level(store: Store) -> None:
+    ids = [quantity.id for quantity in store.values() if quantity.level == 1]
+    page, parser = _read_page({ids[-1]: "-1"} | {id_: repr(store[id_].for_doubles) for id_ in ids[:-1]}, store)
+    assert ids[-1] in parser.shown  # failures come first
+    assert len(re.findall(r"<code>\w+/\w+/rhs/", page)) == 2_000
+    assert f"{len(ids) - 2_000} more answers are in what" in page
 
 
 def test_answers_are_split_where_they_leave_the_truth() -> None:

@@ -27,7 +27,7 @@ _VERDICTS = {
 }  # fmt: skip
 _WORST = 12
 _MOSTLY = 0.9  # of the answers unreadable: the way they are written is at fault
-_MOST_ROWS = 4_000  # on a page; the JSON has all
+_MOST_ROWS = 2_000  # of a level on a page, failures first; the JSON has all
 
 
 @dataclass(frozen=True, repr=False)
@@ -290,29 +290,29 @@ def _quantity_table(rows: Sequence[QuantityGrade]) -> Table:
 
 
 def html_page(report: Report) -> str:
-    """One self-contained page."""
+    """One self-contained page; what is right is folded away, and so stays off paper."""
     from tippedisk_verify.web import rendered
 
-    shown = sorted(report.grades, key=lambda grade: (not grade.failed, grade.level))[:_MOST_ROWS]
-    rows = [
-        {
-            "grade": grade,
-            "shade": shade(grade.digits),
-            "parts": split_where_wrong(grade.answer[:60], grade.truth),
-            "digits": shown_digits(grade.digits),
-        }
-        for grade in shown
-    ]
-    levels = [{"grade": level, "shade": shade(level.least) if level.answered else "unasked"} for level in report.levels]
     return rendered(
         "tippedisk_verify.conformance",
         "grades.html",
         digits=shown_digits,
         report=report,
-        levels=levels,
+        levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,
         shade=shade,
-        rows=rows,
-        hidden=len(report.grades) - len(shown),
+        split=split_where_wrong,
         needs=FAILS_BELOW,
     )
+
+
+def _level_section(level: LevelGrade, grades: Sequence[Grade]) -> dict[str, Any]:
+    """A level on the page: its failures, the answers that did not fail, and how many are beyond what a page holds."""
+    here = sorted((grade for grade in grades if grade.level == level.level), key=lambda grade: not grade.failed)
+    return {
+        "grade": level,
+        "shade": shade(level.least) if level.answered else "unasked",
+        "failed": [grade for grade in here[:_MOST_ROWS] if grade.failed],
+        "passed": [grade for grade in here[:_MOST_ROWS] if not grade.failed],
+        "hidden": max(len(here) - _MOST_ROWS, 0),
+    }
