@@ -390,21 +390,19 @@ def slow_manifold(p, smooth, given, asked):
 
 # ---- flights: the explicit Runge-Kutta method of Cooper and Verner, order 8 in 11 stages ----
 
-ROOT = 21**0.5
+S = 21**0.5
 STAGES = (
     [1 / 2],
     [1 / 4, 1 / 4],
-    [1 / 7, (-7 - 3 * ROOT) / 98, (21 + 5 * ROOT) / 49],
-    [(11 + ROOT) / 84, 0, (18 + 4 * ROOT) / 63, (21 - ROOT) / 252],
-    [(5 + ROOT) / 48, 0, (9 + ROOT) / 36, (-231 + 14 * ROOT) / 360, (63 - 7 * ROOT) / 80],
-    [(10 - ROOT) / 42, 0, (-432 + 92 * ROOT) / 315, (633 - 145 * ROOT) / 90]
-    + [(-504 + 115 * ROOT) / 70, (63 - 13 * ROOT) / 35],
-    [1 / 14, 0, 0, 0, (14 - 3 * ROOT) / 126, (13 - 3 * ROOT) / 63, 1 / 9],
-    [1 / 32, 0, 0, 0, (91 - 21 * ROOT) / 576, 11 / 72, (-385 - 75 * ROOT) / 1152, (63 + 13 * ROOT) / 128],
-    [1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * ROOT) / 2205, (515 + 111 * ROOT) / 504]
-    + [(-51 - 11 * ROOT) / 56, (132 + 28 * ROOT) / 245],
-    [0, 0, 0, 0, (-42 + 7 * ROOT) / 18, (-18 + 28 * ROOT) / 45, (-273 - 53 * ROOT) / 72]
-    + [(301 + 53 * ROOT) / 72, (28 - 28 * ROOT) / 45, (49 - 7 * ROOT) / 18],
+    [1 / 7, (-7 - 3 * S) / 98, (21 + 5 * S) / 49],
+    [(11 + S) / 84, 0, (18 + 4 * S) / 63, (21 - S) / 252],
+    [(5 + S) / 48, 0, (9 + S) / 36, (-231 + 14 * S) / 360, (63 - 7 * S) / 80],
+    [(10 - S) / 42, 0, (-432 + 92 * S) / 315, (633 - 145 * S) / 90, (-504 + 115 * S) / 70, (63 - 13 * S) / 35],
+    [1 / 14, 0, 0, 0, (14 - 3 * S) / 126, (13 - 3 * S) / 63, 1 / 9],
+    [1 / 32, 0, 0, 0, (91 - 21 * S) / 576, 11 / 72, (-385 - 75 * S) / 1152, (63 + 13 * S) / 128],
+    [1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * S) / 2205, (515 + 111 * S) / 504, (-51 - 11 * S) / 56, (132 + 28 * S) / 245],
+    [0, 0, 0, 0, (-42 + 7 * S) / 18, (-18 + 28 * S) / 45, (-273 - 53 * S) / 72, (301 + 53 * S) / 72]
+    + [(28 - 28 * S) / 45, (49 - 7 * S) / 18],
     [1 / 20, 0, 0, 0, 0, 0, 0, 49 / 180, 16 / 45, 49 / 180, 1 / 20],
 )  # the last row holds the weights
 TABLEAU = [np.array(row) for row in STAGES]
@@ -439,23 +437,25 @@ def variational_flow(p, Omega, smooth, state):
     delta_v_rate = dv_rate_dbeta * delta_beta + dv_rate_dgamma * delta_gamma + dv_rate_dv * delta_v
     delta_gamma_rate[2] -= cos(beta)
     delta_v_rate[2] += dv_rate_domega
-    rates = np.array([v, -Omega * cos(beta), v_rate])
-    return np.concatenate([rates, delta_v, delta_gamma_rate, delta_v_rate, dv_rate_dv[np.newaxis]])
+    return np.concatenate([[v, -Omega * cos(beta), v_rate], delta_v, delta_gamma_rate, delta_v_rate, [dv_rate_dv]])
 
 
-def flight_step(rates, p, Omega, smooth, state, h, splits=3):
-    """A step, in parts where gamma_y passes zero, because the smooth law's second derivative jumps there."""
+def flight_step(rates, p, Omega, smooth, state, h):
+    """A step, in two parts where gamma_y passes zero: there the smooth law's second derivative jumps."""
     after = runge_kutta_step(rates, p, Omega, smooth, state, h)
-    if smooth and splits > 0:
+    if smooth:
         gamma_y_before = equations(p, Omega, smooth, *state[:3])[4]
         gamma_y_after = equations(p, Omega, smooth, *after[:3])[4]
         slips = gamma_y_before * gamma_y_after < 0
         if slips.any():
             some_p, some_omega = tuple((parameter + 0 * Omega)[slips] for parameter in p), Omega[slips]
-            part = (h * gamma_y_before / (gamma_y_before - gamma_y_after))[slips]
-            rest = (h + 0 * Omega)[slips] - part
-            middle = flight_step(rates, some_p, some_omega, smooth, state[:, slips], part, splits - 1)
-            after[:, slips] = flight_step(rates, some_p, some_omega, smooth, middle, rest, splits - 1)
+            before, gamma_y, length = gamma_y_before[slips], gamma_y_after[slips], (h + 0 * Omega)[slips]
+            part = length
+            for _ in range(4):
+                part = part * before / (before - gamma_y)
+                middle = runge_kutta_step(rates, some_p, some_omega, smooth, state[:, slips], part)
+                gamma_y = equations(some_p, some_omega, smooth, *middle[:3])[4]
+            after[:, slips] = runge_kutta_step(rates, some_p, some_omega, smooth, middle, length - part)
     return after
 
 
@@ -484,20 +484,19 @@ def trajectory(p, smooth, given, asked):
     Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
     answers = {"flat_time": np.full(len(Omega), np.nan)}
     for sample in sorted({0.01} | {float(name.split("@")[1]) for name in asked if "@" in name}):
-        steps = int(np.ceil((sample - time) / FLIGHT_STEP))
-        for _ in range(steps):
-            state = flight_step(flow, p, Omega, smooth, state, (sample - time) / steps)
+        h = (sample - time) / np.ceil((sample - time) / FLIGHT_STEP)
+        while time < sample - h / 2:
+            state, time = flight_step(flow, p, Omega, smooth, state, h), time + h
         answers.update(zip((f"{name}@{sample:g}" for name in names), state))
-        time = sample
     # Events count from 0.01 s on; sin(2 beta) is zero where beta = pi/2, and where the disk lies flat.
-    state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01 + 0 * Omega, 0
+    state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01, 0
     side = np.sign(state[0] - pi / 2)
-    while (time < LONGEST_FLIGHT).any():
-        passed, state = fly_to(flow, p, Omega, smooth, state, lambda state: sin(2 * state[0]), side, 10, 0.01)
+    while n == 0 or (time < LONGEST_FLIGHT).any():
+        passed, state = fly_to(flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT)
         time, side, n = time + passed, -side, n + 1
         flat = abs(state[0] - pi / 2) > 1
         answers["flat_time"] = np.where(flat, time, answers["flat_time"])
-        state, time = np.where(flat, np.nan, state), np.where(flat, np.nan, time)
+        state = np.where(flat, np.nan, state)
         answers.update(zip((f"crossing_time#{n}", f"crossing_gamma#{n}", f"crossing_v#{n}"), (time, *state[1:])))
     return answers
 
@@ -505,53 +504,43 @@ def trajectory(p, smooth, given, asked):
 # ---- cycles, from a section to itself: beta = pi/2 with the symmetry (index 0), gamma = pi/2 + 2 pi (index 1) ----
 
 
-def section_return(rates, p, Omega, smooth, index, x, v, h):
+def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
     """Time, x, v and state of the return to a section; x is gamma - pi/2 for index 0, beta - pi/2 for index 1."""
     state = np.zeros((13,) + Omega.shape)
-    state[:2] = pi / 2
-    state[1 - index] += x
-    state[2] = v
+    state[:3] = pi / 2 + index * x, pi / 2 + (1 - index) * x, v
     state[[6 - 3 * index, 10]] = 1  # the first variation begins along x, the second along v
     state = state[:3] if rates is flow else state
-    time, end = fly_to(rates, p, Omega, smooth, state, lambda state: state[index] - pi / 2 - 2 * pi * index, h=h)
+    time, end = fly_to(rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h)
     mirror = 2 * index - 1
     return time, mirror * (end[1 - index] - pi / 2), mirror * end[2], end
 
 
-def cycle_guess(p, Omega, smooth, index, stable):
-    """x and v near a cycle, from a scan of returns: stable ones lie where they begin to lead inward."""
+def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
+    """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
+    # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
-    Omega = Omega[:, np.newaxis] + np.zeros(60)
-    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * Omega, 0 * Omega
-    for _ in range(2):  # the first return leads to the slow manifold
+    speeds = Omega[:, np.newaxis] + np.zeros(60)
+    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
+    for _ in range(2):
         x, v = x_next, v_next
-        time, x_next, v_next, end = section_return(flow, columns, Omega, smooth, index, x, v, 2 * FLIGHT_STEP)
+        time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v)
     towards = (2 * index - 1) * (x_next - x) < 0
     away = ~towards & np.logical_or.accumulate(towards, axis=1)
-    chosen = np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
-    rows = np.arange(len(chosen))
-    return x[rows, chosen], v[rows, chosen]
-
-
-def cycle(p, Omega, smooth, index, stable, h=FLIGHT_STEP, fold=False):
-    """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
-    x, v = cycle_guess(p, Omega, smooth, index, stable)
-    for _ in range(8):
-        time, x_next, v_next, end = section_return(flow, p, Omega, smooth, index, x, v, FLIGHT_STEP)
-        x, v = np.where(stable, [x_next, v_next], [x, v])  # stable cycles attract
+    chosen = np.arange(len(Omega)), np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
+    x, v = np.where(stable, [x_next[chosen], v_next[chosen]], [x[chosen], v[chosen]])
     free, fixed = ([1, 2], 0) if fold else ([0, 1], 2)
     step, slope = 0.02 * fold, 0
-    for _ in range(20):
+    for k in range(20 if fold else 8):
         time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
         end_rate = flow(p, Omega, smooth, end[:3])
         delta = end[3:12].reshape((3, 3) + Omega.shape)
         dtime = -delta[index] / end_rate[index]
         delta = (2 * index - 1) * (delta + end_rate[:, np.newaxis] * dtime)
-        P = np.moveaxis(delta[[1 - index, 2]], 2, 0)
-        # Of the unknowns x, v and Omega, two follow from P and the third, which is fixed or takes a chosen step.
-        equation = P - np.eye(2, 3)
-        sides = np.stack([np.array([x - x_next, v - v_next]).T, -equation[:, :, fixed]], axis=2)
-        newton, tangent = np.linalg.solve(equation[:, :, free], sides).T
+        # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the others follow.
+        matrix = np.moveaxis(delta[[1 - index, 2]], 2, 0) - np.eye(2, 3)
+        sides = np.stack([np.array([x - x_next, v - v_next]).T, -matrix[:, :, fixed]], axis=2)
+        newton, tangent = np.linalg.solve(matrix[:, :, free], sides).T
+        newton = np.where(stable & (k < 2), [x_next - x, v_next - v], newton)  # stable cycles attract
         if fold:
             step = np.clip(-tangent[1] * step / (tangent[1] - slope), -0.02, 0.02)
             slope = tangent[1]
@@ -560,17 +549,15 @@ def cycle(p, Omega, smooth, index, stable, h=FLIGHT_STEP, fold=False):
         x, v, Omega = np.array([x, v, Omega]) + change
         if not (abs(change) > 2e-8).any():
             break
-    multiplier = abs(np.linalg.eigvals(np.nan_to_num(P[:, :, :2]))).max(axis=1)
-    parts = 2 - index  # a period has two returns to beta = pi/2, or one to gamma = pi/2
-    state = np.array([pi / 2 + index * x, pi / 2 + (1 - index) * x, v])
-    time_highest, highest = fly_to(flow, p, Omega, smooth, state, lambda state: state[2], 1 - 2 * index)
-    x_name, v_name = (("gamma_bar_0", "v_0"), ("beta_bar_top", "v_top"))[index]
+    time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
+    multiplier = abs(np.linalg.eigvals(np.nan_to_num(matrix[:, :, :2] + np.eye(2)))).max(axis=1)
+    parts, x_name, v_name = ((2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top"))[index]  # parts of a period
     answers = {
         "omega": Omega,
         "period": parts * time,
         x_name: x,
         v_name: v,
-        "beta_max": abs(highest[0] - pi / 2),
+        "beta_max": highest[0] - pi / 2,
         "multiplier_slow": multiplier**parts,
         "log_multiplier_slow": parts * log(multiplier),
         "log_multiplier_fast": parts * (end[12] - log(multiplier)),
@@ -580,7 +567,7 @@ def cycle(p, Omega, smooth, index, stable, h=FLIGHT_STEP, fold=False):
         "null_vector": tangent[0],
     }
     if index == 1:
-        time_low, low = fly_to(flow, p, Omega, smooth, state, lambda state: state[1] - 3 * pi / 2)
+        time_low, low = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[1] - 7 * pi / 2)
         answers["beta_bar_0"], answers["v_0"] = low[0] - pi / 2, low[2]
     # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
     return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
@@ -593,7 +580,7 @@ def limit_cycle(p, smooth, given, asked):
 
 def near_heteroclinic(p, smooth, given, asked):
     """Level 9: the limit cycle near Omega_h, where errors grow while it passes the saddles."""
-    return cycle(p, given["Omega"], smooth, 0, True, FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
+    return cycle(p, given["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
 
 
 def rotating_cycle(p, smooth, given, asked):
@@ -606,9 +593,6 @@ def rotation_fold(p, smooth, given, asked):
     return cycle(p, critical_speed(p), smooth, 1, False, fold=True)
 
 
-# ---- the heteroclinic connection ----
-
-
 def heteroclinic(p, smooth, given, asked):
     """Level 8: Omega_h, by cutting an interval that holds it into a hundred, again and again."""
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
@@ -617,15 +601,10 @@ def heteroclinic(p, smooth, given, asked):
         width = width / 100
         Omega = low[:, np.newaxis] + width[:, np.newaxis] * np.arange(101)
         # Below Omega_h the saddle's unstable orbit passes gamma = 3 pi/2 before it comes back to beta = pi/2.
-        lambda_u = sorted_eigenvalues(linearisation(p, low, -1)).real[:, :1]
-        state = np.array([1 + 0 * Omega, Omega / lambda_u, lambda_u + 0 * Omega]) * 1e-4
-        state[0] += pi / 2
-        state[1] -= pi / 2
-        time, end = fly_to(
-            flow, columns, Omega, smooth, state, lambda state: np.maximum(state[1] - 3 * pi / 2, pi / 2 - state[0]), 1, 6
-        )
-        over = end[1] - 3 * pi / 2 > pi / 2 - end[0]
-        low = low + width * (over.sum(axis=1) - 1)
+        lambda_u = sorted_eigenvalues(linearisation(p, low, -1)).real[:, :1] + 0 * Omega
+        state = np.array([pi / 2 + 1e-3 + 0 * Omega, -pi / 2 + 1e-3 * Omega / lambda_u, 1e-3 * lambda_u])
+        time, end = fly_to(flow, columns, Omega, smooth, state, lambda s: np.maximum(s[1] - 3 * pi / 2, pi / 2 - s[0]))
+        low = low + width * ((end[1] - 3 * pi / 2 > pi / 2 - end[0]).sum(axis=1) - 1)
     lambda_u, lambda_s, lambda_ss = sorted_eigenvalues(linearisation(p, low, -1)).real.T
     return {"omega_h": low + width / 2, "lambda_u": lambda_u, "lambda_s": lambda_s, "lambda_ss": lambda_ss}
 
@@ -633,19 +612,9 @@ def heteroclinic(p, smooth, given, asked):
 # ---- from sheet to answers ----
 
 PARAMETERS = "r", "e", "m", "A", "B", "g", "mu", "epsilon"
-KINDS = {
-    "rhs": rhs,
-    "equilibrium": equilibrium,
-    "hopf": hopf,
-    "harmonic-balance": harmonic_balance,
-    "slow-manifold": slow_manifold,
-    "trajectory": trajectory,
-    "limit-cycle": limit_cycle,
-    "heteroclinic": heteroclinic,
-    "near-heteroclinic": near_heteroclinic,
-    "rotating-cycle": rotating_cycle,
-    "rotation-fold": rotation_fold,
-}
+LEVELS_1_TO_5 = rhs, equilibrium, hopf, harmonic_balance, slow_manifold
+LEVELS_6_TO_10 = trajectory, limit_cycle, heteroclinic, near_heteroclinic, rotating_cycle, rotation_fold
+KINDS = {function.__name__.replace("_", "-"): function for function in LEVELS_1_TO_5 + LEVELS_6_TO_10}
 
 
 def answered(rows):
@@ -653,27 +622,20 @@ def answered(rows):
     groups = {}
     for row in rows:
         entry, name = row["id"].rsplit("/", 1)
-        entries = groups.setdefault((row["kind"], row["friction"]), {})
-        entries.setdefault(entry, (row, []))[1].append(name)
+        groups.setdefault((row["kind"], row["friction"]), {}).setdefault(entry, {})[name] = row
     answers = {}
     for (kind, friction), entries in groups.items():
-        if kind not in KINDS:
-            continue
-        firsts = [row for row, names in entries.values()]
-        p = tuple(np.array([float(row[column]) for row in firsts]) for column in PARAMETERS)
-        given = {}
-        for column in ("Omega", "beta", "gamma", "v"):
-            if all(row[column] for row in firsts):
-                given[column] = np.array([float(row[column]) for row in firsts])
-        for column in ("equilibrium", "form"):
-            given[column] = np.array([row[column] for row in firsts])
-        asked = {name for row, names in entries.values() for name in names}
+        firsts = [next(iter(entry.values())) for entry in entries.values()]
+        given = {column: np.array([row[column] for row in firsts]) for column in ("equilibrium", "form")}
+        for column in PARAMETERS + ("Omega", "beta", "gamma", "v"):
+            given[column] = np.array([float(row[column] or "nan") for row in firsts])
+        p = tuple(given[column] for column in PARAMETERS)
+        asked = {name for entry in entries.values() for name in entry}
         with np.errstate(all="ignore"):
             results = KINDS[kind](p, friction == "smooth", given, asked)
-        for k, entry in enumerate(entries):
-            for name in entries[entry][1]:
-                if name in results:
-                    answers[f"{entry}/{name}"] = float(results[name][k])
+        for k, entry in enumerate(entries.values()):
+            for name, row in entry.items():
+                answers[row["id"]] = float(results[name][k]) if name in results else np.nan
     return answers
 
 
@@ -683,9 +645,7 @@ def main(sheet, target):
         rows = list(csv.DictReader(file))
     with open(target, "w", encoding="utf-8") as file:
         file.write("id,answer,from\n")
-        for name, number in answered(rows).items():
-            if np.isfinite(number):
-                file.write(f"{name},{number!r},doubles\n")
+        file.writelines(f"{name},{x!r},doubles\n" for name, x in answered(rows).items() if np.isfinite(x))
 
 
 if __name__ == "__main__":
