@@ -451,7 +451,7 @@ def flight_step(rates, p, Omega, smooth, state, h):
             some_p, some_omega = tuple((parameter + 0 * Omega)[slips] for parameter in p), Omega[slips]
             before, gamma_y, length = gamma_y_before[slips], gamma_y_after[slips], (h + 0 * Omega)[slips]
             part = length
-            for _ in range(4):
+            for _ in range(3):
                 part = part * before / (before - gamma_y)
                 middle = runge_kutta_step(rates, some_p, some_omega, smooth, state[:, slips], part)
                 gamma_y = equations(some_p, some_omega, smooth, *middle[:3])[4]
@@ -492,7 +492,7 @@ def trajectory(p, smooth, given, asked):
     state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01, 0
     side = np.sign(state[0] - pi / 2)
     while n == 0 or (time < LONGEST_FLIGHT).any():
-        passed, state = fly_to(flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT)
+        passed, state = fly_to(flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT, 0.01)
         time, side, n = time + passed, -side, n + 1
         flat = abs(state[0] - pi / 2) > 1
         answers["flat_time"] = np.where(flat, time, answers["flat_time"])
@@ -511,25 +511,23 @@ def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
     state[[6 - 3 * index, 10]] = 1  # the first variation begins along x, the second along v
     state = state[:3] if rates is flow else state
     time, end = fly_to(rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h)
-    mirror = 2 * index - 1
-    return time, mirror * (end[1 - index] - pi / 2), mirror * end[2], end
+    return time, (2 * index - 1) * (end[1 - index] - pi / 2), (2 * index - 1) * end[2], end
 
 
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
     # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
-    speeds = Omega[:, np.newaxis] + np.zeros(60)
-    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
+    speeds = Omega[:, np.newaxis] + np.zeros(50)
+    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 50) + 0 * speeds, 0 * speeds
     for _ in range(2):
         x, v = x_next, v_next
-        time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v)
+        time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v, 2 * FLIGHT_STEP)
     towards = (2 * index - 1) * (x_next - x) < 0
     away = ~towards & np.logical_or.accumulate(towards, axis=1)
     chosen = np.arange(len(Omega)), np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
     x, v = np.where(stable, [x_next[chosen], v_next[chosen]], [x[chosen], v[chosen]])
-    free, fixed = ([1, 2], 0) if fold else ([0, 1], 2)
-    step, slope = 0.02 * fold, 0
+    free, fixed, step, slope = ([1, 2], 0, 0.02, 0) if fold else ([0, 1], 2, 0, 0)
     for k in range(20 if fold else 8):
         time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
         end_rate = flow(p, Omega, smooth, end[:3])
@@ -649,6 +647,4 @@ def main(sheet, target):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
-        sys.exit("usage: python client.py SHEET.csv ANSWERS.csv")
-    main(sys.argv[1], sys.argv[2])
+    main(*sys.argv[1:])
