@@ -518,8 +518,8 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
     # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
-    speeds = Omega[:, np.newaxis] + np.zeros(50)
-    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 50) + 0 * speeds, 0 * speeds
+    speeds = Omega[:, np.newaxis] + np.zeros(60)
+    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
     for _ in range(2):
         x, v = x_next, v_next
         time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v, 2 * FLIGHT_STEP)
@@ -528,7 +528,7 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     chosen = np.arange(len(Omega)), np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
     x, v = np.where(stable, [x_next[chosen], v_next[chosen]], [x[chosen], v[chosen]])
     free, fixed, step, slope = ([1, 2], 0, 0.02, 0) if fold else ([0, 1], 2, 0, 0)
-    for k in range(20 if fold else 8):
+    for k in range(20 if fold else 11):
         time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
         end_rate = flow(p, Omega, smooth, end[:3])
         delta = end[3:12].reshape((3, 3) + Omega.shape)
