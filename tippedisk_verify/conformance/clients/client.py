@@ -390,26 +390,24 @@ def slow_manifold(p, smooth, given, asked):
 
 # ---- flights: the explicit Runge-Kutta method of Cooper and Verner, order 8 in 11 stages ----
 
-ROOT = 21**0.5
+S = 21**0.5
 STAGES = (
     [1 / 2],
     [1 / 4, 1 / 4],
-    [1 / 7, (-7 - 3 * ROOT) / 98, (21 + 5 * ROOT) / 49],
-    [(11 + ROOT) / 84, 0, (18 + 4 * ROOT) / 63, (21 - ROOT) / 252],
-    [(5 + ROOT) / 48, 0, (9 + ROOT) / 36, (-231 + 14 * ROOT) / 360, (63 - 7 * ROOT) / 80],
-    [(10 - ROOT) / 42, 0, (-432 + 92 * ROOT) / 315, (633 - 145 * ROOT) / 90]
-    + [(-504 + 115 * ROOT) / 70, (63 - 13 * ROOT) / 35],
-    [1 / 14, 0, 0, 0, (14 - 3 * ROOT) / 126, (13 - 3 * ROOT) / 63, 1 / 9],
-    [1 / 32, 0, 0, 0, (91 - 21 * ROOT) / 576, 11 / 72, (-385 - 75 * ROOT) / 1152, (63 + 13 * ROOT) / 128],
-    [1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * ROOT) / 2205, (515 + 111 * ROOT) / 504]
-    + [(-51 - 11 * ROOT) / 56, (132 + 28 * ROOT) / 245],
-    [0, 0, 0, 0, (-42 + 7 * ROOT) / 18, (-18 + 28 * ROOT) / 45, (-273 - 53 * ROOT) / 72]
-    + [(301 + 53 * ROOT) / 72, (28 - 28 * ROOT) / 45, (49 - 7 * ROOT) / 18],
+    [1 / 7, (-7 - 3 * S) / 98, (21 + 5 * S) / 49],
+    [(11 + S) / 84, 0, (18 + 4 * S) / 63, (21 - S) / 252],
+    [(5 + S) / 48, 0, (9 + S) / 36, (-231 + 14 * S) / 360, (63 - 7 * S) / 80],
+    [(10 - S) / 42, 0, (-432 + 92 * S) / 315, (633 - 145 * S) / 90, (-504 + 115 * S) / 70, (63 - 13 * S) / 35],
+    [1 / 14, 0, 0, 0, (14 - 3 * S) / 126, (13 - 3 * S) / 63, 1 / 9],
+    [1 / 32, 0, 0, 0, (91 - 21 * S) / 576, 11 / 72, (-385 - 75 * S) / 1152, (63 + 13 * S) / 128],
+    [1 / 14, 0, 0, 0, 1 / 9, (-733 - 147 * S) / 2205, (515 + 111 * S) / 504, (-51 - 11 * S) / 56, (132 + 28 * S) / 245],
+    [0, 0, 0, 0, (-42 + 7 * S) / 18, (-18 + 28 * S) / 45, (-273 - 53 * S) / 72, (301 + 53 * S) / 72]
+    + [(28 - 28 * S) / 45, (49 - 7 * S) / 18],
     [1 / 20, 0, 0, 0, 0, 0, 0, 49 / 180, 16 / 45, 49 / 180, 1 / 20],
 )  # the last row holds the weights
 TABLEAU = [np.array(row) for row in STAGES]
 FLIGHT_STEP = 0.005
-LONGEST_FLIGHT = 10  # seconds for which an orbit is followed if nothing is asked at given times
+LONGEST_FLIGHT = 10  # seconds for which an orbit is followed to its crossings, and until it lies flat
 LONGEST = 2.8  # seconds to a section; what takes longer passes a saddle nearer than doubles can tell
 
 
@@ -434,16 +432,12 @@ def variational_flow(p, Omega, smooth, state):
     """The rates of a state, of three variations, the third by Omega, and of the divergence's integral."""
     beta, gamma, v = state[:3]
     delta_beta, delta_gamma, delta_v = state[3:6], state[6:9], state[9:12]
-    delta_omega = np.array([0, 0, 1])[:, np.newaxis]
-    all_derivatives = derivatives(p, Omega, smooth, beta, gamma, v)
-    dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate = all_derivatives
-    delta_gamma_rate = Omega * sin(beta) * delta_beta - cos(beta) * delta_omega
-    delta_v_rate = (
-        dv_rate_dbeta * delta_beta + dv_rate_dgamma * delta_gamma + dv_rate_dv * delta_v + dv_rate_domega * delta_omega
-    )
-    rates = np.array([v, -Omega * cos(beta), v_rate])
-    divergence = dv_rate_dv[np.newaxis]
-    return np.concatenate([rates, delta_v, delta_gamma_rate, delta_v_rate, divergence])
+    dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate = derivatives(p, Omega, smooth, beta, gamma, v)
+    delta_gamma_rate = Omega * sin(beta) * delta_beta
+    delta_v_rate = dv_rate_dbeta * delta_beta + dv_rate_dgamma * delta_gamma + dv_rate_dv * delta_v
+    delta_gamma_rate[2] -= cos(beta)
+    delta_v_rate[2] += dv_rate_domega
+    return np.concatenate([[v, -Omega * cos(beta), v_rate], delta_v, delta_gamma_rate, delta_v_rate, [dv_rate_dv]])
 
 
 def flight_step(rates, p, Omega, smooth, state, h):
@@ -454,423 +448,171 @@ def flight_step(rates, p, Omega, smooth, state, h):
         gamma_y_after = equations(p, Omega, smooth, *after[:3])[4]
         slips = gamma_y_before * gamma_y_after < 0
         if slips.any():
-            some_p, some_omega = tuple(parameter[slips] for parameter in p), Omega[slips]
-            before, length = state[:, slips], (h + 0 * Omega)[slips]
-            gamma_y_before, gamma_y_after = gamma_y_before[slips], gamma_y_after[slips]
-            part = slip_time(some_p, some_omega, before[:3], length, gamma_y_before, gamma_y_after)
-            middle = runge_kutta_step(rates, some_p, some_omega, smooth, before, part)
+            some_p, some_omega = tuple((parameter + 0 * Omega)[slips] for parameter in p), Omega[slips]
+            before, gamma_y, length = gamma_y_before[slips], gamma_y_after[slips], (h + 0 * Omega)[slips]
+            part = length
+            for _ in range(3):
+                part = part * before / (before - gamma_y)
+                middle = runge_kutta_step(rates, some_p, some_omega, smooth, state[:, slips], part)
+                gamma_y = equations(some_p, some_omega, smooth, *middle[:3])[4]
             after[:, slips] = runge_kutta_step(rates, some_p, some_omega, smooth, middle, length - part)
     return after
 
 
-def slip_time(p, Omega, state, h, gamma_y_before, gamma_y_after):
-    """The part of a step until gamma_y = 0, by the secant method."""
-    part = h * gamma_y_before / (gamma_y_before - gamma_y_after)
-    other, gamma_y_other = h, gamma_y_after
-    for _ in range(3):
-        middle = runge_kutta_step(flow, p, Omega, True, state, part)
-        gamma_y = equations(p, Omega, True, *middle)[4]
-        change = -gamma_y * (part - other) / (gamma_y - gamma_y_other)
-        other, gamma_y_other = part, gamma_y
-        part = part + np.where(np.isfinite(change), change, 0)
-    return part
-
-
-def shortened_step(rates, p, Omega, smooth, before, after, h, index, target):
-    """The step's length until a component comes to the target, by Newton's method, and the state there."""
-    tau = h * (target - before[index]) / (after[index] - before[index])
-    for _ in range(3):
-        end = flight_step(flow, p, Omega, smooth, before[:3], tau)
-        tau = tau + (target - end[index]) / flow(p, Omega, smooth, end)[index]
-    return tau, flight_step(rates, p, Omega, smooth, before, tau)
-
-
-def fly_to(rates, p, Omega, smooth, state, index, target, sign, longest=LONGEST, h=FLIGHT_STEP):
-    """Time and state where a component passes the target, upward for sign 1; NaN where it never does."""
-    before, after = np.full_like(state, np.nan), np.full_like(state, np.nan)
-    time = np.full(Omega.shape, np.nan)
+def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLIGHT_STEP):
+    """Time and state where a function of the state passes zero, upward for sign 1; NaN where it never does."""
+    before, time = np.full_like(state, np.nan), np.full(Omega.shape, np.nan)
     for k in range(int(longest / h)):
-        following = flight_step(rates, p, Omega, smooth, state, h)
-        passes = (sign * (state[index] - target) < 0) & (sign * (following[index] - target) >= 0)
-        passes = passes & np.isnan(time)
+        after = flight_step(rates, p, Omega, smooth, state, h)
+        passes = np.isnan(time) & (sign * event(state) < 0) & (sign * event(after) >= 0)
         before[:, passes] = state[:, passes]
-        after[:, passes] = following[:, passes]
         time[passes] = k * h
-        if (np.isfinite(time) | np.isnan(following[0])).all():
+        if (np.isfinite(time) | ~(sin(after[0]) > 0)).all():
             break
-        state = following
-    tau, end = shortened_step(rates, p, Omega, smooth, before, after, h, index, target)
-    return time + tau, end
+        state = after
+    tau, tau_before, value_before = h / 2, 0, event(before)
+    for _ in range(6):
+        value = event(flight_step(flow, p, Omega, smooth, before[:3], tau))
+        change = np.where(value == value_before, 0, value * (tau - tau_before) / (value_before - value))
+        tau, tau_before, value_before = tau + change, tau, value
+    return time + tau, flight_step(rates, p, Omega, smooth, before, tau)
 
 
 def trajectory(p, smooth, given, asked):
     """Level 6: states at the asked times, crossings of beta = pi/2, and the time when the disk lies flat."""
-    Omega = given["Omega"]
-    state = np.array([given["beta"], given["gamma"], given["v"]])
-    answers = {name: np.full(len(Omega), np.nan) for name in asked}
-    number = np.zeros(len(Omega), dtype=int)
-    flat_time = np.full(len(Omega), np.inf)
-    samples = sorted({float(name.split("@")[1]) for name in asked if "@" in name})
-    # A disk lies flat soon after its last sample; without samples, nothing says how long to wait for an event.
-    end = samples[-1] + 0.5 if samples else LONGEST_FLIGHT
-    stops = samples + [end] if "flat_time" in asked or not samples else samples
-    start = 0
-    for stop in stops:
-        steps = int(np.ceil((stop - start) / FLIGHT_STEP))
-        h = (stop - start) / steps
-        for k in range(steps):
-            time = start + k * h
-            after = flight_step(flow, p, Omega, smooth, state, h)
-            lies = np.isinf(flat_time) & (sin(after[0]) < 0)
-            for i in np.flatnonzero(lies):
-                target = np.where(after[0, [i]] < pi / 2, 0, pi)
-                tau, end = crossing_of(p, Omega, smooth, state, after, h, [i], target)
-                flat_time[i] = time + tau[0]
-            crosses = np.flatnonzero(np.isinf(flat_time) & ((state[0] - pi / 2) * (after[0] - pi / 2) < 0))
-            if len(crosses) > 0:
-                tau, end = crossing_of(p, Omega, smooth, state, after, h, crosses, pi / 2)
-                for i, crossing_time, crossing_gamma, crossing_v in zip(crosses, time + tau, end[1], end[2]):
-                    if crossing_time > 0.01:
-                        number[i] += 1
-                        set_crossing(answers, i, number[i], crossing_time, crossing_gamma, crossing_v)
-            state = after
-        if stop in samples:
-            for name, values in zip(("beta", "gamma", "v"), state):
-                answers[f"{name}@{stop:g}"] = np.where(np.isinf(flat_time), values, np.nan)
-        start = stop
-    answers["flat_time"] = flat_time
+    names = "beta", "gamma", "v"
+    Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
+    answers = {"flat_time": np.full(len(Omega), np.nan)}
+    for sample in sorted({0.01} | {float(name.split("@")[1]) for name in asked if "@" in name}):
+        h = (sample - time) / np.ceil((sample - time) / FLIGHT_STEP)
+        while time < sample - h / 2:
+            state, time = flight_step(flow, p, Omega, smooth, state, h), time + h
+        answers.update(zip((f"{name}@{sample:g}" for name in names), state))
+    # Events count from 0.01 s on; sin(2 beta) is zero where beta = pi/2, and where the disk lies flat.
+    state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01, 0
+    side = np.sign(state[0] - pi / 2)
+    while n == 0 or (time < LONGEST_FLIGHT).any():
+        passed, state = fly_to(flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT, 0.01)
+        time, side, n = time + passed, -side, n + 1
+        flat = abs(state[0] - pi / 2) > 1
+        answers["flat_time"] = np.where(flat, time, answers["flat_time"])
+        state = np.where(flat, np.nan, state)
+        answers.update(zip((f"crossing_time#{n}", f"crossing_gamma#{n}", f"crossing_v#{n}"), (time, *state[1:])))
     return answers
 
 
-def crossing_of(p, Omega, smooth, before, after, h, entries, target):
-    """Where beta comes to the target between two states of these entries."""
-    some_p, some_omega = tuple(parameter[entries] for parameter in p), Omega[entries]
-    before, after = before[:, entries], after[:, entries]
-    return shortened_step(flow, some_p, some_omega, smooth, before, after, h, 0, target)
+# ---- cycles, from a section to itself: beta = pi/2 with the symmetry (index 0), gamma = pi/2 + 2 pi (index 1) ----
 
 
-def set_crossing(answers, i, number, crossing_time, crossing_gamma, crossing_v):
-    """Enter what is asked of the crossing of this number."""
-    crossing = {"crossing_time": crossing_time, "crossing_gamma": crossing_gamma, "crossing_v": crossing_v}
-    for quantity, value in crossing.items():
-        if f"{quantity}#{number}" in answers:
-            answers[f"{quantity}#{number}"][i] = value
+def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
+    """Time, x, v and state of the return to a section; x is gamma - pi/2 for index 0, beta - pi/2 for index 1."""
+    state = np.zeros((13,) + Omega.shape)
+    state[:3] = pi / 2 + index * x, pi / 2 + (1 - index) * x, v
+    state[[6 - 3 * index, 10]] = 1  # the first variation begins along x, the second along v
+    state = state[:3] if rates is flow else state
+    time, end = fly_to(rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h)
+    return time, (2 * index - 1) * (end[1 - index] - pi / 2), (2 * index - 1) * end[2], end
 
 
-# ---- limit cycles: the half map leads from beta = pi/2, v < 0 to the next crossing, mirrored ----
-
-
-def flight_with_variations(p, Omega, smooth, state, kept, index, target, h=FLIGHT_STEP):
-    """Time and state on a section, their derivatives by the kept components and Omega, and the divergence."""
-    variations = np.zeros((10,) + Omega.shape)
-    variations[3 * kept[0]] = 1
-    variations[3 * kept[1] + 1] = 1
-    state = np.concatenate([state, variations])
-    time, end = fly_to(variational_flow, p, Omega, smooth, state, index, target, 1, LONGEST, h)
-    end_rate = flow(p, Omega, smooth, end[:3])
-    delta = end[3:12].reshape((3, 3) + Omega.shape)
-    dtime = -delta[index] / end_rate[index]
-    delta_section = [delta[i] + end_rate[i] * dtime for i in kept]
-    return time, end[:3], np.moveaxis(np.array(delta_section), 2, 0), dtime, end[12]
-
-
-def half_map(p, Omega, smooth, gamma_bar, v, longest=LONGEST):
-    """Where the orbit from (pi/2, pi/2 + gamma_bar, v) is at the next crossing, turned back."""
-    state = np.array([pi / 2 + 0 * v, pi / 2 + gamma_bar, v])
-    time, end = fly_to(flow, p, Omega, smooth, state, 0, pi / 2, 1, longest)
-    return -(end[1] - pi / 2), -end[2]
-
-
-def half_map_derivatives(p, Omega, smooth, gamma_bar, v, h):
-    """The half map, its time, and its derivatives: P by (gamma_bar, v), dmap by Omega, dtime by all three."""
-    state = np.array([pi / 2 + 0 * v, pi / 2 + gamma_bar, v])
-    flight = flight_with_variations(p, Omega, smooth, state, (1, 2), 0, pi / 2, h)
-    half_time, end, delta, dtime, divergence = flight
-    gamma_bar_next = -(end[1] - pi / 2)
-    v_next = -end[2]
-    P = -delta[:, :, :2]
-    dmap_domega = -delta[:, :, 2]
-    return half_time, gamma_bar_next, v_next, P, dmap_domega, dtime, divergence
-
-
-def solve_along(P, right_side):
-    """(I - P)^-1 times a right side: what changes of a fixed point come to."""
-    finite = np.isfinite(P).all(axis=(1, 2))
-    matrix = np.where(finite[:, np.newaxis, np.newaxis], np.eye(2) - P, np.eye(2))
-    solution = np.linalg.solve(matrix, right_side[:, :, np.newaxis])[:, :, 0]
-    return np.where(finite[:, np.newaxis], solution, np.nan).T
-
-
-def limit_cycle_start(p, Omega, smooth):
-    """Guesses of gamma_bar and v from a scan: inside the cycle the half map leads outward."""
-    columns = tuple(parameter[:, np.newaxis] + np.zeros(60) for parameter in p)
+def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
+    """A cycle with its multipliers and derivatives by Omega; for a fold the one where dOmega/dx is zero."""
+    # Stable cycles lie where returns begin to lead inward, unstable ones where they end to; the first is to settle.
+    columns = tuple(parameter[:, np.newaxis] for parameter in p)
     speeds = Omega[:, np.newaxis] + np.zeros(60)
-    gamma_bar = np.linspace(0.01, 3.1, 60) + 0 * speeds
-    v = -columns[1] * speeds * sin(gamma_bar) / (columns[0] + columns[1] * cos(gamma_bar))
-    gamma_bar, v = half_map(columns, speeds, smooth, gamma_bar, v, 0.8)
-    change = half_map(columns, speeds, smooth, gamma_bar, v, 0.8)[0] - gamma_bar
-    rows = np.arange(len(Omega))
-    outer = np.argmax(~(change > 0), axis=1)
-    inner = np.maximum(outer - 1, 0)
-    part = change[rows, inner] / (change[rows, inner] - change[rows, outer])
-    outer = np.where(np.isfinite(part), outer, inner)
-    part = np.where(np.isfinite(part), part, 0)
-    gamma_bar_start = (1 - part) * gamma_bar[rows, inner] + part * gamma_bar[rows, outer]
-    v_start = (1 - part) * v[rows, inner] + part * v[rows, outer]
-    return gamma_bar_start, v_start
-
-
-def limit_cycle_state(p, Omega, smooth):
-    """Better guesses: the half map attracts, the more the nearer the cycle comes to the saddles."""
-    gamma_bar, v = limit_cycle_start(p, Omega, smooth)
-    for _ in range(25):
-        gamma_bar_before = gamma_bar
-        gamma_bar, v = half_map(p, Omega, smooth, gamma_bar, v)
-        if np.nanmax(abs(gamma_bar - gamma_bar_before)) < 1e-3:
+    x_next, v_next = np.linspace((3.1, 0.1)[index], (0.01, 1)[index], 60) + 0 * speeds, 0 * speeds
+    for _ in range(2):
+        x, v = x_next, v_next
+        time, x_next, v_next, end = section_return(flow, columns, speeds, smooth, index, x, v, 2 * FLIGHT_STEP)
+    towards = (2 * index - 1) * (x_next - x) < 0
+    away = ~towards & np.logical_or.accumulate(towards, axis=1)
+    chosen = np.arange(len(Omega)), np.where(stable, towards.argmax(axis=1), away.argmax(axis=1))
+    x, v = np.where(stable, [x_next[chosen], v_next[chosen]], [x[chosen], v[chosen]])
+    free, fixed, step, slope = ([1, 2], 0, 0.02, 0) if fold else ([0, 1], 2, 0, 0)
+    for k in range(20 if fold else 11):
+        time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
+        end_rate = flow(p, Omega, smooth, end[:3])
+        delta = end[3:12].reshape((3, 3) + Omega.shape)
+        dtime = -delta[index] / end_rate[index]
+        delta = (2 * index - 1) * (delta + end_rate[:, np.newaxis] * dtime)
+        # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the others follow.
+        matrix = np.moveaxis(delta[[1 - index, 2]], 2, 0) - np.eye(2, 3)
+        sides = np.stack([np.array([x - x_next, v - v_next]).T, -matrix[:, :, fixed]], axis=2)
+        newton, tangent = np.linalg.solve(matrix[:, :, free], sides).T
+        newton = np.where(stable & (k < 2), [x_next - x, v_next - v], newton)  # stable cycles attract
+        if fold:
+            step = np.clip(-tangent[1] * step / (tangent[1] - slope), -0.02, 0.02)
+            slope = tangent[1]
+        change = np.zeros((3,) + Omega.shape)
+        change[free], change[fixed] = newton + tangent * step, step
+        x, v, Omega = np.array([x, v, Omega]) + change
+        if not (abs(change) > 2e-8).any():
             break
-    return gamma_bar, v
-
-
-def limit_cycle_derivatives(p, Omega, smooth, gamma_bar, v, h):
-    """gamma_bar and v of the cycle by Newton's method, and the half map's time and derivatives there."""
-    for _ in range(8):
-        flight = half_map_derivatives(p, Omega, smooth, gamma_bar, v, h)
-        half_time, gamma_bar_next, v_next, P, dmap_domega, dtime, divergence = flight
-        change = solve_along(P, np.array([gamma_bar_next - gamma_bar, v_next - v]).T)
-        if np.nanmax(abs(change)) < 2e-8:
-            break
-        gamma_bar, v = gamma_bar + change[0], v + change[1]
+    time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
+    multiplier = abs(np.linalg.eigvals(np.nan_to_num(matrix[:, :, :2] + np.eye(2)))).max(axis=1)
+    parts, x_name, v_name = ((2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top"))[index]  # parts of a period
+    answers = {
+        "omega": Omega,
+        "period": parts * time,
+        x_name: x,
+        v_name: v,
+        "beta_max": highest[0] - pi / 2,
+        "multiplier_slow": multiplier**parts,
+        "log_multiplier_slow": parts * log(multiplier),
+        "log_multiplier_fast": parts * (end[12] - log(multiplier)),
+        "dperiod_domega": parts * (dtime[0] * tangent[0] + dtime[1] * tangent[1] + dtime[2]),
+        f"d{x_name}_domega": tangent[0],
+        f"d{v_name}_domega": tangent[1],
+        "null_vector": tangent[0],
+    }
+    if index == 1:
+        time_low, low = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[1] - 7 * pi / 2)
+        answers["beta_bar_0"], answers["v_0"] = low[0] - pi / 2, low[2]
     # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
-    away = np.where(hypot(gamma_bar, v) > 1e-6, 1, np.nan)
-    P = away[:, np.newaxis, np.newaxis] * P
-    return away * gamma_bar, away * v, away * half_time, P, dmap_domega, dtime, divergence
-
-
-def spectral_radius(P):
-    """The modulus of the larger eigenvalue of each matrix."""
-    trace = P[:, 0, 0] + P[:, 1, 1]
-    determinant = P[:, 0, 0] * P[:, 1, 1] - P[:, 0, 1] * P[:, 1, 0]
-    root = sqrt(trace**2 / 4 - determinant + 0j)
-    return np.maximum(abs(trace / 2 + root), abs(trace / 2 - root))
-
-
-def cycle_beta_max(p, Omega, smooth, gamma_bar, v):
-    """The largest abs(beta - pi/2), where v passes zero."""
-    state = np.array([pi / 2 + 0 * v, pi / 2 + gamma_bar, v])
-    time, end = fly_to(flow, p, Omega, smooth, state, 2, 0, 1)
-    return pi / 2 - end[0]
+    return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
 
 
 def limit_cycle(p, smooth, given, asked):
     """Level 7: the limit cycle."""
-    return limit_cycle_quantities(p, given["Omega"], smooth, FLIGHT_STEP)
+    return cycle(p, given["Omega"], smooth, 0, True)
 
 
 def near_heteroclinic(p, smooth, given, asked):
     """Level 9: the limit cycle near Omega_h, where errors grow while it passes the saddles."""
-    return limit_cycle_quantities(p, given["Omega"], smooth, FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
-
-
-def limit_cycle_quantities(p, Omega, smooth, h):
-    """State, period and multipliers of the limit cycle, and its derivatives by Omega."""
-    guess = limit_cycle_state(p, Omega, smooth)
-    flight = limit_cycle_derivatives(p, Omega, smooth, *guess, h)
-    gamma_bar, v, half_time, P, dmap_domega, dtime, divergence = flight
-    multiplier_slow = spectral_radius(P) ** 2
-    dgamma_bar_domega, dv_domega = solve_along(P, dmap_domega)
-    dhalf_time_domega = dtime[0] * dgamma_bar_domega + dtime[1] * dv_domega + dtime[2]
-    return {
-        "period": 2 * half_time,
-        "gamma_bar_0": gamma_bar,
-        "v_0": v,
-        "beta_max": cycle_beta_max(p, Omega, smooth, gamma_bar, v),
-        "multiplier_slow": multiplier_slow,
-        "log_multiplier_slow": log(multiplier_slow),
-        "log_multiplier_fast": 2 * divergence - log(multiplier_slow),
-        "dperiod_domega": 2 * dhalf_time_domega,
-        "dgamma_bar_0_domega": dgamma_bar_domega,
-        "dv_0_domega": dv_domega,
-    }
-
-
-# ---- the heteroclinic connection ----
-
-
-def turns_over(p, Omega, smooth):
-    """Whether the saddle's unstable orbit passes gamma = 3 pi/2 before it comes back to beta = pi/2."""
-    matrix = linearisation(tuple(parameter.ravel() for parameter in p), Omega.ravel(), -1)
-    lambda_u = sorted_eigenvalues(matrix)[:, 0].real.reshape(Omega.shape)
-    distance = 1e-4
-    state = np.array([pi / 2 + distance + 0 * Omega, -pi / 2 + distance * Omega / lambda_u, distance * lambda_u])
-    over = np.zeros(Omega.shape, dtype=bool)
-    back = np.zeros(Omega.shape, dtype=bool)
-    for _ in range(int(6 / FLIGHT_STEP)):
-        state = flight_step(flow, p, Omega, smooth, state, FLIGHT_STEP)
-        over = over | ~back & (state[1] > 3 * pi / 2)
-        back = back | ~over & (state[0] < pi / 2)
-        if (over | back).all():
-            break
-    return over
-
-
-def heteroclinic_speed(p, smooth):
-    """Omega_h, by cutting an interval that holds it into a hundred, again and again."""
-    low = 0.9 * critical_speed(p)
-    high = critical_speed(p)
-    columns = tuple(parameter[:, np.newaxis] + np.zeros(101) for parameter in p)
-    for _ in range(5):
-        Omega = np.linspace(low, high, 101).T
-        over = turns_over(columns, Omega, smooth)
-        last = np.where(over, np.arange(101), 0).max(axis=1)
-        last = np.minimum(last, 99)
-        low = Omega[np.arange(len(low)), last]
-        high = Omega[np.arange(len(low)), last + 1]
-    return (low + high) / 2
-
-
-def heteroclinic(p, smooth, given, asked):
-    """Level 8: Omega_h, and the saddle's eigenvalues there."""
-    Omega = heteroclinic_speed(p, smooth)
-    lambda_u, lambda_s, lambda_ss = sorted_eigenvalues(linearisation(p, Omega, -1)).real.T
-    return {"omega_h": Omega, "lambda_u": lambda_u, "lambda_s": lambda_s, "lambda_ss": lambda_ss}
-
-
-# ---- rotating cycles: the turn map from gamma = pi/2 to gamma = 5 pi/2 ----
-
-
-def turn_derivatives(p, Omega, smooth, beta_bar, v):
-    """The turn map, its time, and its derivatives: P by (beta_bar, v), dmap by Omega, dtime by all three."""
-    state = np.array([pi / 2 + beta_bar, pi / 2 + 0 * v, v])
-    flight = flight_with_variations(p, Omega, smooth, state, (0, 2), 1, 5 * pi / 2)
-    time, end, delta, dtime, divergence = flight
-    P = delta[:, :, :2]
-    dmap_domega = delta[:, :, 2]
-    return time, end[0] - pi / 2, end[2], P, dmap_domega, dtime, divergence
-
-
-def scan_of_turns(p, Omega, smooth, starts):
-    """beta_bar and v at gamma = pi/2 of orbits on the slow manifold, and a turn's change of beta_bar."""
-    columns = tuple(parameter[:, np.newaxis] + 0 * starts for parameter in p)
-    Omega = Omega[:, np.newaxis] + 0 * starts
-    beta_bar = starts + 0 * Omega
-    v = columns[1] * Omega * cos(beta_bar) / columns[0]
-    state = np.array([pi / 2 + beta_bar, 0 * v, v])
-    time, top = fly_to(flow, columns, Omega, smooth, state, 1, pi / 2, 1, 0.5)
-    time, end = fly_to(flow, columns, Omega, smooth, top, 1, 5 * pi / 2, 1, 1.2)
-    return top[0] - pi / 2, top[2], end[0] - top[0]
-
-
-def rotating_cycle_start(p, Omega, smooth, stable):
-    """Guesses of beta_bar and v: stable cycles lie below where a turn lowers beta_bar most."""
-    beta_bar, v, change = scan_of_turns(p, Omega, smooth, np.linspace(0.1, 1, 120))
-    falls_most = np.nanargmin(change, axis=1)
-    above = np.arange(beta_bar.shape[1]) > falls_most[:, np.newaxis]
-    rises = np.argmax(above & (change > 0), axis=1)
-    chosen = np.where(stable, falls_most, rises)
-    rows = np.arange(len(Omega))
-    return beta_bar[rows, chosen], v[rows, chosen]
+    return cycle(p, given["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
 
 
 def rotating_cycle(p, smooth, given, asked):
-    """Level 10: a rotating cycle, by Newton's method on the turn map."""
-    Omega, stable = given["Omega"], given["form"] == "stable"
-    beta_bar, v = rotating_cycle_start(p, Omega, smooth, stable)
-    for _ in range(8):  # stable cycles attract
-        state = np.array([pi / 2 + beta_bar, pi / 2 + 0 * v, v])
-        time, end = fly_to(flow, p, Omega, smooth, state, 1, 5 * pi / 2, 1)
-        beta_bar = np.where(stable, end[0] - pi / 2, beta_bar)
-        v = np.where(stable, end[2], v)
-    for _ in range(8):
-        flight = turn_derivatives(p, Omega, smooth, beta_bar, v)
-        time, beta_bar_next, v_next, P, dmap_domega, dtime, divergence = flight
-        change = solve_along(P, np.array([beta_bar_next - beta_bar, v_next - v]).T)
-        if np.nanmax(abs(change)) < 2e-8:
-            break
-        beta_bar, v = beta_bar + change[0], v + change[1]
-    multiplier_slow = spectral_radius(P)
-    dbeta_bar_domega, dv_domega = solve_along(P, dmap_domega)
-    answers = rotating_cycle_shape(p, Omega, smooth, beta_bar, v)
-    answers["period"] = time
-    answers["multiplier_slow"] = multiplier_slow
-    answers["log_multiplier_slow"] = log(multiplier_slow)
-    answers["log_multiplier_fast"] = divergence - log(multiplier_slow)
-    answers["dperiod_domega"] = dtime[0] * dbeta_bar_domega + dtime[1] * dv_domega + dtime[2]
-    answers["dbeta_bar_top_domega"] = dbeta_bar_domega
-    answers["dv_top_domega"] = dv_domega
-    return answers
-
-
-def rotating_cycle_shape(p, Omega, smooth, beta_bar, v):
-    """What a rotating cycle passes through: top, gamma = -pi/2 modulo 2 pi, and its largest beta."""
-    state = np.array([pi / 2 + beta_bar, pi / 2 + 0 * v, v])
-    time, bottom = fly_to(flow, p, Omega, smooth, state, 1, 3 * pi / 2, 1)
-    time, highest = fly_to(flow, p, Omega, smooth, state, 2, 0, -1)
-    return {
-        "beta_bar_0": bottom[0] - pi / 2,
-        "v_0": bottom[2],
-        "beta_bar_top": beta_bar,
-        "v_top": v,
-        "beta_max": highest[0] - pi / 2,
-    }
-
-
-def rotation_fold_start(p, smooth):
-    """Guesses of the fold's Omega, beta_bar and v: the lowest speed where some turn lowers beta_bar."""
-    guesses = []
-    for entry in np.array(p).T:
-        speeds = critical_speed(entry) * np.linspace(0.95, 1, 26)
-        columns = tuple(parameter + 0 * speeds for parameter in entry)
-        beta_bar, v, change = scan_of_turns(columns, speeds, smooth, np.linspace(0.1, 1, 40))
-        lowest = np.argmax(np.nanmin(change, axis=1) < 0)
-        falls_most = np.nanargmin(change[lowest])
-        guesses.append((speeds[lowest], beta_bar[lowest, falls_most], v[lowest, falls_most]))
-    return np.array(guesses).T
+    """Level 10: a rotating cycle."""
+    return cycle(p, given["Omega"], smooth, 1, given["form"] == "stable")
 
 
 def rotation_fold(p, smooth, given, asked):
-    """Level 10: the fold, where the family's dOmega/d(beta_bar) is zero: a secant within Newton's method."""
-    Omega, beta_bar, v = rotation_fold_start(p, smooth)
-    step, slope_before = 0.003 + 0 * v, np.nan
-    for _ in range(12):
-        flight = turn_derivatives(p, Omega, smooth, beta_bar, v)
-        time, beta_bar_next, v_next, P, dmap_domega, dtime, divergence = flight
-        # (P - I) d(beta_bar, v) + dmap_domega dOmega = - (map - identity), with beta_bar chosen.
-        matrix = np.stack([P[:, :, 1] - [0, 1], dmap_domega], axis=2)
-        mismatch = np.array([beta_bar_next - beta_bar, v_next - v]).T
-        dv, dOmega = np.linalg.solve(matrix, -mismatch[:, :, np.newaxis])[:, :, 0].T
-        dv_dbeta_bar, slope = np.linalg.solve(matrix, ([1, 0] - P[:, :, 0])[:, :, np.newaxis])[:, :, 0].T
-        if not np.isnan(slope_before).all():
-            step = -slope * step / (slope - slope_before)
-        slope_before = slope
-        beta_bar = beta_bar + step
-        v = v + dv + dv_dbeta_bar * step
-        Omega = Omega + dOmega + slope * step
-        if np.max(abs(step)) < 1e-8:
-            break
-    answers = rotating_cycle_shape(p, Omega, smooth, beta_bar, v)
-    answers["omega"] = Omega
-    answers["period"] = time
-    answers["null_vector"] = dv_dbeta_bar
-    answers["log_multiplier_fast"] = divergence
-    return answers
+    """Level 10: the fold, on from the unstable cycle at the Hopf point's speed."""
+    return cycle(p, critical_speed(p), smooth, 1, False, fold=True)
+
+
+def heteroclinic(p, smooth, given, asked):
+    """Level 8: Omega_h, by cutting an interval that holds it into a hundred, again and again."""
+    columns = tuple(parameter[:, np.newaxis] for parameter in p)
+    low, width = 0.9 * critical_speed(p), 0.1 * critical_speed(p)
+    for _ in range(5):
+        width = width / 100
+        Omega = low[:, np.newaxis] + width[:, np.newaxis] * np.arange(101)
+        # Below Omega_h the saddle's unstable orbit passes gamma = 3 pi/2 before it comes back to beta = pi/2.
+        lambda_u = sorted_eigenvalues(linearisation(p, low, -1)).real[:, :1] + 0 * Omega
+        state = np.array([pi / 2 + 1e-3 + 0 * Omega, -pi / 2 + 1e-3 * Omega / lambda_u, 1e-3 * lambda_u])
+        time, end = fly_to(flow, columns, Omega, smooth, state, lambda s: np.maximum(s[1] - 3 * pi / 2, pi / 2 - s[0]))
+        low = low + width * ((end[1] - 3 * pi / 2 > pi / 2 - end[0]).sum(axis=1) - 1)
+    lambda_u, lambda_s, lambda_ss = sorted_eigenvalues(linearisation(p, low, -1)).real.T
+    return {"omega_h": low + width / 2, "lambda_u": lambda_u, "lambda_s": lambda_s, "lambda_ss": lambda_ss}
 
 
 # ---- from sheet to answers ----
 
 PARAMETERS = "r", "e", "m", "A", "B", "g", "mu", "epsilon"
-KINDS = {
-    "rhs": rhs,
-    "equilibrium": equilibrium,
-    "hopf": hopf,
-    "harmonic-balance": harmonic_balance,
-    "slow-manifold": slow_manifold,
-    "trajectory": trajectory,
-    "limit-cycle": limit_cycle,
-    "heteroclinic": heteroclinic,
-    "near-heteroclinic": near_heteroclinic,
-    "rotating-cycle": rotating_cycle,
-    "rotation-fold": rotation_fold,
-}
+LEVELS_1_TO_5 = rhs, equilibrium, hopf, harmonic_balance, slow_manifold
+LEVELS_6_TO_10 = trajectory, limit_cycle, heteroclinic, near_heteroclinic, rotating_cycle, rotation_fold
+KINDS = {function.__name__.replace("_", "-"): function for function in LEVELS_1_TO_5 + LEVELS_6_TO_10}
 
 
 def answered(rows):
@@ -878,27 +620,20 @@ def answered(rows):
     groups = {}
     for row in rows:
         entry, name = row["id"].rsplit("/", 1)
-        entries = groups.setdefault((row["kind"], row["friction"]), {})
-        entries.setdefault(entry, (row, []))[1].append(name)
+        groups.setdefault((row["kind"], row["friction"]), {}).setdefault(entry, {})[name] = row
     answers = {}
     for (kind, friction), entries in groups.items():
-        if kind not in KINDS:
-            continue
-        firsts = [row for row, names in entries.values()]
-        p = tuple(np.array([float(row[column]) for row in firsts]) for column in PARAMETERS)
-        given = {}
-        for column in ("Omega", "beta", "gamma", "v"):
-            if all(row[column] for row in firsts):
-                given[column] = np.array([float(row[column]) for row in firsts])
-        for column in ("equilibrium", "form"):
-            given[column] = np.array([row[column] for row in firsts])
-        asked = {name for row, names in entries.values() for name in names}
+        firsts = [next(iter(entry.values())) for entry in entries.values()]
+        given = {column: np.array([row[column] for row in firsts]) for column in ("equilibrium", "form")}
+        for column in PARAMETERS + ("Omega", "beta", "gamma", "v"):
+            given[column] = np.array([float(row[column] or "nan") for row in firsts])
+        p = tuple(given[column] for column in PARAMETERS)
+        asked = {name for entry in entries.values() for name in entry}
         with np.errstate(all="ignore"):
             results = KINDS[kind](p, friction == "smooth", given, asked)
-        for k, entry in enumerate(entries):
-            for name in entries[entry][1]:
-                if name in results:
-                    answers[f"{entry}/{name}"] = float(results[name][k])
+        for k, entry in enumerate(entries.values()):
+            for name, row in entry.items():
+                answers[row["id"]] = float(results[name][k]) if name in results else np.nan
     return answers
 
 
@@ -908,12 +643,8 @@ def main(sheet, target):
         rows = list(csv.DictReader(file))
     with open(target, "w", encoding="utf-8") as file:
         file.write("id,answer,from\n")
-        for name, number in answered(rows).items():
-            if np.isfinite(number):
-                file.write(f"{name},{number!r},doubles\n")
+        file.writelines(f"{name},{x!r},doubles\n" for name, x in answered(rows).items() if np.isfinite(x))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
-        sys.exit("usage: python client.py SHEET.csv ANSWERS.csv")
-    main(sys.argv[1], sys.argv[2])
+    main(*sys.argv[1:])
