@@ -2,7 +2,7 @@
 
     python blind_program.py SHEET.csv ANSWERS.csv [FIRST-LAST]
 
-The lines `# ---- name` cut its text into parts: `test_blind_faults.py` runs changed texts, and a run is remembered as
+The lines `# ---- name` cut its text into parts: `faults.py` runs changed texts, and a run is remembered as
 long as the head of the text and the parts that it names are as they were.
 """
 

@@ -1,6 +1,6 @@
 """Planted faults of the right-hand side: most are named, none is named wrongly. `planted` has the list.
 
-The lists of unseen programs (`test_blind_faults`) hold the same of all levels.
+The lists of unseen programs (`faults`) hold the same of all levels.
 """
 
 from __future__ import annotations
