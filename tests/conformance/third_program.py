@@ -217,12 +217,7 @@ class Spin:
         w, dw = rho * sb, np.array([rho * cb, drho * sb, 0, 0])
         slide = rho * v * sb - e * O * sb**2 * cg
         dslide = np.array(
-            [
-                rho * v * cb - 2 * e * O * sb * cb * cg,
-                drho * v * sb + e * O * sb**2 * sg,
-                rho * sb,
-                -e * sb**2 * cg,
-            ]
+            [rho * v * cb - 2 * e * O * sb * cb * cg, drho * v * sb + e * O * sb**2 * sg, rho * sb, -e * sb**2 * cg]
         )
         dforce = dh + df + dw * self.friction.force(slide) + w * self.friction.slope(slide) * dslide
         return (dforce - self.acceleration(beta, gamma, v) * dM) / M
@@ -231,11 +226,7 @@ class Spin:
         """The matrix of the linearised equations, and with it the derivative by Omega as a fourth column."""
         beta, gamma, v = x
         return np.array(
-            [
-                [0, 0, 1, 0],
-                [self.Omega * math.sin(beta), 0, 0, -math.cos(beta)],
-                self.gradient(beta, gamma, v),
-            ]
+            [[0, 0, 1, 0], [self.Omega * math.sin(beta), 0, 0, -math.cos(beta)], self.gradient(beta, gamma, v)]
         )
 
     def eigenvalues(self, equilibrium):
@@ -508,8 +499,8 @@ class CycleFamily:
     def __init__(self, row):
         self.disk, self.friction = Disk.of(row), row["friction"]
         Omega = 0.985 * HopfPoint(row).Omega
-        point = np.array([1.0, -5.0])
-        for _ in range(40):
+        point = np.array([1.5, -2.0])
+        for _ in range(10):
             point = -Cycle(self.spin(Omega), point).end
         self.cycles = {Omega: self.closed(Omega, point)}
         self.lowest = 0.0
@@ -532,7 +523,7 @@ class CycleFamily:
         Omega = min(self.cycles, key=lambda known: abs(known - target))
         step = target - Omega
         while Omega != target:
-            if target <= self.lowest or abs(step) < 1e-7:
+            if target <= self.lowest or abs(step) < 4e-7:
                 self.lowest = max(target, self.lowest)
                 raise ArithmeticError("too close to the connection")
             near = self.cycles[Omega]
