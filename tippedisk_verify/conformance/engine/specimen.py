@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import ast
 import types
-from collections.abc import Callable, Iterator, Mapping
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ from tippedisk_verify.conformance.engine.entries import Array, Results, Sheet, T
 __all__ = ["Program", "Specimen", "specimen"]
 
 _SOURCE = Path(__file__).parent.parent / "clients" / "client.py"
-_KEPT = 4_000  # results of functions that changes do not reach
+NOTHING: Mapping[str, ast.stmt] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,14 @@ class Specimen:
         return {name: compiled(tree) for name, tree in self.functions.items()}
 
     @cached_property
+    def defaults(self) -> dict[str, tuple[Any, ...] | None]:
+        """The default values of each function's last arguments."""
+        return {
+            name: tuple(eval(ast.unparse(one), dict(self.space)) for one in tree.args.defaults) or None
+            for name, tree in self.functions.items()
+        }
+
+    @cached_property
     def calls(self) -> dict[str, frozenset[str]]:
         """Which functions and constants each function reaches, itself included."""
         known = {*self.functions, *self.constants}
@@ -52,6 +62,9 @@ class Specimen:
                     names |= reached[name]
         return {name: frozenset(names) for name, names in reached.items()}
 
+    def text(self, name: str) -> str:
+        return ast.unparse(self.functions[name]) + "\n"
+
     def starts(self, kind: str) -> str:
         """The function that answers questions of a kind."""
         return str(self.space["KINDS"][kind].__name__)
@@ -61,11 +74,11 @@ class Specimen:
         names = frozenset[str]().union(*(self.calls[self.starts(table.kind)] for table in sheet.tables))
         return [name for name in (*self.constants, *self.functions) if name in names]
 
-    def patched(self, way: str, source: str) -> Specimen:
+    def patched(self, way: str, source: str, **space: Any) -> Specimen:
         """The same with the functions of ``source`` in place of those of their names, or beside them."""
         tree = ast.parse(source)
         functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-        return Specimen(way, {**self.functions, **functions}, self.constants, self.space)
+        return Specimen(way, {**self.functions, **functions}, self.constants, {**self.space, **space})
 
 
 def compiled(tree: ast.FunctionDef) -> types.CodeType:
@@ -74,25 +87,26 @@ def compiled(tree: ast.FunctionDef) -> types.CodeType:
 
 
 class Program:
-    """A specimen with one function changed, or none."""
+    """A specimen with the trees of ``changes`` in place of those of their names."""
 
-    def __init__(self, right: Specimen, name: str = "", tree: ast.AST | None = None, **space: Any) -> None:
+    def __init__(self, right: Specimen, changes: Mapping[str, ast.stmt] = NOTHING, **space: Any) -> None:
+        self.right = right
         self.space = {**right.space, **space}
         for function, code in right.codes.items():
-            if function == name and isinstance(tree, ast.FunctionDef):
+            tree = changes.get(function)
+            if isinstance(tree, ast.FunctionDef):
                 code = compiled(tree)
-            self.space[function] = types.FunctionType(code, self.space, function, _defaults(right, function))
-        if name in right.constants and isinstance(tree, ast.Assign):
-            exec(compile(ast.Module([tree], []), "<constant>", "exec"), self.space)
-            later = [assign for other, assign in right.constants.items() if name in right.calls[other] and other != name]
-            for assign in later:
+            self.space[function] = types.FunctionType(code, self.space, function, right.defaults[function])
+        for name, assign in right.constants.items():
+            if right.calls[name] & changes.keys():
+                assign = changes.get(name, assign)  # type: ignore[assignment]
                 exec(compile(ast.Module([assign], []), "<constant>", "exec"), self.space)
-        self.right = right
 
     def results(self, table: Table) -> Results:
         """The answers to a table's questions; nothing where the program fails."""
         function = self.space[self.right.starts(table.kind)]
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             try:
                 found: Results = function(table.p, table.smooth, table.given, table.asked)
             except Exception:  # what a change does to a program is its own affair
@@ -101,11 +115,6 @@ class Program:
 
     def answers(self, sheet: Sheet) -> Array:
         return np.concatenate([table.picked(self.results(table)) for table in sheet.tables])
-
-
-def _defaults(right: Specimen, function: str) -> tuple[Any, ...] | None:
-    defaults = right.functions[function].args.defaults
-    return tuple(eval(compile(ast.Expression(one), "<default>", "eval"), dict(right.space)) for one in defaults) or None
 
 
 @cache
