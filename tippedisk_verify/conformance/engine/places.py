@@ -75,8 +75,9 @@ def conditions(sheet: Sheet) -> Iterator[tuple[str, Array]]:
     for name, values in labels(sheet).items():
         picked = np.unique(values[sheet.wrong])
         if 0 < len(picked) <= _NAMED and (values != picked[0]).any():
-            yield f"for {' and '.join(picked)}" if name != "entry" else f"for {_listed('entry', picked)}", np.isin(
-                values, picked
+            yield (
+                f"for {' and '.join(picked)}" if name != "entry" else f"for {_listed('entry', picked)}",
+                np.isin(values, picked),
             )
     for text, value in _signed(sheet):
         yield f"where {text} > 0", value > 0
@@ -212,8 +213,14 @@ _ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
 
 def _step(sheet: Sheet, mine: Array) -> str | None:
     """The step whose quotients the answers are: whole multiples of the last unit of v' over it."""
-    places = [f"{law} {entry}" for table in sheet.tables for law, entry in _places(table.friction, table.entries, table.rows)]
-    values = {place: truth for place, name, truth in zip(places, names_of(sheet), sheet.truth, strict=True) if name == "v_rate"}
+    places = [
+        f"{law} {entry}" for table in sheet.tables for law, entry in _places(table.friction, table.entries, table.rows)
+    ]
+    values = {
+        place: truth
+        for place, name, truth in zip(places, names_of(sheet), sheet.truth, strict=True)
+        if name == "v_rate"
+    }
     value = np.array([values.get(place, np.nan) for place, one in zip(places, mine, strict=True) if one])
     units = sheet.answer[mine] / np.spacing(np.abs(value))
     for text, step in sorted(_STEPS.items(), key=lambda item: item[1]):  # what holds for a step holds for its multiples
@@ -271,7 +278,9 @@ def _on_the_way(sheet: Sheet) -> tuple[str, Array] | None:
     if sheet.level not in (6, 7, 9, 10) or sheet.wrong.sum() < _FEW:
         return None
     conditions = [
-        {quantity.name: quantity.condition for quantity in entry.quantities} for table in sheet.tables for entry in table.entries
+        {quantity.name: quantity.condition for quantity in entry.quantities}
+        for table in sheet.tables
+        for entry in table.entries
     ]
     first = np.cumsum([0, *(len(table.entries) for table in sheet.tables)])
     cells = [
