@@ -8,7 +8,9 @@ from functools import cache
 import numpy as np
 
 from tippedisk_verify.conformance.engine.entries import Array, Sheet
+from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.reference_values.store import Quantity
 
 __all__ = ["conditions", "inputs", "labels", "lost", "names_of", "where"]
 
@@ -140,40 +142,43 @@ def _only(failing: Array, passing: Array) -> str:
 
 
 # ------------------------------------------------------------------------------------------ lost digits
-_SINGLE = 2.0**-24
-_EPS = 2.0**-52
+_SINGLE, _EPS = 2.0**-24, 2.0**-52
 _NEARLY = (1e-13, 1e-3)  # medians of relative errors that are lost digits
 _WORST = 0.03  # the largest one
 _BOTH = 0.15  # at least so many errors are of the rarer sign
 _SMOOTH = 0.15  # of the errors are left where slightly other inputs explain them
 _CRUDE = 0.005  # s; a step that brings the samples in time out right is no longer
-_DIVERGENCE = "log_multiplier_fast"
+_INTEGRATED = 1.5e-4  # as a change of all inputs; SciPy's methods stay below at tolerances up to 1e-4
+_STEPS = {f"{first}e-{n}": float(f"{first}e-{n}") for n in range(3, 15) for first in (1, 2, 5)}
+_STEPS |= {"the square root of eps": _EPS**0.5, "the cube root of eps": _EPS ** (1 / 3)}
+_MULTIPLES = (32, 1e11)  # smaller ones tell less of a step, larger ones are lost in the quotient's rounding
+_WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
+_ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
+_FAST = "log_multiplier_fast"
 
 
 def lost(sheet: Sheet) -> tuple[str, Array] | None:
     """What method loses the digits that are missing, and the answers that this is said of."""
-    for look in (_in_slopes, _in_single, _in_the_fast_multiplier, _at_crossings, _on_the_way):
-        found = look(sheet)
-        if found is not None:
-            return found
-    return None
+    looks = (_in_slopes, _in_single, _in_the_fast_multiplier, _at_crossings, _on_the_way)
+    return next((found for look in looks if (found := look(sheet)) is not None), None) if sheet.wrong.any() else None
+
+
+def _asked(sheet: Sheet) -> list[tuple[Quantity, Grade]]:
+    """The question and the grade of each answer."""
+    asked = []
+    for table in sheet.tables:
+        known = [
+            {q.name: (q, grade) for q, grade in zip(entry.quantities, entry.grades, strict=True)}
+            for entry in table.entries
+        ]
+        asked += [known[row][name] for name, row in zip(table.names, table.rows.tolist(), strict=True)]
+    return asked
 
 
 def _relative(sheet: Sheet) -> Array:
     """Errors with their signs, by the size that they are graded against."""
-    needs = [
-        {quantity.name: grade.needs for quantity, grade in zip(entry.quantities, entry.grades, strict=True)}
-        for table in sheet.tables
-        for entry in table.entries
-    ]
-    first = np.cumsum([0, *(len(table.entries) for table in sheet.tables)])
-    digits = [
-        needs[start + row][name]
-        for table, start in zip(sheet.tables, first[:-1].tolist(), strict=True)
-        for name, row in zip(table.names, table.rows.tolist(), strict=True)
-    ]
-    with np.errstate(all="ignore"):
-        return np.asarray((sheet.answer - sheet.truth) / (sheet.allowed * 10.0 ** np.array(digits)))
+    needs = np.array([grade.needs for _, grade in _asked(sheet)])
+    return np.asarray((sheet.answer - sheet.truth) / (sheet.allowed * 10.0**needs))
 
 
 def _small(errors: Array) -> bool:
@@ -188,114 +193,76 @@ def _in_slopes(sheet: Sheet) -> tuple[str, Array] | None:
     """Derivatives that are differences: their rounding tells the step, or all of them are off a little."""
     stems = names_of(sheet)
     slopes = np.isin(stems, [stem for stem in np.unique(stems) if _slope(stem)])
-    mine, others = sheet.wrong & slopes, sheet.wrong & ~slopes
-    if not mine.any():
+    mine, errors = sheet.wrong & slopes, _relative(sheet)
+    if not mine.any() or not np.median(np.abs(errors[mine])) < _WORST:
         return None
     if (step := _step(sheet, mine)) is not None:
         return f"errors of a difference quotient with a step of {step}, in the derivatives only", mine
-    errors = _relative(sheet)
-    elsewhere = np.abs(errors[others])
-    alone = len(np.unique(stems[mine])) > 1 and not (len(elsewhere) and np.median(elsewhere) < _NEARLY[1])
-    if not alone or not _small(errors[mine]) or np.abs(errors[mine]).max() > _NEARLY[1]:
+    others = np.abs(errors[sheet.wrong & ~slopes])
+    alone = slopes.any() and not slopes.all() and not (len(others) and np.median(others) < _NEARLY[1])
+    if not alone or len(np.unique(stems[mine])) < 2 or not _small(errors[mine]):
         return None
-    text = "errors of the size of a difference quotient, in the derivatives only"
-    if sheet.level > _AT_STATES:
-        text += ", or of a tolerance or step too coarse for the variational equations"
-    return text, mine
-
-
-_STEPS = {f"{first}e-{n}": float(f"{first}e-{n}") for n in range(3, 15) for first in (1, 2, 5)}
-_STEPS |= {"the square root of eps": _EPS**0.5, "the cube root of eps": _EPS ** (1 / 3)}
-_LEAST, _MOST = 32, 1e11  # multiples: smaller ones tell less of a step, larger ones are lost in the quotient's rounding
-_WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
-_ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
+    more = ", or of a tolerance or step too coarse for the variational equations" if sheet.level > _AT_STATES else ""
+    return f"errors of the size of a difference quotient, in the derivatives only{more}", mine
 
 
 def _step(sheet: Sheet, mine: Array) -> str | None:
     """The step whose quotients the answers are: whole multiples of the last unit of v' over it."""
-    places = [
-        f"{law} {entry}" for table in sheet.tables for law, entry in _places(table.friction, table.entries, table.rows)
-    ]
-    values = {
-        place: truth
-        for place, name, truth in zip(places, names_of(sheet), sheet.truth, strict=True)
-        if name == "v_rate"
-    }
-    value = np.array([values.get(place, np.nan) for place, one in zip(places, mine, strict=True) if one])
-    units = sheet.answer[mine] / np.spacing(np.abs(value))
-    for text, step in sorted(_STEPS.items(), key=lambda item: item[1]):  # what holds for a step holds for its multiples
-        multiples = units * step
-        multiples = multiples[(np.abs(multiples) > _LEAST) & (np.abs(multiples) < _MOST)]
+    entries = [grade.id.rsplit("/", 1)[0] for _, grade in _asked(sheet)]
+    values = {key: x for key, name, x in zip(entries, names_of(sheet), sheet.truth, strict=True) if name == "v_rate"}
+    units = np.spacing(np.abs([values.get(key, np.nan) for key, one in zip(entries, mine, strict=True) if one]))
+    for text, step in sorted(_STEPS.items(), key=lambda one: one[1]):  # what holds for a step holds for its multiples
+        multiples = np.abs(sheet.answer[mine] / units * step)
+        multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
         off = np.abs(multiples - np.round(multiples))
         if len(multiples) >= _ENOUGH and (off < _WHOLE).mean() >= _MOSTLY:
-            near = np.abs(sheet.answer[mine] - sheet.truth[mine]) < _WORST * np.abs(sheet.truth[mine])
-            return f"{text} (forward, or twice a central one's)" if near.mean() > _MOSTLY else None
+            return f"{text} (forward, or twice a central one's)"
     return None
 
 
 def _in_single(sheet: Sheet) -> tuple[str, Array] | None:
-    errors = _relative(sheet)
-    if sheet.level > _AT_STATES or not _small(errors[sheet.wrong]):
+    sizes = np.abs(_relative(sheet))
+    if sheet.level > _AT_STATES or sheet.wrong.sum() < _FEW or sizes.max() > 64 * _SINGLE:
         return None
-    sizes = np.abs(errors)
-    if sizes.max() > 64 * _SINGLE or not np.median(sizes) > _SINGLE / 64:
-        return None
-    return "errors of the size of single precision", sheet.wrong
+    return ("errors of the size of single precision", sheet.wrong) if np.median(sizes) > _SINGLE / 64 else None
 
 
 def _in_the_fast_multiplier(sheet: Sheet) -> tuple[str, Array] | None:
     """An eigenvalue below 1e-16 of the largest is rounding, about the same whatever its right value."""
-    mine = sheet.wrong & (names_of(sheet) == _DIVERGENCE)
+    mine = sheet.wrong & (names_of(sheet) == _FAST)
     answer, truth = sheet.answer[mine], sheet.truth[mine]
-    if not mine.any() or not ((answer > -75) & (answer < -20) & (truth < -50) & (answer > truth + 10)).all():
+    rounding = (answer > -75) & (answer < -20) & (truth < -50) & (answer > truth + 10)
+    if not mine.any() or not rounding.all() or np.ptp(answer) > 16:
         return None
-    if np.ptp(answer) > 16:
-        return None
-    return f"{_DIVERGENCE} is what rounding leaves of an eigenvalue: integrate the divergence", mine
+    return f"{_FAST} is what rounding leaves of an eigenvalue: integrate the divergence", mine
 
 
 def _at_crossings(sheet: Sheet) -> tuple[str, Array] | None:
     """Events located at steps or on straight lines, where samples in time are right."""
     stems = names_of(sheet)
-    samples = np.isin(stems, ("beta", "gamma", "v"))
+    samples, times = np.isin(stems, ("beta", "gamma", "v")), np.isin(stems, ("crossing_time", "flat_time"))
     events = sheet.wrong & ~samples
     if sheet.level != 6 or not samples.any() or (sheet.wrong & samples).any() or events.sum() < _FEW:
         return None
-    times = np.isin(stems, ("crossing_time", "flat_time"))
     if not times.any() or np.abs(sheet.answer - sheet.truth)[times].max() > _CRUDE:
         return None
-    late = "crossings are located crudely, in steps or on straight lines: samples in time are right"
-    if not (events & times).any():
-        late = "crossings have the state of another instant than their time, which is right: of a step, or on a line"
-    return late, events
-
-
-_INTEGRATED = 1.5e-4  # as a change of all inputs; SciPy's methods stay below at tolerances up to 1e-4
+    if (events & times).any():
+        return "crossings are located crudely, in steps or on straight lines: samples in time are right", events
+    return "crossings have the state of another instant than their time, which is right", events
 
 
 def _on_the_way(sheet: Sheet) -> tuple[str, Array] | None:
     """An integrator's errors: of all directions, where slightly other inputs would make the same ones everywhere."""
     if sheet.level not in (6, 7, 9, 10) or sheet.wrong.sum() < _FEW:
         return None
-    conditions = [
-        {quantity.name: quantity.condition for quantity in entry.quantities}
-        for table in sheet.tables
-        for entry in table.entries
-    ]
-    first = np.cumsum([0, *(len(table.entries) for table in sheet.tables)])
-    cells = [
-        conditions[start + row][name]
-        for table, start in zip(sheet.tables, first[:-1].tolist(), strict=True)
-        for name, row in zip(table.names, table.rows.tolist(), strict=True)
-    ]
-    symbols = sorted({symbol for one in cells for symbol in one})
-    table = np.array([[float(one.get(symbol, 0)) for symbol in symbols] for one in cells])
-    weights = 1 / np.maximum(np.abs(table).sum(axis=1), 1e-300)
-    errors = (sheet.answer - sheet.truth) * weights
+    conditions = [quantity.condition for quantity, _ in _asked(sheet)]
+    symbols = sorted(set[str]().union(*conditions))
+    slopes = np.array([[float(one.get(symbol, 0)) for symbol in symbols] for one in conditions])
+    weights = 1 / np.maximum(np.abs(slopes).sum(axis=1), 1e-300)
+    errors, slopes = (sheet.answer - sheet.truth) * weights, slopes * weights[:, None]
     if len(errors) < 3 * len(symbols) or not np.abs(errors).max() < _INTEGRATED or not _small(errors[sheet.wrong]):
         return None
-    shifts = np.linalg.lstsq(table * weights[:, None], errors, rcond=1e-6)[0]
-    left = errors - (table * weights[:, None]) @ shifts
+    left = errors - slopes @ np.linalg.lstsq(slopes, errors, rcond=1e-6)[0]
     if np.linalg.norm(left) < _SMOOTH * np.linalg.norm(errors):
         return None
     return "errors of the size of an integrator's: a loose tolerance, too long a step, or single precision", sheet.wrong
