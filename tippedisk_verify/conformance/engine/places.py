@@ -120,8 +120,7 @@ def where(sheet: Sheet) -> str:
     stems = names_of(sheet)
     failing = np.unique(stems[sheet.wrong])
     same = np.isin(stems, failing)
-    said = [] if same.all() else [_only(failing, np.unique(stems[~same]))]
-    # A law or set that is wrong throughout is seen among all quantities of its kind.
+    said = [text for text in [_only(failing, np.unique(stems[~same]))] if text and not same.all()]
     for text, mask in conditions(sheet):
         inside, outside = mask & same, ~mask & same
         if not outside.any() or (sheet.wrong & ~mask).any():
@@ -131,7 +130,7 @@ def where(sheet: Sheet) -> str:
         if share > (_HALF if named else _MOSTLY) and (named or min(inside.sum(), outside.sum()) >= _FEW):
             said.append(text if said else f"only {text}")
             break
-    return " ".join(text for text in said if text)
+    return " ".join(said)
 
 
 def _only(failing: Array, passing: Array) -> str:

@@ -64,17 +64,16 @@ _FACTORS = {
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
 _FACTORS |= {"-2": -2.0, "-1/2": -0.5}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
-_OF_VALUE: dict[str, _Function] = {
+_PLAIN: dict[str, _Function] = {
     "the modulus of the right value": np.abs, "minus the modulus of the right value": lambda x: -np.abs(x),
-    "zero": lambda x: 0 * x, "the square of the right value": np.square, "one": lambda x: 0 * x + 1,
-    "the square root of the right value": lambda x: np.sign(x) * np.sqrt(np.abs(x)),
-    "the reciprocal of the right value": lambda x: 1 / x, "2 pi divided by the right value": lambda x: 2 * _PI / x,
-    "the logarithm of the right value": lambda x: np.log(np.abs(x)),
-    "the common logarithm of the right value": lambda x: np.log10(np.abs(x)),
-    "the exponential of the right value": np.exp, "pi/2 minus the right value": lambda x: _PI / 2 - x,
-    "pi minus the right value": lambda x: _PI - x, "1 minus the right value": lambda x: 1 - x,
-    "the sine of the right value": np.sin, "the cosine of the right value": np.cos,
-    "the tangent of the right value": np.tan, "rounded to single precision": lambda x: x.astype("f4").astype("f8"),
+    "zero": lambda x: 0 * x, "one": lambda x: 0 * x + 1,
+    "rounded to single precision": lambda x: x.astype("f4").astype("f8"),
+}  # fmt: skip
+_OF_VALUE: dict[str, _Function] = {
+    "square": np.square, "square root": lambda x: np.sign(x) * np.sqrt(np.abs(x)), "reciprocal": lambda x: 1 / x,
+    "logarithm": lambda x: np.log(np.abs(x)), "common logarithm": lambda x: np.log10(np.abs(x)),
+    "exponential": np.exp, "sine": np.sin, "cosine": np.cos, "tangent": np.tan,
+    "reciprocal times 2 pi": lambda x: 2 * _PI / x,
 }  # fmt: skip
 _ANGLES = ("beta", "gamma", "crossing_gamma", "gamma_bar_0", "beta_max", "beta_bar_0", "beta_bar_top")
 _OF_ANGLE: dict[str, _Function] = {
@@ -159,8 +158,12 @@ class _Grid:
 def _relations(grid: _Grid) -> Iterator[_Relation]:
     x, order, epsilon = grid.x, grid.given["order"], grid.p[SYMBOLS.index("epsilon")]
     yield _Relation("sign", 0, "{q} {has} the wrong sign", -x)
-    for text, of in _OF_VALUE.items():
+    for text, of in _PLAIN.items():
         yield _Relation("function", 1, f"{{q}} {{is}} {text}", of(x))
+    for text, of in _OF_VALUE.items():
+        yield _Relation("function", 3, f"{{q}} {{is}} the {text} of the right value", of(x))
+    for text, offset in _OFFSETS.items():
+        yield _Relation("complement", 3, f"{{q}} {{is}} {text} minus the right value", offset - x)
     for text, factor in _FACTORS.items():
         yield _Relation("factor", 1, f"{{q}} {{has}} the factor {text}", factor * x)
     for (text, offset), (word, sign) in product(_OFFSETS.items(), {"large": 1, "small": -1}.items()):
@@ -217,15 +220,15 @@ def _entries(grid: _Grid) -> Iterator[_Relation]:
     listed = list(dict.fromkeys(grid.keys[grid.base].tolist()))  # as the sheet has them
     kinds = [key.rsplit("/", 1)[0] for key in listed]
     moves: dict[str, Callable[[str], str]] = {}
+    for text, (one, two) in _PARTNERS.items():
+        other = {f"/{one}": f"/{two}", f"/{two}": f"/{one}"}
+        pattern = f"/{one}|/{two}"
+        moves[f"the other {text}"] = lambda key, to=other, of=pattern: re.sub(of, lambda m: to[m[0]], key)  # type: ignore[misc]
     for text, by in {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}.items():
         pairs = zip(listed, kinds, range(by, len(listed) + by), strict=True)
         near = {key: listed[n] for key, kind, n in pairs if 0 <= n < len(listed) and kinds[n] == kind}
         moves[f"the {text} entry"] = lambda key, near=near: near.get(key, "")  # type: ignore[misc]
     moves["the first entry"] = lambda key: listed[kinds.index(key.rsplit("/", 1)[0])]
-    for text, (one, two) in _PARTNERS.items():
-        other = {f"/{one}": f"/{two}", f"/{two}": f"/{one}"}
-        pattern = f"/{one}|/{two}"
-        moves[f"the other {text}"] = lambda key, to=other, of=pattern: re.sub(of, lambda m: to[m[0]], key)  # type: ignore[misc]
     for name in grid.sets if len(grid.sets) > 1 else ():
         moves[f"the parameter set {name}"] = lambda key, name=name: f"{name}/{key.split('/', 1)[1]}"  # type: ignore[misc]
     for text, rename in moves.items():
