@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import permutations, product
 from typing import NamedTuple
@@ -30,6 +30,8 @@ _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _STATEMENTS = 3  # different relations; more are several mistakes
 _CONDITION = 5  # rank of a condition
 _AT_STATES = 5  # the last level whose inputs are those of the formula
+_TRIED = 3  # answers that a number is read off
+_LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
 _OfTwo = Callable[[Array, Array], Array]
@@ -63,6 +65,9 @@ _FACTORS = {
 }  # fmt: skip
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
 _FACTORS |= {"-2": -2.0, "-1/2": -0.5}
+#: Numbers beside a product of powers: value, and how many powers are as simple as it.
+_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {text: (x, 0.6) for text, x in _FACTORS.items()}
+_SHORT["1"] = (1.0, 0.0)
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 _PLAIN: dict[str, _Function] = {
     "the modulus of the right value": np.abs, "minus the modulus of the right value": lambda x: -np.abs(x),
@@ -132,6 +137,15 @@ class _Grid:
         shape = (len(self.keys) + 1, len(_LAWS) + 1, len(self.stems) + 1, self.place.max() + 2)
         self.values = np.full(shape, np.nan)
         self.values[self.base, self.law, self.stem, self.place] = self.x
+
+        p = dict(zip(SYMBOLS, self.p, strict=True))
+        self.bases = {**p, "Bbar": p["B"] - p["m"] * p["e"] ** 2, "(r + e)": p["r"] + p["e"]}
+        if sheet.level <= _AT_STATES:
+            self.bases |= {name: self.given[name] for name in ("Omega", "v")}
+            for name, angle in ((name, self.given[name]) for name in ("beta", "gamma")):
+                self.bases |= {f"sin({name})": np.sin(angle), f"cos({name})": np.cos(angle)}
+        with np.errstate(all="ignore"):
+            self.logs = np.log(np.abs(list(self.bases.values())))
 
     def at(self, **moved: Array | int) -> Array:
         """The right values where some indices are others; indices out of range find nothing."""
@@ -304,126 +318,95 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
 
 # ------------------------------------------------------------------------------------------ numbers solved for
 def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
-    """One number for all, and a factor or a summand that is a constant times powers of the inputs."""
-    answer, x, count = grid.sheet.answer, grid.x, group.max() + 1
-    pairs = np.unique(np.stack([group, grid.base])[:, grid.sheet.wrong], axis=1)[0]
-    several = np.bincount(pairs, minlength=count)[group] >= _FREE
-    middle = np.array([np.median(answer[group == n]) for n in range(count)])
-    says = [f"{{q}} {{is}} {one:.9g} throughout" for one in middle]
+    """One number for all, and a factor or a summand that is a number times powers of the inputs."""
+    answer, x, groups = grid.sheet.answer, grid.x, range(group.max() + 1)
+    entries = np.unique(np.stack([group, grid.base])[:, grid.sheet.wrong], axis=1)[0]
+    several = np.bincount(entries, minlength=len(groups))[group] >= _FREE
+    middle = np.array([np.median(answer[group == n]) for n in groups])
+    says = [f"{{q}} {{is}} {number:.9g} throughout" for number in middle]
     yield _Relation("constant", 2, says, np.where(several, middle[group], np.nan))
-    bases = {name: grid.given[name] for name in ("Omega", "v")}
-    for name, angle in ((name, grid.given[name]) for name in ("beta", "gamma")):
-        bases |= {f"sin({name})": np.sin(angle), f"cos({name})": np.cos(angle)}
-    for rank, some in ((4, {}), (6, bases)) if grid.sheet.level <= _AT_STATES else ((4, {}),):
-        for word, start, unit in (("factor", 0.0, x), ("summand", 1.0, np.ones_like(x))):
-            texts, share = [""] * count, np.full(len(x), np.nan)
-            ratio = (answer - start * x) / unit
-            usable = grid.sheet.wrong & several & np.isfinite(ratio) & (ratio != 0)
-            for n in range(count):
-                cells = np.flatnonzero(usable & (group == n))
-                found = _power_law(grid, cells, ratio, some) if len(cells) >= _FREE else None
-                if found is not None:
-                    texts[n], share = found[0], np.where(group == n, found[1], share)
-            says = [f"{{q}} {{has}} the {word} {text}" for text in texts]
-            yield _Relation(word, rank, says, start * x + share * unit, digits=2.0)
-
-
-def _power_law(grid: _Grid, cells: Array, ratio: Array, bases: Mapping[str, Array]) -> tuple[str, Array] | None:
-    """A constant for each parameter set times powers, as a ratio is at some answers: in words, and at all answers."""
-    varied = {name: base for name, base in bases.items() if (base[cells] != 0).all() and np.ptp(np.abs(base[cells]))}
-    varied = {name: base for name, base in varied.items() if np.isfinite(base[cells]).all()}
-    sets = np.unique(grid.set[cells])
-    if len(cells) < len(varied) + len(sets) + 2 * bool(varied) or (bases and not varied):
-        return None
-    columns = [np.log(np.abs(base[cells])) for base in varied.values()] + [grid.set[cells] == one for one in sets]
-    powers = np.linalg.lstsq(np.array(columns, dtype=float).T, np.log(np.abs(ratio[cells])), rcond=None)[0]
-    powers = np.round(2 * powers[: len(varied)]) / 2
-    if np.abs(powers).sum() > 3 or (bases and not powers.any()):
-        return None
-    law = np.ones_like(ratio)
-    for base, power in zip(varied.values(), powers.tolist(), strict=True):
-        law = law * (base if power % 1 == 0 else np.abs(base)) ** power
-    numbers = np.full(len(grid.sets), np.nan)
-    numbers[sets] = [np.median((ratio / law)[cells[grid.set[cells] == one]]) for one in sets]
-    loose = np.median(grid.sheet.allowed[cells] / np.abs(ratio * grid.x)[cells])
-    places = [cells[grid.set[cells] == one][0] for one in sets]
-    text = _named(grid.p[:, places], numbers[sets], float(np.clip(loose, 1e-11, 1e-7)))
-    if text is None or (not powers.any() and text in ("1", "-1")):
-        return None
-    words = [text.removesuffix("1") if text in ("1", "-1") else text, *_powers(tuple(varied), powers.tolist())]
-    return " ".join(words).strip(), numbers[grid.set] * law
-
-
-def _powers(names: Sequence[str], powers: Sequence[float]) -> list[str]:
-    return [name if k == 1 else f"{name}^{k:g}" for name, k in zip(names, powers, strict=True) if k]
+    for word, start, unit in (("factor", 0.0, x), ("summand", 1.0, np.ones_like(x))):
+        ratio = (answer - start * x) / unit
+        usable = grid.sheet.wrong & several & np.isfinite(ratio) & (ratio != 0)
+        found = [_power_law(grid, np.flatnonzero(usable & (group == n)), ratio) for n in groups]
+        share = np.array([law for _, law in found])[group, np.arange(len(x))]
+        says = [f"{{q}} {{has}} the {word} {text}" for text, _ in found]
+        yield _Relation(word, 4, says, start * x + share * unit, digits=2.0)
 
 
 @cache
-def _products() -> tuple[Array, list[str]]:
-    """Powers of the parameters, of Bbar and r + e, up to three in all, and their roots."""
-    names = (*SYMBOLS, "Bbar", "(r + e)")
-    units = [one for n in range(len(names)) for one in (np.eye(len(names))[n], -np.eye(len(names))[n])]
-    powers = {tuple(0.0 * units[0])}
+def _exponents(count: int) -> Array:
+    """Of so many bases all whole powers up to three in all, and half of them; the simplest first."""
+    units = np.concatenate([np.eye(count), -np.eye(count)])
+    whole = np.zeros((1, count))
     for _ in range(3):
-        powers |= {tuple(np.array(one) + unit) for one in powers for unit in units}
-    whole = sorted(powers, key=lambda one: (sum(map(abs, one)), -min(one), one))
-    listed = np.array([*whole, *np.array(whole) / 2])
-    return listed, [" ".join(_powers(names, one)) for one in listed.tolist()]
+        whole = np.unique(np.concatenate([whole, *(whole + unit for unit in units)]), axis=0)
+    whole = whole[np.lexsort((-whole.min(axis=1), np.abs(whole).sum(axis=1)))]
+    return np.concatenate([whole, whole[1:] / 2])
 
 
-def _named(p: Array, numbers: Array, close: float) -> str | None:
-    """A number for each set in words: itself if it is the same and short, a product of parameters, or itself."""
-    plain = f"{numbers[0]:.9g}" if (np.abs(numbers / numbers[0] - 1) < close).all() else None
-    if plain is not None and abs(float(f"{numbers[0]:.3g}") / numbers[0] - 1) < close:
-        return plain  # round parameters have round products
-    exponents, words = _products()
-    r, e, m, _, B = p[:5]
-    logs = exponents @ np.log(np.array([*p, B - m * e**2, r + e]))
-    for text, factor in {
-        "": 1.0,
-        "2 ": 2.0,
-        "1/2 ": 0.5,
-        "4 ": 4.0,
-        "1/4 ": 0.25,
-        "pi ": _PI,
-        "2 pi ": 2 * _PI,
-    }.items():
-        hit = np.flatnonzero((np.abs(np.log(np.abs(numbers) / factor) - logs) < close).all(axis=1))
-        if len(hit):
-            return "-" * int(numbers[0] < 0) + text + words[hit[0]]
-    return plain
+def _power_law(grid: _Grid, cells: Array, ratio: Array) -> tuple[str, Array]:
+    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
+    if len(cells) < _FREE:
+        return "", np.full(len(ratio), np.nan)
+    some = cells[:: max(1, len(cells) // _TRIED)]  # the others have to bear it out
+    here = grid.logs[:, some]
+    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
+    exponents = _exponents(len(here))
+    left = np.log(np.abs(ratio[some]))[:, None] - np.einsum("bc,eb->ce", here, exponents)  # no threads
+    close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)
+    fits = np.flatnonzero(np.ptp(left, axis=0) < close)
+    if not len(fits):
+        return "", np.full(len(ratio), np.nan)
+    sizes = np.exp(left[:, fits].mean(axis=0)).tolist()
+    numbers = [
+        next(
+            ((text, cost) for text, (one, cost) in _SHORT.items() if abs(one / size - 1) < close),
+            (f"{size:.9g}", _LONG),
+        )
+        for size in sizes
+    ]
+    best = int(np.argmin(np.abs(exponents[fits]).sum(axis=1) + [cost for _, cost in numbers]))
+    powers = exponents[fits[best]]
+    law = np.ones_like(ratio)
+    for base, k in zip(grid.bases.values(), powers.tolist(), strict=True):
+        law = law * (base if k % 1 == 0 else np.abs(base)) ** k
+    sign = np.sign((ratio * law)[some[0]])
+    words = [name if k == 1 else f"{name}^{k:g}" for name, k in zip(grid.bases, powers, strict=True) if k]
+    words = words if words and numbers[best][0] == "1" else [numbers[best][0], *words]
+    return ("-" if sign < 0 else "") + " ".join(words), sign * sizes[best] * law
 
 
 # ------------------------------------------------------------------------------------------ what fits
-_Found = dict[tuple[str, str], Cause]  #: by what is said and under which condition
-
-
 def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
     if not sheet.wrong.any():
         return []
-    grid, (stems, group) = _Grid(sheet), np.unique(sheet.stems, return_inverse=True)
-    wrong = np.bincount(group[sheet.wrong], minlength=len(stems))
-    sides, found = list(conditions(sheet)), _Found()
+    stems, group = np.unique(sheet.stems, return_inverse=True)
+    grid, sides = _Grid(sheet), list(conditions(sheet))
+
+    def count(some: Array, weights: Array | None = None) -> Array:
+        return np.bincount(group[some], None if weights is None else weights[some], len(stems))
+
+    found: dict[str, Cause] = {}
     with np.errstate(all="ignore"):
         for relation in (*_relations(grid), *_solved(grid, group)):
             known = np.isfinite(relation.predicted)
             fits = sheet.fitted(relation.predicted, relation.digits) & known
             mine, against = fits & sheet.wrong, known & ~fits
             away = np.maximum(np.abs(sheet.answer - relation.predicted), _SURE * sheet.allowed)
-            told = np.log10(np.abs(sheet.answer - sheet.truth) / away)
-            told = np.bincount(group[mine], told[mine], minlength=len(stems))
-            explained = np.bincount(group[mine], minlength=len(stems))
-            spoken = np.bincount(group[against & sheet.wrong], minlength=len(stems))
+            told = count(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away))
+            wrong, explained = count(sheet.wrong), count(mine)
             enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
-            for n in np.flatnonzero((wrong > 0) & (spoken == 0) & enough & (told > _EVIDENCE)).tolist():
+            good = enough & (told > _EVIDENCE) & (count(against & sheet.wrong) == 0)
+            for n in np.flatnonzero(good).tolist():
                 side = _side(sheet, sides, group == n, against)
                 if side is not None:
-                    says = relation.says if isinstance(relation.says, str) else relation.says[n]
+                    says = (relation.says if isinstance(relation.says, str) else relation.says[n]) + side
                     rank = relation.rank + _CONDITION * bool(side)
-                    new = Cause(relation.name, says, np.zeros_like(mine), rank)
-                    found.setdefault((says, side), new).cells[mine & (group == n)] = True
-    return _causes(sheet, found)
+                    found.setdefault(says, Cause(relation.name, says, np.zeros_like(mine), rank))
+                    found[says].cells[mine & (group == n)] = True
+    return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
 
 
 def _side(sheet: Sheet, sides: Sequence[tuple[str, Array]], here: Array, against: Array) -> str | None:
@@ -432,62 +415,51 @@ def _side(sheet: Sheet, sides: Sequence[tuple[str, Array]], here: Array, against
         return ""
     for text, mask in sides if (here & sheet.wrong).sum() >= _SIDE else ():
         if not (here & mask & against).any() and not (here & ~mask & sheet.wrong).any():
-            return text
+            return f" {text}"
     return None
 
 
-def _causes(sheet: Sheet, found: _Found) -> list[Cause]:
-    """Relations that hold for all quantities, or the simplest one for each."""
-    blamed = np.unique(sheet.stems[sheet.wrong])
-    has = {key: frozenset(np.unique(sheet.stems[cause.cells])) for key, cause in found.items()}
-    ranked = sorted(found, key=lambda key: found[key].rank)
-    whole = [key for key in ranked if len(has[key]) == len(blamed)]
+def _joined(sheet: Sheet, found: Sequence[Cause]) -> list[Cause]:
+    """Relations that hold for all wrong quantities, or the simplest one for each."""
+    blamed = set(sheet.stems[sheet.wrong])
+    whole = [cause for cause in found if blamed == set(sheet.stems[cause.cells])]
     if whole:
-        return [
-            Cause(found[key].name, _said(sheet, *key, has[key]), found[key].cells, found[key].rank) for key in whole
-        ]
-    chosen: dict[tuple[str, str], set[str]] = {}
-    for stem in blamed:
-        key = next((key for key in ranked if stem in has[key]), None)
-        if key is None:
-            return []
-        chosen.setdefault(key, set()).add(stem)
-    texts = _exchanges([_said(sheet, *key, stems) for key, stems in chosen.items()])
-    if len(texts) > _STATEMENTS:
+        return [replace(cause, says=_said(sheet, cause.says, blamed)) for cause in whole]
+    parts: list[tuple[Cause, set[str]]] = []
+    for cause in found:
+        mine = blamed & set(sheet.stems[cause.cells])
+        parts += [(cause, mine)] if mine else []
+        blamed -= mine
+    texts = _exchanges([_said(sheet, cause.says, mine) for cause, mine in parts])
+    if blamed or len(texts) > _STATEMENTS:
         return []
-    cells = np.any([found[key].cells & np.isin(sheet.stems, list(stems)) for key, stems in chosen.items()], axis=0)
-    name = "exchanged" if "exchanged" in texts[0] else "-".join(dict.fromkeys(found[key].name for key in chosen))
-    return [Cause(name, "; ".join(texts), cells, max(found[key].rank for key in chosen) + len(texts) - 1)]
+    cells = np.any([cause.cells & np.isin(sheet.stems, list(mine)) for cause, mine in parts], axis=0)
+    rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
+    return [Cause("-".join(dict.fromkeys(cause.name for cause, _ in parts)), "; ".join(texts), cells, rank)]
 
 
 def _exchanges(texts: Sequence[str]) -> list[str]:
     """Two quantities that have each other's values are exchanged."""
-    pairs = dict(re.findall(r"^(\w+) ha(?:s|ve) the values of (\w+)$", "\n".join(texts), re.M))
-    pairs = {f"{one} {word} the values of {two}": f"{' and '.join(sorted((one, two)))} are exchanged"
-             for one, two in pairs.items() if pairs.get(two) == one for word in ("has", "have")}  # fmt: skip
-    return list(dict.fromkeys(pairs.get(text, text) for text in texts))
+    pairs = re.findall(r"^((\w+) ha(?:s|ve) the values of (\w+))$", "\n".join(texts), re.M)
+    taken = {(one, two) for _, one, two in pairs}
+    said = {text: " and ".join(sorted((one, two))) for text, one, two in pairs if (two, one) in taken}
+    return list(dict.fromkeys(f"{said[text]} are exchanged" if text in said else text for text in texts))
 
 
-def _said(sheet: Sheet, says: str, side: str, stems: set[str] | frozenset[str]) -> str:
+def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
     """A relation of some quantities, in words."""
-    asked = [tuple(stem.split(" ", 1)) for stem in np.unique(sheet.stems).tolist()]
-    mine = [(law, name) for law, name in asked if f"{law} {name}" in stems]
-    names = list(dict.fromkeys(name for _, name in mine))
-    laws = (
-        sorted({law for law, _ in mine})
-        if any(name in names and (law, name) not in mine for law, name in asked)
-        else []
-    )
-    for whole, kind, least in (("lambda_{}", r"lambda_(\w+)_(?:re|im)", 2), ("{}_n", r"(h|residual)_\d+", 3)):
-        found = [re.fullmatch(kind, name) for name in names]
-        parts = [match[1] for match in found if match]
-        names = list(dict.fromkeys(
-            whole.format(match[1]) if match and parts.count(match[1]) >= least else name
-            for match, name in zip(found, names, strict=True)
-        ))  # fmt: skip
-    several = len(names) > 1
-    if len(stems) == len(asked) > 3:
-        names = ["all answers"]
-    listed = " and ".join(text for text in (", ".join(names[:-1]), names[-1]) if text)
-    text = says.format(q=listed, has="have" if several else "has", **{"is": "are" if several else "is"})
-    return " ".join([text, *(f"under the {law} law" for law in laws), *([side] if side else [])])
+    asked = set(sheet.stems)
+    laws, names = zip(*(stem.split(" ", 1) for stem in sorted(stems)), strict=True)
+    under = {f"{law} {name}" for law in _LAWS for name in names} & asked != stems
+    listed = list(dict.fromkeys(names))
+    for whole, kind, least in ((r"\1", r"(lambda_\w+)_(re|im)", 2), (r"\1_n", r"(h|residual)_\d+", 3)):
+        parts = [re.sub(f"^{kind}$", whole, name) for name in listed]
+        listed = list(
+            dict.fromkeys(
+                part if parts.count(part) >= least else name for part, name in zip(parts, listed, strict=True)
+            )
+        )
+    verbs = {"has": "have", "is": "are"} if len(listed) > 1 else {"has": "has", "is": "is"}
+    text = " and ".join(text for text in (", ".join(listed[:-1]), listed[-1]) if text)
+    text = "all answers" if stems == asked and len(stems) > _STATEMENTS else text
+    return says.format(q=text, **verbs) + (f" under the {' and '.join(sorted(set(laws)))} law" if under else "")
