@@ -1,0 +1,211 @@
+"""Relations of outputs, where wrong answers are, and lost digits: each is planted, and named first."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tippedisk_verify.conformance.engine.entries import Sheet, tables_of
+from tippedisk_verify.conformance.engine.places import lost, where
+from tippedisk_verify.conformance.engine.relations import related
+from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.sheet import Answers, placed
+from tippedisk_verify.reference_values.store import Quantity, stored
+
+Change = Callable[[Quantity], "float | str"]
+ALL = ("",)
+
+
+def right(quantity: Quantity) -> float:
+    noise = random.Random(quantity.id).uniform(-1, 1) * (1e-14 if quantity.level < 6 else 1e-11)
+    return quantity.for_doubles * (1 + noise)
+
+
+def sheet(level: int, change: Change, prefix: str = "printed/") -> Sheet:
+    asked = [q for q in stored().matching(prefix) if q.level == level and "doubles" in q.values]
+    texts = {q.id: change(q) for q in asked}
+    given = {id_: ("doubles", text if isinstance(text, str) else repr(float(text))) for id_, text in texts.items()}
+    return Sheet(tuple(tables_of(graded(Answers(given), stored()), stored())))
+
+
+def on(names: tuple[str, ...], function: Callable[[float], float | str]) -> Change:
+    return lambda q: function(right(q)) if placed(q.name)[0].startswith(names) else right(q)
+
+
+def input_(quantity: Quantity, name: str) -> float:
+    return float(quantity.inputs[name])
+
+
+def renamed(*pairs: tuple[str, str]) -> Change:
+    """The answers to the questions that these names make of an id, where there are such questions."""
+
+    def answer(quantity: Quantity) -> float:
+        for old, new in pairs:
+            if old in quantity.id:
+                return right(stored().get(quantity.id.replace(old, new), quantity))
+        return right(quantity)
+
+    return answer
+
+
+def moved(mark: str, by: int) -> Change:
+    def answer(quantity: Quantity) -> float:
+        if mark not in quantity.name:
+            return right(quantity)
+        stem, _, n = quantity.id.rpartition(mark)
+        other = stored().get(f"{stem}{mark}{int(n) + by}")
+        return right(other) if other is not None else right(quantity)
+
+    return answer
+
+
+def eigenvalues(key: Callable[[complex], float]) -> Change:
+    def answer(quantity: Quantity) -> float:
+        entry, _, name = quantity.id.rpartition("/")
+        parts = [[right(stored()[f"{entry}/lambda_{n}_{part}"]) for part in ("re", "im")] for n in (1, 2, 3)]
+        number = sorted((complex(*pair) for pair in parts), key=key)[int(name[7]) - 1]
+        return number.real if name.endswith("_re") else number.imag
+
+    return answer
+
+
+def divergence(quantity: Quantity) -> float:
+    if quantity.name != "log_multiplier_fast":
+        return right(quantity)
+    return right(quantity) + right(stored()[quantity.id.replace("_fast", "_slow")])
+
+
+def partial_sums(quantity: Quantity) -> float:
+    stem, _, n = quantity.id.rpartition("_")
+    return sum(0.1**k * stored()[f"{stem}_{k}"].for_doubles for k in range(int(n) + 1))
+
+
+RELATIONS: dict[str, tuple[int, Change, str]] = {
+    "sign": (6, on(("beta",), lambda x: -x), "beta has the wrong sign"),
+    "two signs": (1, on(("h", "f_G"), lambda x: -x), "f_G and h have the wrong sign"),
+    "modulus": (1, on(("gamma_y",), abs), "gamma_y is the modulus of the right value"),
+    "unit": (1, on(("f_G",), lambda x: 1000 * x), "f_G has the factor 1000"),
+    "degrees": (6, on(("beta",), math.degrees), "beta has the factor 180/pi (degrees)"),
+    "single value": (3, on(("transversality",), lambda x: x / 2), "transversality has the factor 1/2"),
+    "root": (7, on(("multiplier_slow",), math.sqrt), "multiplier_slow is the square root of the right value"),
+    "exponential": (7, on(("log_multiplier_slow",), math.exp), "log_multiplier_slow has the values of multiplier_slow"),
+    "offset": (7, on(("gamma_bar_0",), lambda x: x + math.pi / 2), "gamma_bar_0 is pi/2 too large"),
+    "turns": (6, on(("gamma",), lambda x: x % (2 * math.pi)), "gamma is reduced to [0, 2 pi)"),
+    "solved factor": (1, on(("f_G",), lambda x: 1.7123456 * x), "f_G has the factor 1.7123456"),
+    "solved summand": (1, on(("f_G",), lambda x: 1.7123456 + x), "f_G has the summand 1.7123456"),
+    "parameters": (1, on(("f_G",), lambda x: x * 0.3 / 9.81), "f_G has the factor g^-1 mu"),
+    "powers": (
+        1, lambda q: right(q) * (input_(q, "Omega") * math.sin(input_(q, "beta")) if q.name == "M" else 1),
+        "M has the factor Omega sin(beta)",
+    ),
+    "exchanged": (1, renamed(("/M", "/h"), ("/h", "/M")), "M and h are exchanged"),
+    "frequency": (4, renamed(("/period", "/frequency")), "period has the values of frequency"),
+    "sum": (7, divergence, "log_multiplier_fast is the right value plus log_multiplier_slow"),
+    "law": (6, renamed(("/linear/", "/smooth/"), ("/smooth/", "/linear/")), "all answers have the values of the other law"),
+    "linear law": (
+        1, renamed(("/smooth/rhs", "/linear/rhs")),
+        "dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, lambda_Ty and v_rate have the values of the linear law"
+        " under the smooth law",
+    ),
+    "equilibrium": (
+        2, renamed(("/inverted", "/noninverted"), ("/noninverted", "/inverted")),
+        "all answers have the values of the other equilibrium",
+    ),
+    "form": (4, renamed(("/printed-", "/consistent-")), "amplitude, frequency and period have the values of the other form"
+             " for the printed form"),
+    "entry": (1, lambda q: right(stored().get(f"{q.id.rsplit('/', 2)[0]}/{int(q.id.split('/')[3]) - 1:03d}/{q.name}", q)),
+              "all answers have the values of the previous entry"),
+    "order of eigenvalues": (2, eigenvalues(lambda z: z.imag), "the eigenvalues in another order: ascending imaginary parts"),
+    "next crossing": (6, moved("#", 1), "crossing_gamma, crossing_time and crossing_v have the values of the next crossing"),
+    "next order": (5, moved("_", -1), "h_n and residual_n have the values of the previous order"),
+    "partial sums": (5, partial_sums, "h_n and residual_n are the sum of epsilon^k times all orders so far"),
+    "constant": (7, on(("period",), lambda x: 0.886), "period is 0.886 throughout"),
+    "zero": (2, on(("lambda_1_im", "lambda_2_im", "lambda_3_im"), lambda x: 0.0), "lambda_1_im, lambda_2_im and lambda_3_im"
+             " are zero"),
+    "six digits": (1, lambda q: f"{right(q):.6g}", "all answers are rounded to 6 significant digits"),
+    "five decimals": (1, lambda q: f"{right(q):.5f}", "all answers are rounded to 5 decimals"),
+    "single": (1, lambda q: float(np.float32(right(q))), "all answers are rounded to single precision"),
+    "one side": (
+        1, lambda q: right(q) * (-1 if q.name == "w_y" and input_(q, "v") < 0 else 1),
+        "w_y has the wrong sign where v < 0",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+def test_relation_is_named_first(name: str) -> None:
+    level, change, said = RELATIONS[name]
+    planted = sheet(level, change)
+    cause = related(planted)[0]
+    assert cause.says == said
+    assert not (cause.cells & ~planted.wrong).any()
+
+
+def test_factor_of_both_sets_is_named_by_the_parameters_that_differ() -> None:
+    def ratio(q: Quantity) -> float:
+        p = stored().parameters[q.set]
+        return float(p["A"]["decimal"]) / float(p["B"]["decimal"])
+
+    def change(q: Quantity) -> float:
+        return right(q) * (ratio(q) if q.name == "w_y" else 1)
+
+    assert related(sheet(1, change, ""))[0].says == "w_y has the factor A B^-1"
+
+
+@pytest.mark.parametrize("level", range(1, 11))
+def test_right_answers_and_noise_say_nothing(level: int) -> None:
+    assert related(sheet(level, right)) == []
+    assert lost(sheet(level, right)) is None
+    assert where(sheet(level, right)) == ""
+    noisy = sheet(level, lambda q: right(q) * (1 + random.Random(q.name + q.id).gauss(0, 0.1)))
+    assert related(noisy) == []
+    assert lost(noisy) is None
+
+
+def perturbed(holds: Callable[[Quantity], bool]) -> Change:
+    return lambda q: right(q) * (1.0 + random.Random(q.id + "x").uniform(0.1, 0.2) * holds(q))
+
+
+@pytest.mark.parametrize(
+    ("level", "holds", "said"),
+    [
+        (1, lambda q: q.name == "w_y" and input_(q, "v") < 0, "only in w_y where v < 0"),
+        (1, lambda q: q.name.startswith("dv_rate"), "only in derivatives"),
+        (6, lambda q: "#" in q.name, "only in crossings"),
+        (6, lambda q: q.friction == "smooth", "only for the smooth law"),
+        (6, lambda q: "/a2/" in q.id, "only for the entry a2"),
+        (7, lambda q: q.name in ("period", "v_0"), "only in period and v_0"),
+    ],
+)
+def test_place_of_wrong_answers(level: int, holds: Callable[[Quantity], bool], said: str) -> None:
+    assert where(sheet(level, perturbed(holds))) == said
+
+
+@pytest.mark.parametrize(
+    ("level", "size", "some", "said"),
+    [
+        (1, 1e-7, "dv_rate", "difference quotient"),
+        (1, 3e-8, "", "single precision"),
+        (6, 1e-4, "", "an integrator's"),
+    ],
+)
+def test_lost_digits(level: int, size: float, some: str, said: str) -> None:
+    planted = sheet(level, on((some,), lambda x: x * (1 + random.Random(repr(x)).gauss(0, size))))
+    found = lost(planted)
+    assert found is not None
+    assert said in found[0]
+    assert (found[1] == planted.wrong).all()
+
+
+def test_difference_tells_its_step() -> None:
+    def change(q: Quantity) -> float:
+        if not q.name.startswith("dv_rate"):
+            return right(q)
+        unit = math.ulp(stored()[q.id.rsplit("/", 1)[0] + "/v_rate"].for_doubles) / 1e-6
+        return round(q.for_doubles / unit) * unit
+
+    assert "a step of 1e-6" in (lost(sheet(1, change)) or ("",))[0]
