@@ -27,6 +27,11 @@ _KIN = (
 )  # fmt: skip
 _CALLS = {"sin": ("cos", "tan"), "cos": ("sin",), "argmax": ("argmin",), "argmin": ("argmax",), "minimum": ("maximum",),
           "maximum": ("minimum",), "ceil": ("floor",), "exp": ("log",)}  # fmt: skip
+#: What stands for a name by habit.
+_HABITS = {
+    "Omega": ("critical_speed(p)", "30.92", "1"), "rho": ("(r - e)", "(r + e)"), "Bbar": ("(B + m * e**2)",),
+    "A": ("(A - m * e**2)", "(A + m * e**2)"), "g": ("9.8",), "pi": ("3.14", "3.1416", "180"),
+}  # fmt: skip
 _EXTRA = ("r", "e", "m", "g", "mu", "epsilon", "Omega", "omega", "rho", "M", "Bbar", "v")
 
 
@@ -194,6 +199,8 @@ def _exchanged(node: Node, names: Sequence[str]) -> Iterator[Change]:
         for other in names:
             if akin(node.id, other):
                 yield Change(_name(other))
+        for other in _HABITS.get(node.id, ()):
+            yield Change(ast.parse(other, mode="eval").body, "", 2)
 
 
 def akin(one: str, other: str) -> bool:
@@ -339,16 +346,31 @@ def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 
 def renamed(node: Node, names: Mapping[str, str]) -> Node:
-    """The same with other names."""
-    node = copy.deepcopy(node)
-    for part in ast.walk(node):
-        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Load):
-            part.id = names.get(part.id, part.id)
-    return node
+    """The same with other names; what has none of them is shared."""
+    if isinstance(node, ast.Name):
+        known = node.id in names and isinstance(node.ctx, ast.Load)
+        return ast.copy_location(_name(names[node.id]), node) if known else node
+    changed: dict[str, Any] = {}
+    for field, value in ast.iter_fields(node):
+        if isinstance(value, ast.AST):
+            new: Any = renamed(value, names)
+        elif isinstance(value, list):
+            new = [renamed(part, names) if isinstance(part, ast.AST) else part for part in value]
+            new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
+        else:
+            continue
+        if new is not value:
+            changed[field] = new
+    if not changed:
+        return node
+    upper = copy.copy(node)
+    for field, value in changed.items():
+        setattr(upper, field, value)
+    return upper
 
 
 def _extra(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Name | ast.Call) or _is(node, ast.Mult, ast.Div, ast.Pow):
+    if isinstance(node, ast.Name | ast.Call | ast.Attribute) or _is(node, ast.Mult, ast.Div, ast.Pow):
         for other in names:
             if other in _EXTRA and not (isinstance(node, ast.Name) and node.id == other):
                 yield Change(ast.BinOp(_name(other), ast.Mult(), node), f"the extra factor {other} in {{term}}", 2)

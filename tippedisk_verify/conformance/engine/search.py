@@ -25,8 +25,9 @@ from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Cause", "Search"]
 
-_STIRRED = 1e-3  # relative change of a statement's values
+_STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
+_MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
 _ALLOWED_GAIN = 1e-3
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
@@ -94,6 +95,12 @@ class Search:
     def wrong_stems(self) -> set[str]:
         return set(self.sheet.stems[self.sheet.wrong])
 
+    @cached_property
+    def mostly_wrong(self) -> set[str]:
+        """Of the quantities with wrong answers those with many: a few may be wrong by an exchange of eigenvalues."""
+        shares = {stem: float(self.sheet.wrong[self.sheet.stems == stem].mean()) for stem in self.wrong_stems}
+        return {stem for stem, share in shares.items() if share >= _MOSTLY * max(shares.values())}
+
     def late(self) -> bool:
         return time.process_time() - self.started > self.deadline
 
@@ -110,17 +117,20 @@ class Search:
         return found
 
     def _moves(self, right: Specimen, name: str, place: Place, base: Array, known: Array) -> bool:
-        """Whether another value there moves every wrong quantity and none that is right."""
-        stirred = place.replaced(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))
-        stir = _Stir()
-        program = Program(right, {name: _fixed(stirred)}, _stirred=stir)
-        answers = program.answers(self.few)
-        if not stir.touched:
-            return isinstance(place.statement, ast.For | ast.If | ast.Assign)
-        with np.errstate(all="ignore"):
-            moved = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
-        stems = set(self.few.stems[moved])
-        return self.wrong_stems <= stems and not (stems & self.right_stems)
+        """Whether another value there moves every wrong quantity, and slightly another one none that is right."""
+        stirred = _fixed(place.replaced(_fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
+        moved: set[str] = set()
+        for share in _STIRRED:
+            stir = _Stir(share)
+            answers = Program(right, {name: stirred}, _stirred=stir).answers(self.few)
+            if not stir.touched:
+                return isinstance(place.statement, ast.For | ast.If | ast.Assign)
+            with np.errstate(all="ignore"):
+                away = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
+            moved |= set(self.few.stems[away])
+            if moved & self.right_stems and share == _STIRRED[0]:
+                return False
+        return self.mostly_wrong <= moved
 
     def fits(self, program: Program) -> bool:
         self.tried += 1
@@ -239,7 +249,8 @@ class Search:
 class _Stir:
     """Changes the numbers that pass through it, each by another share."""
 
-    def __init__(self) -> None:
+    def __init__(self, share: float) -> None:
+        self.share = share
         self.draws = np.random.default_rng(7)
         self.touched = False
 
@@ -252,8 +263,8 @@ class _Stir:
         if array.dtype.kind not in "fc":
             return value
         self.touched = True
-        stirred = array * (1 + _STIRRED * self.draws.uniform(0.5, 1, array.shape))
-        return stirred + _STIRRED * (np.abs(array) == 0) if array.ndim else stirred
+        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, array.shape))
+        return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
 
 
 def _orders(table: Table, more: int) -> Table:

@@ -59,13 +59,14 @@ def routh(p, Omega):
     return a_2 * a_1 - a_0
 
 def critical_speed(p):
-    low, high = 1 + 0 * p[0], 400 + 0 * p[0]
-    for _ in range(70):
-        middle = (low + high) / 2
-        unstable = routh(p, middle) < 0
-        low = np.where(unstable, middle, low)
-        high = np.where(unstable, high, middle)
-    return middle
+    before, Omega = 20 + 0 * p[0], 40 + 0 * p[0]
+    before_value, value = routh(p, before), routh(p, Omega)
+    for _ in range(12):
+        step = -value * (Omega - before) / (value - before_value)
+        before, before_value = Omega, value
+        Omega = Omega + np.where(np.isfinite(step), step, 0)
+        value = routh(p, Omega)
+    return Omega
 
 def pair_frequency(p, Omega):
     A_31 = linearisation(p, Omega, 1)[:, 2, 0]
