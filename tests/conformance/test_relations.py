@@ -14,7 +14,9 @@ from tippedisk_verify.conformance.engine.places import lost, where
 from tippedisk_verify.conformance.engine.relations import related
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers, placed
-from tippedisk_verify.reference_values.store import Quantity, stored
+from tippedisk_verify.reference_values.store import Quantity, Store, stored
+
+from . import scipy_program
 
 Change = Callable[[Quantity], "float | str"]
 ALL = ("",)
@@ -27,8 +29,12 @@ def right(quantity: Quantity) -> float:
 
 def sheet(level: int, change: Change, prefix: str = "printed/") -> Sheet:
     asked = [q for q in stored().matching(prefix) if q.level == level and "doubles" in q.values]
-    texts = {q.id: change(q) for q in asked}
-    given = {id_: ("doubles", text if isinstance(text, str) else repr(float(text))) for id_, text in texts.items()}
+    answers = {q.id: change(q) for q in asked}
+    return of({id_: answer if isinstance(answer, str) else repr(float(answer)) for id_, answer in answers.items()})
+
+
+def of(texts: dict[str, str]) -> Sheet:
+    given = {id_: ("doubles", text) for id_, text in texts.items()}
     return Sheet(tuple(tables_of(graded(Answers(given), stored()), stored())))
 
 
@@ -190,7 +196,6 @@ def test_place_of_wrong_answers(level: int, holds: Callable[[Quantity], bool], s
     [
         (1, 1e-7, "dv_rate", "difference quotient"),
         (1, 3e-8, "", "single precision"),
-        (6, 1e-4, "", "an integrator's"),
     ],
 )
 def test_lost_digits(level: int, size: float, some: str, said: str) -> None:
@@ -209,3 +214,23 @@ def test_difference_tells_its_step() -> None:
         return round(q.for_doubles / unit) * unit
 
     assert "a step of 1e-6" in (lost(sheet(1, change)) or ("",))[0]
+
+
+@pytest.mark.parametrize(("tolerance", "factor", "said"), [(1e-4, 1.0, "an integrator's"), (1e-11, 1.001, "")])
+def test_tolerance_is_told_from_another_parameter(
+    monkeypatch: pytest.MonkeyPatch, tolerance: float, factor: float, said: str
+) -> None:
+    setting = scipy_program._setting
+
+    def changed(store: Store, quantity: Quantity) -> tuple[dict[str, float], float, bool]:
+        p, omega, smooth = setting(store, quantity)
+        return p | {"mu": factor * p["mu"]}, omega, smooth
+
+    monkeypatch.setattr(scipy_program, "_setting", changed)
+    texts = scipy_program.answered(
+        stored(), ["printed/linear/limit-cycle"], "DOP853" if not said else "RK45", tolerance
+    )
+    planted = of(texts)
+    assert planted.wrong.any()
+    assert said in (lost(planted) or ("",))[0]
+    assert bool(said) == (lost(planted) is not None)

@@ -128,13 +128,12 @@ _STEPS |= {"the square root of eps": _EPS**0.5, "the cube root of eps": _EPS ** 
 _MULTIPLES = (32, 1e11)  # smaller ones tell less of a step, larger ones are lost in the quotient's rounding
 _WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
 _ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
-_FAST = "log_multiplier_fast"
 
 
 @np.errstate(all="ignore")
 def lost(sheet: Sheet) -> tuple[str, Array] | None:
     """What method loses the digits that are missing, and the answers that this is said of."""
-    for look in (_in_slopes, _in_single, _in_the_fast_multiplier, _on_the_way) if sheet.wrong.any() else ():
+    for look in (_in_slopes, _in_single, _on_the_way) if sheet.wrong.any() else ():
         if (found := look(sheet)) is not None:
             return found
     return None
@@ -192,16 +191,6 @@ def _in_single(sheet: Sheet) -> tuple[str, Array] | None:
     if sheet.level > _AT_STATES or sheet.wrong.sum() < _FEW or sizes.max() > 64 * _SINGLE:
         return None
     return ("errors of the size of single precision", sheet.wrong) if np.median(sizes) > _SINGLE / 64 else None
-
-
-def _in_the_fast_multiplier(sheet: Sheet) -> tuple[str, Array] | None:
-    """An eigenvalue below 1e-16 of the largest is rounding, about the same whatever its right value."""
-    mine = sheet.wrong & (names_of(sheet) == _FAST)
-    answer, truth = sheet.answer[mine], sheet.truth[mine]
-    rounding = (answer > -75) & (answer < -20) & (truth < -50) & (answer > truth + 10)
-    if mine.sum() < _FEW or not rounding.all() or np.ptp(answer) > 16:
-        return None
-    return f"{_FAST} is what rounding leaves of an eigenvalue: integrate the divergence", mine
 
 
 def _on_the_way(sheet: Sheet) -> tuple[str, Array] | None:

@@ -22,14 +22,12 @@ __all__ = ["Cause", "related"]
 
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
 _FREE = 3  # wrong answers of different entries that bear out a number that was read off them
-_SIDE = 4  # wrong answers that bear out a condition
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
 _BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _STATEMENTS = 3  # different relations; more are several mistakes
 _CONDITION = 5  # rank of a condition
 _AT_STATES = 5  # the last level whose inputs are those of the formula
-_TRIED = 3  # answers that a number is read off
 _LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
@@ -77,12 +75,13 @@ _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
         "{is} reduced to [-pi/2, pi/2]": lambda x: np.arcsin(np.sin(x)),
     },
     ("function", 3): {
-        "{is} the square root of the right value": lambda x: np.sign(x) * np.sqrt(np.abs(x)),
-        "{is} the square of the right value": np.square, "{is} the reciprocal of the right value": np.reciprocal,
-        "{is} the sine of the right value": np.sin, "{is} the logarithm of the right value": lambda x: np.log(np.abs(x)),
-        "{is} the common logarithm of the right value": lambda x: np.log10(np.abs(x)),
-        "{is} the cosine of the right value": np.cos, "{is} 2 pi divided by the right value": lambda x: 2 * _PI / x,
-        "{is} the tangent of the right value": np.tan, "{is} the exponential of the right value": np.exp,
+        f"{{is}} {text} the right value": of
+        for text, of in (
+            ("the square of", np.square), ("the square root of", lambda x: np.sign(x) * np.sqrt(np.abs(x))),
+            ("the logarithm of", lambda x: np.log(np.abs(x))), ("the exponential of", np.exp), ("the sine of", np.sin),
+            ("the common logarithm of", lambda x: np.log10(np.abs(x))), ("the reciprocal of", np.reciprocal),
+            ("the cosine of", np.cos), ("2 pi divided by", lambda x: 2 * _PI / x), ("the tangent of", np.tan),
+        )
     },
 }  # fmt: skip
 _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y another one
@@ -91,11 +90,10 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y 
     "{is} the right value plus {y}": lambda x, y: x + y, "{is} the right value minus {y}": lambda x, y: x - y,
     "{is} {y} minus the right value": lambda x, y: y - x, "{is} the right value times {y}": lambda x, y: x * y,
     "{is} the right value divided by {y}": np.divide, "{is} {y} divided by the right value": lambda x, y: y / x,
-    "{is} the modulus of the right value and {y}": np.hypot, "{is} the reciprocal of {y}": lambda x, y: 1 / y,
     "{is} the right value to the power 1/{y}": lambda x, y: np.abs(x) ** (1 / y),
-    "{is} the exponential of {y}": lambda x, y: np.exp(y), "{is} 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
-    "{is} the logarithm of {y}": lambda x, y: np.log(np.abs(y)),
+    "{is} the modulus of the right value and {y}": np.hypot, "{is} the exponential of {y}": lambda x, y: np.exp(y),
 }  # fmt: skip
+_NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
 _OTHER = {"inverted": "noninverted", "printed": "consistent", "stable": "unstable"}
 _OTHER |= {two: one for one, two in _OTHER.items()}
 _ORDERS: dict[str, _Function] = {
@@ -110,7 +108,6 @@ class _Grid:
     def __init__(self, sheet: Sheet) -> None:
         self.sheet, self.x = sheet, sheet.truth
         self.names, self.given, named = names_of(sheet), inputs(sheet), labels(sheet)
-        self.sets = np.unique(named["parameter set"])
         keys = np.char.add(np.char.add(named["parameter set"], "/"), named["entry"])
         self.keys, self.base = np.unique(keys, return_inverse=True)
         self.law = np.array([_LAWS.index(law) for law in named["law"]])
@@ -134,11 +131,11 @@ class _Grid:
 
     def at(self, **moved: Array | int) -> Array:
         """The right values where some indices are others; indices out of range find nothing."""
-        where = []
-        for name, size in zip(("base", "law", "stem", "place"), self.values.shape, strict=True):
-            index = np.asarray(moved.get(name, getattr(self, name)))
-            where.append(np.where((index >= 0) & (index < size), index, size - 1))
-        return np.asarray(self.values[tuple(where)])
+        names = ("base", "law", "stem", "place")
+        indices = [np.asarray(moved.get(name, getattr(self, name))) for name in names]
+        there = zip(indices, self.values.shape, strict=True)
+        found: Array = self.values[tuple(np.where((n >= 0) & (n < size), n, size - 1) for n, size in there)]
+        return found
 
     def other(self, stem: int) -> Array:
         """The right values of another quantity at the same place; some are common to both laws."""
@@ -159,48 +156,37 @@ def _relations(grid: _Grid) -> Iterator[_Relation]:
         terms = [np.where(order >= k, share**k * grid.at(place=k), 0 * order) for k in range(grid.values.shape[-1] - 1)]
         yield "sums", 3, f"{{q}} {{is}} the sum of {text}all orders so far", np.sum(terms, axis=0)
     yield "sums", 3, "{q} {has} the factor epsilon^n", epsilon**order * x
-    yield from (*_places(grid), *_entries(grid), *_quantities(grid), *_orders(grid), *_rounded(grid))
+    yield from (*_elsewhere(grid), *_quantities(grid), *_orders(grid), *_rounded(grid))
 
 
-def _places(grid: _Grid) -> Iterator[_Relation]:
-    """Another sample, crossing or order of the same entry."""
-    place = grid.place
+def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
+    """The same quantity at another place or law, of another entry, or in another row."""
+    place, law = grid.place, grid.law
     for key, word in {"t": "sample in time", "n": "crossing", "order": "order"}.items():
         x = np.where(np.isfinite(grid.given[key]), grid.x, np.nan)
-        moves = {
-            "the next": place + 1,
-            "the previous": place - 1,
-            "the next but one": place + 2,
-            "the first": 0 * place,
-        }
-        moves |= {"the last but one": place - 2, "every second": 2 * place + 1, "every odd": 2 * place}
-        for text, index in moves.items():
+        places = {"the first": 0 * place, "every second": 2 * place + 1, "every odd": 2 * place}
+        for text, index in (places | {f"the {near}": place + by for near, by in _NEAR.items()}).items():
             yield "place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x
         before = np.where(place > 0, grid.at(place=place - 1), 0.0)
         yield "interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before
-        yield "interval", 4, f"{{q}} {{is}} counted from the first {word}", x - grid.at(place=0)
-
-
-def _entries(grid: _Grid) -> Iterator[_Relation]:
-    """The same quantity of another entry, law or row."""
+    for text, index in (("linear", 0 * law + 1), ("smooth", 0 * law + 2), ("other", 3 - law)):
+        yield "law", 3, f"{{q}} {{has}} the values of the {text} law", np.where(law, grid.at(law=index), np.nan)
     listed = list(dict.fromkeys(grid.keys[grid.base].tolist()))  # as the sheet has them
     kinds = [key.rsplit("/", 1)[0] for key in listed]
     word, names = "equilibrium" if grid.sheet.level == 2 else "form", "|".join(_OTHER)
     moves = {f"the other {word}": [re.sub(f"(?<=/)({names})(?=-)", lambda m: _OTHER[m[0]], key) for key in listed]}
     moves["the first entry"] = [listed[kinds.index(kind)] for kind in kinds]
-    for text, by in {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}.items():
-        near = [n + by if 0 <= n + by < len(listed) and kinds[n + by] == kinds[n] else -1 for n in range(len(listed))]
-        moves[f"the {text} entry"] = [listed[n] if n >= 0 else "" for n in near]
-    for name in grid.sets if len(grid.sets) > 1 else ():
+    for name in np.unique([key.split("/")[0] for key in listed]):
         moves[f"the parameter set {name}"] = [f"{name}/{key.split('/', 1)[1]}" for key in listed]
-    index = {key: n for n, key in enumerate(grid.keys.tolist())}
+    padded = ["", "", *listed, "", ""]
+    for text, by in _NEAR.items():
+        pairs = zip(padded[2 + by :], kinds, strict=False)
+        moves[f"the {text} entry"] = [key if key.startswith(f"{kind}/") else "" for key, kind in pairs]
+    numbers = {key: n for n, key in enumerate(grid.keys.tolist())}
     for text, others in moves.items():
-        to = {mine: index.get(other, -1) for mine, other in zip(listed, others, strict=True)}
-        base = np.array([to[key] for key in grid.keys.tolist()])[grid.base]
+        to = dict(zip(listed, others, strict=True))
+        base = np.array([numbers.get(to[key], -1) for key in numbers])[grid.base]
         yield "entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base)
-    for text, law in (("linear", 0 * grid.law + 1), ("smooth", 0 * grid.law + 2), ("other", 3 - grid.law)):
-        values = np.where(grid.law, grid.at(law=law), np.nan)
-        yield "law", 3, f"{{q}} {{has}} the values of the {text} law", values
     for text, by in {"below": 1, "above": -1}.items():
         rows = np.concatenate([np.roll(np.append(table.truth, np.nan), -by)[:-1] for table in grid.sheet.tables])
         yield "row", 4, f"{{q}} {{has}} the values of the row {text}", rows
@@ -228,7 +214,7 @@ def _orders(grid: _Grid) -> Iterator[_Relation]:
 
     def answers(places: Array) -> Array:
         picked = z[grid.base, places[grid.base, own]]
-        return np.where(np.char.endswith(grid.names, "_im"), picked.imag, picked.real)
+        return np.asarray(np.where(np.char.endswith(grid.names, "_im"), picked.imag, picked.real))
 
     for (text, key), up, first in product(_ORDERS.items(), (1, -1), (-1, 1)):
         places = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=1)
@@ -268,8 +254,8 @@ def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
         yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
         for word, start, unit in (("factor", 0 * x, x), ("summand", x, np.ones_like(x))):
             for text, law in _power_laws(grid, cells, (answer - start) / unit):
-                predicted = np.where(mine, start + law * unit, np.nan)
-                yield f"solved {word}", 4, f"{{q}} {{has}} the {word} {text}", predicted
+                says = f"{{q}} {{has}} the {word} {text}"
+                yield f"solved {word}", 4, says, np.where(mine, start + law * unit, np.nan)
 
 
 @cache
@@ -286,7 +272,7 @@ def _exponents(count: int) -> Array:
 def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
     """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
     some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
-    some = some[:: max(1, len(some) // _TRIED)]  # the others have to bear it out
+    some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
     if len(some) < _FREE:
         return
     here = grid.logs[:, some]
@@ -330,7 +316,7 @@ def related(sheet: Sheet) -> list[Cause]:
         told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            here, tried = group == n, sides if wrong[n] >= _SIDE else sides[:1]
+            here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
             # Where the condition holds nothing speaks against the relation, and elsewhere nothing is wrong.
             held = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
             for side in held[:1]:
@@ -351,12 +337,11 @@ def _joined(sheet: Sheet, found: Sequence[Cause]) -> list[Cause]:
         blamed -= mine
     texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
     # Two quantities that have each other's values are exchanged.
-    pairs = re.findall(r"^((\w+) ha(?:s|ve) the values of (\w+))$", "\n".join(texts), re.M)
-    taken = {(one, two) for _, one, two in pairs}
-    said = {
-        text: f"{min(one, two)} and {max(one, two)} are exchanged" for text, one, two in pairs if (two, one) in taken
-    }
-    texts = list(dict.fromkeys(said.get(text, text) for text in texts))
+    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
+    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
+        old = f"{one} has the values of {two}"
+        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
+    texts = list(dict.fromkeys(texts))
     if blamed or len(texts) > _STATEMENTS:
         return []
     cells = np.any([cause.cells & np.isin(sheet.stems, list(mine)) for cause, mine in parts], axis=0)
@@ -373,7 +358,7 @@ def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
         parts = [re.sub(kind, whole, name) for name in names]
         names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
     names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
-    several = len(names) > 1 or names == ["all answers"]
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
-    text = says.format(q=text, **({"has": "have", "is": "are"} if several else {"has": "has", "is": "is"}))
+    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
+    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
     return text + (f" under the {' and '.join(laws)} law" if one_law else "")
