@@ -137,13 +137,6 @@ class _Grid:
         found: Array = self.values[tuple(np.where((n >= 0) & (n < size), n, size - 1) for n, size in there)]
         return found
 
-    def other(self, stem: int) -> Array:
-        """The right values of another quantity at the same place; some are common to both laws."""
-        found = self.at(stem=stem)
-        for moved in ({"law": 0}, {"law": 1}, {"law": 2}, {"place": 0}):
-            found = np.where(np.isnan(found), self.at(**{"stem": stem, **moved}), found)
-        return found
-
 
 def _relations(grid: _Grid) -> Iterator[_Relation]:
     x, order, epsilon = grid.x, grid.given["order"], grid.p["epsilon"]
@@ -194,7 +187,10 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
 
 def _quantities(grid: _Grid) -> Iterator[_Relation]:
     """What is made of another quantity of the same entry, or of an input."""
-    others = {str(stem): grid.other(n) for n, stem in enumerate(grid.stems)}
+    others = {str(stem): grid.at(stem=n) for n, stem in enumerate(grid.stems)}
+    for n, stem in enumerate(grid.stems):
+        for law in range(len(_LAWS)):  # some quantities are common to both laws
+            others[stem] = np.where(np.isnan(others[stem]), grid.at(stem=n, law=law), others[stem])
     others |= {f"the input {name}": grid.given[name] for name in ("Omega", "beta", "gamma", "v", "t")}
     others |= {f"the parameter {name}": values for name, values in grid.p.items()}
     for name, y in others.items():
@@ -241,7 +237,6 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
             yield "rounded", rank, says, np.where(fits, answer, x)
 
 
-# ------------------------------------------------------------------------------------------ numbers solved for
 def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
     """For each quantity one number for all, and a factor or a summand: a number times powers of the inputs."""
     answer, x = grid.sheet.answer, grid.x
@@ -297,7 +292,6 @@ def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, 
     yield ("-" if sign < 0 else "") + " ".join(words), sign * law
 
 
-# ------------------------------------------------------------------------------------------ what fits
 @np.errstate(all="ignore")
 def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
