@@ -164,7 +164,7 @@ def _in_slopes(sheet: Sheet) -> tuple[str, Array] | None:
     """Derivatives that are differences: their rounding tells the step, or all of them are off a little."""
     stems, errors = names_of(sheet), _relative(sheet)
     slopes = np.char.startswith(stems, "d") | np.isin(stems, _SLOPES)
-    mine, others = sheet.wrong & slopes, np.abs(errors[sheet.wrong & ~slopes])
+    mine = sheet.wrong & slopes
     if not mine.any() or not np.median(np.abs(errors[mine])) < _WORST:
         return None
     entries = [quantity.id.rsplit("/", 1)[0] for quantity, _ in _asked(sheet)]
@@ -178,8 +178,8 @@ def _in_slopes(sheet: Sheet) -> tuple[str, Array] | None:
         if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:
             size = f"{text} (forward, or twice a central one's)"
             return f"errors of a difference quotient with a step of {size}, in the derivatives only", mine
-    near = len(others) and np.median(others) < _NEARLY[1]  # then it is not the derivatives alone that lose digits
-    if near or slopes.all() or len(np.unique(stems[mine])) < 2 or not _small(errors[mine]):
+    alone = not (sheet.wrong & ~slopes).any() and not slopes.all() and len(np.unique(stems[mine])) > 1
+    if not alone or not _small(errors[mine]):
         return None
     more = ", or of a tolerance or step too coarse for the variational equations" if sheet.level > _AT_STATES else ""
     return f"errors of the size of a difference quotient, in the derivatives only{more}", mine
