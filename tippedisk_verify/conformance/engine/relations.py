@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import permutations, product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +22,12 @@ __all__ = ["Cause", "related"]
 
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
 _FREE = 3  # wrong answers of different entries that bear out a number that was read off them
-_SIDE = 4  # wrong answers that bear out a condition
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
+_BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _STATEMENTS = 3  # different relations; more are several mistakes
 _CONDITION = 5  # rank of a condition
 _AT_STATES = 5  # the last level whose inputs are those of the formula
-_TRIED = 3  # answers that a number is read off
 _LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
@@ -45,16 +43,9 @@ class Cause:
     rank: int  #: lower is simpler
 
 
-class _Relation(NamedTuple):
-    """``says`` has {q} for the quantities, and {has}, {is} for verbs."""
-
-    name: str
-    rank: int
-    says: str
-    predicted: Array  #: over the answers; NaN where there is nothing to compare with
-    digits: float = 0.0  #: beyond those that are asked for, which the answers must agree in
-
-
+#: Name, rank, what is said (with {q} for the quantities, and {has}, {is} for verbs), and what is predicted for each
+#: answer, NaN where there is nothing to compare with.
+_Relation = tuple[str, int, str, Array]
 _PI = math.pi
 _FACTORS = {
     "2": 2.0, "3": 3.0, "4": 4.0, "6": 6.0, "8": 8.0, "3/2": 1.5, "4/3": 4 / 3, "pi": _PI, "2 pi": 2 * _PI,
@@ -62,35 +53,36 @@ _FACTORS = {
     "ln 10": math.log(10), "ln 2": math.log(2), "1000": 1e3, **{f"10^{k}": 10.0**k for k in range(1, 13) if k != 3},
 }  # fmt: skip
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
+_FACTORS |= {"-2": -2.0, "-1/2": -0.5}
 #: Numbers beside a product of powers, with how many powers are as simple.
 _SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {text: (x, 0.6) for text, x in _FACTORS.items()}
 _SHORT |= {"1": (1.0, 0.0)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
     ("sign", 0): {"{has} the wrong sign": np.negative},
-    ("modulus", 1): {
-        "{is} the modulus of the right value": np.abs, "{is} minus the modulus of the right value": lambda x: -np.abs(x),
-    },
     ("plain", 1): {
-        "{is} zero": np.zeros_like, "{is} one": np.ones_like,
+        "{is} the modulus of the right value": np.abs, "{is} zero": np.zeros_like, "{is} one": np.ones_like,
+        "{is} minus the modulus of the right value": lambda x: -np.abs(x),
         "{is} rounded to single precision": lambda x: x.astype("f4").astype("f8"),
     },
-    ("factor", 1): {f"{{has}} the factor {text}": partial(np.multiply, x) for text, x in _FACTORS.items()}
-    | {f"{{has}} the factor -{text}": partial(np.multiply, -_FACTORS[text]) for text in ("2", "1/2")},
+    ("factor", 1): {f"{{has}} the factor {text}": partial(np.multiply, x) for text, x in _FACTORS.items()},
     ("offset", 2): {f"{{is}} {text} too large": partial(np.add, x) for text, x in _OFFSETS.items()}
     | {f"{{is}} {text} too small": partial(np.add, -x) for text, x in _OFFSETS.items()},
-    ("complement", 3): {f"{{is}} {text} minus the right value": partial(np.subtract, x) for text, x in _OFFSETS.items()},
-    ("function", 3): {f"{{is}} the {text} of the right value": of for text, of in {
-        "square": np.square, "square root": lambda x: np.sign(x) * np.sqrt(np.abs(x)), "reciprocal": np.reciprocal,
-        "logarithm": lambda x: np.log(np.abs(x)), "common logarithm": lambda x: np.log10(np.abs(x)),
-        "exponential": np.exp, "sine": np.sin, "cosine": np.cos, "tangent": np.tan,
-        "reciprocal times 2 pi": lambda x: 2 * _PI / x,
-    }.items()},
-}  # fmt: skip
-_ANGLES = ("beta", "gamma", "crossing_gamma", "gamma_bar_0", "beta_max", "beta_bar_0", "beta_bar_top")
-_OF_ANGLE: dict[str, _Function] = {
-    "[0, 2 pi)": lambda x: x % (2 * _PI), "(-pi, pi]": lambda x: _PI - (_PI - x) % (2 * _PI),
-    "[-pi/2, pi/2]": lambda x: np.arcsin(np.sin(x)), "[0, pi]": lambda x: np.arccos(np.cos(x)),
+    ("offset", 3): {f"{{is}} {text} minus the right value": partial(np.subtract, x) for text, x in _OFFSETS.items()},
+    ("turns", 3): {
+        "{is} reduced to [0, 2 pi)": lambda x: x % (2 * _PI), "{is} reduced to [0, pi]": lambda x: np.arccos(np.cos(x)),
+        "{is} reduced to (-pi, pi]": lambda x: _PI - (_PI - x) % (2 * _PI),
+        "{is} reduced to [-pi/2, pi/2]": lambda x: np.arcsin(np.sin(x)),
+    },
+    ("function", 3): {
+        f"{{is}} {text} the right value": of
+        for text, of in (
+            ("the square of", np.square), ("the square root of", lambda x: np.sign(x) * np.sqrt(np.abs(x))),
+            ("the logarithm of", lambda x: np.log(np.abs(x))), ("the exponential of", np.exp), ("the sine of", np.sin),
+            ("the common logarithm of", lambda x: np.log10(np.abs(x))), ("the reciprocal of", np.reciprocal),
+            ("the cosine of", np.cos), ("2 pi divided by", lambda x: 2 * _PI / x), ("the tangent of", np.tan),
+        )
+    },
 }  # fmt: skip
 _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y another one
     "{has} the values of {y} with the wrong sign": lambda x, y: -y, "{is} twice {y}": lambda x, y: 2 * y,
@@ -98,11 +90,10 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y 
     "{is} the right value plus {y}": lambda x, y: x + y, "{is} the right value minus {y}": lambda x, y: x - y,
     "{is} {y} minus the right value": lambda x, y: y - x, "{is} the right value times {y}": lambda x, y: x * y,
     "{is} the right value divided by {y}": np.divide, "{is} {y} divided by the right value": lambda x, y: y / x,
-    "{is} the modulus of the right value and {y}": np.hypot, "{is} the reciprocal of {y}": lambda x, y: 1 / y,
     "{is} the right value to the power 1/{y}": lambda x, y: np.abs(x) ** (1 / y),
-    "{is} the exponential of {y}": lambda x, y: np.exp(y), "{is} 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
-    "{is} the logarithm of {y}": lambda x, y: np.log(np.abs(y)),
+    "{is} the modulus of the right value and {y}": np.hypot, "{is} the exponential of {y}": lambda x, y: np.exp(y),
 }  # fmt: skip
+_NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
 _OTHER = {"inverted": "noninverted", "printed": "consistent", "stable": "unstable"}
 _OTHER |= {two: one for one, two in _OTHER.items()}
 _ORDERS: dict[str, _Function] = {
@@ -117,7 +108,6 @@ class _Grid:
     def __init__(self, sheet: Sheet) -> None:
         self.sheet, self.x = sheet, sheet.truth
         self.names, self.given, named = names_of(sheet), inputs(sheet), labels(sheet)
-        self.sets = np.unique(named["parameter set"])
         keys = np.char.add(np.char.add(named["parameter set"], "/"), named["entry"])
         self.keys, self.base = np.unique(keys, return_inverse=True)
         self.law = np.array([_LAWS.index(law) for law in named["law"]])
@@ -141,17 +131,10 @@ class _Grid:
 
     def at(self, **moved: Array | int) -> Array:
         """The right values where some indices are others; indices out of range find nothing."""
-        where = []
-        for name, size in zip(("base", "law", "stem", "place"), self.values.shape, strict=True):
-            index = np.asarray(moved.get(name, getattr(self, name)))
-            where.append(np.where((index >= 0) & (index < size), index, size - 1))
-        return np.asarray(self.values[tuple(where)])
-
-    def other(self, stem: int) -> Array:
-        """The right values of another quantity at the same place; some are common to both laws."""
-        found = self.at(stem=stem)
-        for moved in ({"law": 0}, {"law": 1}, {"law": 2}, {"place": 0}):
-            found = np.where(np.isnan(found), self.at(**{"stem": stem, **moved}), found)
+        names = ("base", "law", "stem", "place")
+        indices = [np.asarray(moved.get(name, getattr(self, name))) for name in names]
+        there = zip(indices, self.values.shape, strict=True)
+        found: Array = self.values[tuple(np.where((n >= 0) & (n < size), n, size - 1) for n, size in there)]
         return found
 
 
@@ -159,73 +142,62 @@ def _relations(grid: _Grid) -> Iterator[_Relation]:
     x, order, epsilon = grid.x, grid.given["order"], grid.p["epsilon"]
     for (name, rank), functions in _OF_VALUE.items():
         for text, of in functions.items():
-            yield _Relation(name, rank, f"{{q}} {text}", of(x))
-    angle = np.where(np.isin(grid.names, _ANGLES), x, np.nan)
-    for text, of in _OF_ANGLE.items():
-        yield _Relation("turns", 2, f"{{q}} {{is}} reduced to {text}", of(angle))
+            yield name, rank, f"{{q}} {text}", of(x)
     turns = 2 * _PI * np.round((grid.sheet.answer - x) / (2 * _PI))
-    yield _Relation("turns", 3, "{q} {is} off by whole turns", angle + turns)
+    yield "turns", 3, "{q} {is} off by whole turns", x + turns
     for text, share in {"epsilon^k times ": epsilon, "": np.ones_like(epsilon)}.items():
         terms = [np.where(order >= k, share**k * grid.at(place=k), 0 * order) for k in range(grid.values.shape[-1] - 1)]
-        yield _Relation("sums", 3, f"{{q}} {{is}} the sum of {text}all orders so far", np.sum(terms, axis=0))
-    yield _Relation("sums", 3, "{q} {has} the factor epsilon^n", epsilon**order * x)
-    yield from (*_places(grid), *_entries(grid), *_quantities(grid), *_orders(grid), *_rounded(grid))
+        yield "sums", 3, f"{{q}} {{is}} the sum of {text}all orders so far", np.sum(terms, axis=0)
+    yield "sums", 3, "{q} {has} the factor epsilon^n", epsilon**order * x
+    yield from (*_elsewhere(grid), *_quantities(grid), *_orders(grid), *_rounded(grid))
 
 
-def _places(grid: _Grid) -> Iterator[_Relation]:
-    """Another sample, crossing or order of the same entry."""
-    place = grid.place
+def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
+    """The same quantity at another place or law, of another entry, or in another row."""
+    place, law = grid.place, grid.law
     for key, word in {"t": "sample in time", "n": "crossing", "order": "order"}.items():
         x = np.where(np.isfinite(grid.given[key]), grid.x, np.nan)
-        moves = {
-            "the next": place + 1,
-            "the previous": place - 1,
-            "the next but one": place + 2,
-            "the first": 0 * place,
-        }
-        moves |= {"the last but one": place - 2, "every second": 2 * place + 1, "every odd": 2 * place}
-        for text, index in moves.items():
-            yield _Relation("place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x)
+        places = {"the first": 0 * place, "every second": 2 * place + 1, "every odd": 2 * place}
+        for text, index in (places | {f"the {near}": place + by for near, by in _NEAR.items()}).items():
+            yield "place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x
         before = np.where(place > 0, grid.at(place=place - 1), 0.0)
-        yield _Relation("interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before)
-        yield _Relation("interval", 4, f"{{q}} {{is}} counted from the first {word}", x - grid.at(place=0))
-
-
-def _entries(grid: _Grid) -> Iterator[_Relation]:
-    """The same quantity of another entry, law or row."""
+        yield "interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before
+    for text, index in (("linear", 0 * law + 1), ("smooth", 0 * law + 2), ("other", 3 - law)):
+        yield "law", 3, f"{{q}} {{has}} the values of the {text} law", np.where(law, grid.at(law=index), np.nan)
     listed = list(dict.fromkeys(grid.keys[grid.base].tolist()))  # as the sheet has them
     kinds = [key.rsplit("/", 1)[0] for key in listed]
     word, names = "equilibrium" if grid.sheet.level == 2 else "form", "|".join(_OTHER)
     moves = {f"the other {word}": [re.sub(f"(?<=/)({names})(?=-)", lambda m: _OTHER[m[0]], key) for key in listed]}
     moves["the first entry"] = [listed[kinds.index(kind)] for kind in kinds]
-    for text, by in {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}.items():
-        near = [n + by if 0 <= n + by < len(listed) and kinds[n + by] == kinds[n] else -1 for n in range(len(listed))]
-        moves[f"the {text} entry"] = [listed[n] if n >= 0 else "" for n in near]
-    for name in grid.sets if len(grid.sets) > 1 else ():
+    for name in np.unique([key.split("/")[0] for key in listed]):
         moves[f"the parameter set {name}"] = [f"{name}/{key.split('/', 1)[1]}" for key in listed]
-    index = {key: n for n, key in enumerate(grid.keys.tolist())}
+    padded = ["", "", *listed, "", ""]
+    for text, by in _NEAR.items():
+        pairs = zip(padded[2 + by :], kinds, strict=False)
+        moves[f"the {text} entry"] = [key if key.startswith(f"{kind}/") else "" for key, kind in pairs]
+    numbers = {key: n for n, key in enumerate(grid.keys.tolist())}
     for text, others in moves.items():
-        to = {mine: index.get(other, -1) for mine, other in zip(listed, others, strict=True)}
-        base = np.array([to[key] for key in grid.keys.tolist()])[grid.base]
-        yield _Relation("entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base))
-    for text, law in {"linear": 1, "smooth": 2, "other": 3 - grid.law}.items():
-        values = np.where(grid.law, grid.at(law=law), np.nan)
-        yield _Relation("law", 3, f"{{q}} {{has}} the values of the {text} law", values)
+        to = dict(zip(listed, others, strict=True))
+        base = np.array([numbers.get(to[key], -1) for key in numbers])[grid.base]
+        yield "entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base)
     for text, by in {"below": 1, "above": -1}.items():
         rows = np.concatenate([np.roll(np.append(table.truth, np.nan), -by)[:-1] for table in grid.sheet.tables])
-        yield _Relation("row", 4, f"{{q}} {{has}} the values of the row {text}", rows)
+        yield "row", 4, f"{{q}} {{has}} the values of the row {text}", rows
 
 
 def _quantities(grid: _Grid) -> Iterator[_Relation]:
     """What is made of another quantity of the same entry, or of an input."""
-    others = {str(stem): grid.other(n) for n, stem in enumerate(grid.stems)}
+    others = {str(stem): grid.at(stem=n) for n, stem in enumerate(grid.stems)}
+    for n, stem in enumerate(grid.stems):
+        for law in range(len(_LAWS)):  # some quantities are common to both laws
+            others[stem] = np.where(np.isnan(others[stem]), grid.at(stem=n, law=law), others[stem])
     others |= {f"the input {name}": grid.given[name] for name in ("Omega", "beta", "gamma", "v", "t")}
     others |= {f"the parameter {name}": values for name, values in grid.p.items()}
     for name, y in others.items():
         y = np.where(grid.names == name, np.nan, y)
-        yield _Relation("quantity", 2, f"{{q}} {{has}} the values of {name}", y)
+        yield "quantity", 2, f"{{q}} {{has}} the values of {name}", y
         for text, of in _OF_TWO.items() if np.isfinite(y).any() else ():
-            yield _Relation("quantity", 4, f"{{q}} {text.replace('{y}', name)}", of(grid.x, y))
+            yield "quantity", 4, f"{{q}} {text.replace('{y}', name)}", of(grid.x, y)
 
 
 def _orders(grid: _Grid) -> Iterator[_Relation]:
@@ -238,17 +210,17 @@ def _orders(grid: _Grid) -> Iterator[_Relation]:
 
     def answers(places: Array) -> Array:
         picked = z[grid.base, places[grid.base, own]]
-        return np.where(np.char.endswith(grid.names, "_im"), picked.imag, picked.real)
+        return np.asarray(np.where(np.char.endswith(grid.names, "_im"), picked.imag, picked.real))
 
     for (text, key), up, first in product(_ORDERS.items(), (1, -1), (-1, 1)):
         places = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=1)
         says = f"the eigenvalues in another order: {'ascending' if up > 0 else 'descending'} {text}"
         also = f", the {'positive' if first < 0 else 'negative'} imaginary part first"
-        yield _Relation("order", 2, says if text == "imaginary parts" else says + also, answers(places))
+        yield "order", 2, says if text == "imaginary parts" else says + also, answers(places)
     orders = np.array([np.broadcast_to(one, z.shape) for one in permutations(range(len(real)))])
     bad = [np.bincount(grid.base[~grid.sheet.fitted(answers(places))], minlength=len(z)) for places in orders]
     best = orders[np.argmin(bad, axis=0), np.arange(len(z))]
-    yield _Relation("order", 4, "the eigenvalues not sorted: their order differs from entry to entry", answers(best))
+    yield "order", 4, "the eigenvalues not sorted: their order differs from entry to entry", answers(best)
 
 
 def _rounded(grid: _Grid) -> Iterator[_Relation]:
@@ -262,10 +234,9 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
         for rank, text, most, known in ((1, "rounded", 0.5001, True), (2, "truncated", 1.0001, shorter)):
             fits = whole & known & (np.abs(answer - x) < most * unit + allowed)
             says = f"{{q}} {{is}} {text} to {d} {word}{'s' * (d > 1)}"
-            yield _Relation("rounded", rank, says, np.where(fits, answer, x))
+            yield "rounded", rank, says, np.where(fits, answer, x)
 
 
-# ------------------------------------------------------------------------------------------ numbers solved for
 def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
     """For each quantity one number for all, and a factor or a summand: a number times powers of the inputs."""
     answer, x = grid.sheet.answer, grid.x
@@ -275,11 +246,11 @@ def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
         if len(np.unique(grid.base[cells])) < _FREE:
             continue
         middle = np.median(answer[cells])
-        yield _Relation("constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan))
+        yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
         for word, start, unit in (("factor", 0 * x, x), ("summand", x, np.ones_like(x))):
             for text, law in _power_laws(grid, cells, (answer - start) / unit):
-                predicted = np.where(mine, start + law * unit, np.nan)
-                yield _Relation(word, 4, f"{{q}} {{has}} the {word} {text}", predicted, digits=2.0)
+                says = f"{{q}} {{has}} the {word} {text}"
+                yield f"solved {word}", 4, says, np.where(mine, start + law * unit, np.nan)
 
 
 @cache
@@ -296,7 +267,7 @@ def _exponents(count: int) -> Array:
 def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
     """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
     some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
-    some = some[:: max(1, len(some) // _TRIED)]  # the others have to bear it out
+    some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
     if len(some) < _FREE:
         return
     here = grid.logs[:, some]
@@ -321,43 +292,31 @@ def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, 
     yield ("-" if sign < 0 else "") + " ".join(words), sign * law
 
 
-# ------------------------------------------------------------------------------------------ what fits
 @np.errstate(all="ignore")
 def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
     if not sheet.wrong.any():
         return []
-    grid, sides, found = _Grid(sheet), list(conditions(sheet)), dict[str, Cause]()
-    stems, group = np.unique(sheet.stems, return_inverse=True)
-    wrong = np.bincount(group[sheet.wrong], minlength=len(stems))
-    for relation in (*_relations(grid), *_solved(grid, group)):
-        known = np.isfinite(relation.predicted)
-        fits = sheet.fitted(relation.predicted, relation.digits) & known
+    grid, found = _Grid(sheet), dict[str, Cause]()
+    group = np.unique(sheet.stems, return_inverse=True)[1]
+    wrong = np.bincount(group, sheet.wrong)
+    sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
+    for name, rank, says, predicted in (*_relations(grid), *_solved(grid, group)):
+        known = np.isfinite(predicted)
+        fits = sheet.fitted(predicted, _BEYOND * name.startswith("solved")) & known
         mine, against = fits & sheet.wrong, known & ~fits
-        away = np.maximum(np.abs(sheet.answer - relation.predicted), _SURE * sheet.allowed)
-        closer = np.log10(np.abs(sheet.answer - sheet.truth) / away)
-        told = np.bincount(group[mine], closer[mine], len(stems))
-        explained = np.bincount(group[mine], minlength=len(stems))
-        spoken = np.bincount(group[against & sheet.wrong], minlength=len(stems))
+        away = np.maximum(np.abs(sheet.answer - predicted), _SURE * sheet.allowed)
+        closer = np.where(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away), 0.0)
+        told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            side = _side(sheet, sides, group == n, against)
-            if side is not None:
-                rank = relation.rank + _CONDITION * bool(side)
-                says = relation.says + side
-                found.setdefault(says, Cause(relation.name, says, np.zeros_like(mine), rank))
-                found[says].cells[mine & (group == n)] = True
+            here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
+            # Where the condition holds nothing speaks against the relation, and elsewhere nothing is wrong.
+            held = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
+            for side in held[:1]:
+                cause = Cause(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+                found.setdefault(cause.says, cause).cells[mine & here] = True
     return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
-
-
-def _side(sheet: Sheet, sides: Sequence[tuple[str, Array]], here: Array, against: Array) -> str | None:
-    """The first condition that holds where a quantity's answers are wrong, and not where they speak against it."""
-    if not (here & against).any():
-        return ""
-    for text, mask in sides if (here & sheet.wrong).sum() >= _SIDE else ():
-        if not (here & np.where(mask, against, sheet.wrong)).any():
-            return f" {text}"
-    return None
 
 
 def _joined(sheet: Sheet, found: Sequence[Cause]) -> list[Cause]:
@@ -370,20 +329,18 @@ def _joined(sheet: Sheet, found: Sequence[Cause]) -> list[Cause]:
         mine = blamed & set(sheet.stems[cause.cells])
         parts += [(cause, mine)] if mine else []
         blamed -= mine
-    texts = _exchanges([_said(sheet, cause.says, mine) for cause, mine in parts])
+    texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
+    # Two quantities that have each other's values are exchanged.
+    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
+    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
+        old = f"{one} has the values of {two}"
+        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
+    texts = list(dict.fromkeys(texts))
     if blamed or len(texts) > _STATEMENTS:
         return []
     cells = np.any([cause.cells & np.isin(sheet.stems, list(mine)) for cause, mine in parts], axis=0)
     rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
     return [Cause("-".join(dict.fromkeys(cause.name for cause, _ in parts)), "; ".join(texts), cells, rank)]
-
-
-def _exchanges(texts: Sequence[str]) -> list[str]:
-    """Two quantities that have each other's values are exchanged."""
-    pairs = re.findall(r"^((\w+) ha(?:s|ve) the values of (\w+))$", "\n".join(texts), re.M)
-    taken = {(one, two) for _, one, two in pairs}
-    said = {text: f"{min(pair)} and {max(pair)} are exchanged" for text, *pair in pairs if (*pair[::-1],) in taken}
-    return list(dict.fromkeys(said.get(text, text) for text in texts))
 
 
 def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
@@ -395,7 +352,7 @@ def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
         parts = [re.sub(kind, whole, name) for name in names]
         names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
     names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
-    several = len(names) > 1 or names == ["all answers"]
     text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
-    text = says.format(q=text, **({"has": "have", "is": "are"} if several else {"has": "has", "is": "is"}))
+    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
+    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
     return text + (f" under the {' and '.join(laws)} law" if one_law else "")
