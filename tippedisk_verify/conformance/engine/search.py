@@ -7,9 +7,10 @@ tried on a few entries, then on all. The simplest changes of all right ways of w
 from __future__ import annotations
 
 import ast
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -70,9 +71,8 @@ class Search:
 
     sheet: Sheet
     advance: Callable[[str, int], None] = lambda label, steps: None
-    deadline: float = 15.0
+    deadline: float = math.inf  #: of the process's time
     tried: int = 0
-    started: float = field(default_factory=time.process_time)
 
     @cached_property
     def few(self) -> Sheet:
@@ -102,7 +102,11 @@ class Search:
         return {stem for stem, share in shares.items() if share >= _MOSTLY * max(shares.values())}
 
     def late(self) -> bool:
-        return time.process_time() - self.started > self.deadline
+        return time.process_time() > self.deadline
+
+    def allow(self, seconds: float) -> None:
+        """Give what follows so much time of the processor."""
+        self.deadline = time.process_time() + seconds
 
     def suspects(self, right: Specimen) -> list[Suspect]:
         base = Program(right, {}).answers(self.few)
@@ -140,7 +144,7 @@ class Search:
         """The changes of these ranks that give all answers."""
         found: dict[str, Cause] = {}
         for right in rights:
-            if found:
+            if found or self.late():
                 break
             suspects = self.suspects_of(right)
             for suspect in suspects:

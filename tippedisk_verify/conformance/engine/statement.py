@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
+from tippedisk_verify.conformance.engine.relations import related
 from tippedisk_verify.conformance.engine.search import Cause, Search
 from tippedisk_verify.conformance.engine.ways import ways
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
@@ -16,6 +17,7 @@ from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
+_SECONDS = 8.0  # of the processor for changes of formulas, and as many for numbers that are solved for
 _MOST = 3  # causes that are named together
 
 
@@ -81,15 +83,30 @@ def _diagnosis(level: int, here: Sequence[tuple[str, str]], tables: Sequence[Tab
     wrong = int(sheet.wrong.sum()) if sheet.tables else 0
     return Diagnosis(
         level, tuple(sorted(sets)), tuple(sorted({law for _, law in here})), frozenset(grade.id for grade in failed),
-        tuple(found[:_MOST]), wrong, len(failed) - wrong,
+        tuple(found if len(found) <= _MOST else found[:1]), wrong, len(failed) - wrong,
     )  # fmt: skip
 
 
 def causes_of(sheet: Sheet, advance: Callable[[str, int], None] = lambda label, steps: None) -> list[Cause]:
     """From what is simple to say to what is less so."""
     search = Search(sheet, advance)
-    for ranks in ((0,), (1,), (2, 3)):
-        found = search.inputs(ranks) or search.causes(ways(), ranks)
-        if found:
-            return sorted(found, key=lambda cause: (cause.rank, len(cause.says)))
-    return search.solved(ways())
+    search.allow(_SECONDS)
+    simple = search.inputs((0,)) or search.causes(ways(), (0,)) or search.inputs((1,))
+    outputs = [Cause(one.says, one.rank, name=one.name) for one in related(sheet)]
+    if simple or outputs:
+        return _simplest(simple or outputs)
+    found = search.causes(ways(), (1,)) or search.inputs((2, 3)) or search.causes(ways(), (2, 3))
+    if not found:
+        search.allow(_SECONDS)
+        found = search.solved(ways())
+    return _simplest(found)
+
+
+def _simplest(found: list[Cause]) -> list[Cause]:
+    """Those of the lowest rank, the shortest first; of a statement's many equivalent changes the shortest alone."""
+    found = sorted(found, key=lambda cause: (cause.rank, len(cause.says)))
+    found = [cause for cause in found if cause.rank == found[0].rank]
+    places: dict[str, Cause] = {}
+    for cause in found:
+        places.setdefault(cause.before or cause.says, cause)
+    return list(places.values())

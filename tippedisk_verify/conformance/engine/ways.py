@@ -85,8 +85,8 @@ _ONE_LAW = '''
 def one_harmonic_law(p, Omega, form):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
-    kept = np.where(form == "printed", 0, e**2)
-    chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e) - kept) / (2 * (r + e))
+    chi_printed = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
+    chi = chi_printed + np.where(form == "printed", 0, Bbar * e**2 / (2 * (r + e)))
     stiffness = np.where(form == "printed", r - e, r)
     delta = -1 / 8 * Omega**2 * stiffness / (r + e)
     numerator = Bbar * r * Omega**2 - m * g * (r + e) ** 2
