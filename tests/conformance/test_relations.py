@@ -55,10 +55,6 @@ def asked(change: Callable[[str], str]) -> Change:
     return lambda q: right(stored().get(change(q.id), q))
 
 
-def renamed(old: str, new: str) -> Change:
-    return asked(lambda id_: id_.replace(old, new))
-
-
 def exchanged(one: str, two: str) -> Change:
     return asked(lambda id_: id_.replace(one, two) if one in id_ else id_.replace(two, one))
 
@@ -109,17 +105,21 @@ RELATIONS: dict[str, tuple[int, Change, str]] = {
         "M has the factor Omega sin",
     ),
     "exchanged": (1, exchanged("/M", "/h"), "M and h are exchanged"),
-    "frequency": (4, renamed("/period", "/frequency"), "period has the values of frequency"),
+    "frequency": (4, exchanged("/period", "/frequency"), "frequency and period are 2 pi divided by the right value"),
     "sum": (7, divergence, "log_multiplier_fast is the right value plus log_multiplier_slow"),
     "law": (6, exchanged("/linear/", "/smooth/"), "all answers" + OF + "other law"),
-    "linear law": (1, renamed("/smooth/", "/linear/"), "lambda_Ty and v_rate" + OF + "linear law under the smooth law"),
+    "linear law": (
+        1,
+        asked(lambda id_: id_.replace("/smooth/", "/linear/")),
+        "lambda_Ty and v_rate" + OF + "linear law under the smooth law",
+    ),
     "equilibrium": (2, exchanged("/inv", "/noninv"), "all answers" + OF + "other equilibrium"),
     "one equilibrium": (
         2,
         lambda q: right(q) * (-1) ** ("/noninv" in q.id),
         "have the wrong sign for the noninverted eq",
     ),
-    "form": (4, renamed("/printed-", "/consistent-"), "other form for the printed form"),
+    "form": (4, exchanged("/printed-", "/consistent-"), "amplitude, frequency and period" + OF + "other form"),
     "entry": (1, moved("rhs/", -1), "all answers" + OF + "previous entry"),
     "order of eigenvalues": (2, eigenvalues(lambda z: z.imag), "in another order: ascending imaginary parts"),
     "no order": (2, eigenvalues(lambda z: math.sin(1e3 * abs(z) + z.imag)), "the eigenvalues not sorted"),
