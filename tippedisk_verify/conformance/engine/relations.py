@@ -194,7 +194,7 @@ def _quantities(grid: _Grid) -> Iterator[_Relation]:
     others |= {f"the input {name}": grid.given[name] for name in ("Omega", "beta", "gamma", "v", "t")}
     others |= {f"the parameter {name}": values for name, values in grid.p.items()}
     for name, y in others.items():
-        y = np.where(grid.names == name, np.nan, y)
+        y = np.where(grid.stems[grid.stem] == name, np.nan, y)
         yield "quantity", 2, f"{{q}} {{has}} the values of {name}", y
         for text, of in _OF_TWO.items() if np.isfinite(y).any() else ():
             yield "quantity", 4, f"{{q}} {text.replace('{y}', name)}", of(grid.x, y)
@@ -309,13 +309,14 @@ def related(sheet: Sheet) -> list[Cause]:
         closer = np.where(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away), 0.0)
         told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
         enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
+        held = {}  # conditions where nothing speaks against the relation, and without which nothing is wrong
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
             here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
-            # Where the condition holds nothing speaks against the relation, and elsewhere nothing is wrong.
-            held = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
-            for side in held[:1]:
-                cause = Cause(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
-                found.setdefault(cause.says, cause).cells[mine & here] = True
+            held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
+        common = [text for text, _ in sides if all(text in some for some in held.values())]
+        for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):
+            cause = Cause(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+            found.setdefault(cause.says, cause).cells[mine & (group == n)] = True
     return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
 
 
