@@ -85,7 +85,7 @@ INPUTS: tuple[Input, ...] = (
     *(Input(f"{name}-previous", f"{name} of the entry before", _all((name,), lambda x: np.roll(x, 1)), 1) for name in _STATE),
     *(Input(f"{name}-next", f"{name} of the entry after", _all((name,), lambda x: np.roll(x, -1)), 1) for name in _STATE),
     *(
-        Input(f"{name}-times-{factor:g}", f"{name} {text}", _all((name,), lambda x, f=factor: f * x), 1)
+        Input(f"{name}-times-{factor:g}", f"{name} {text}", _all((name,), lambda x, f=factor: f * x), 3 if factor not in (2, 0.5) else 1)
         for name in (*SYMBOLS, *_STATE)
         for factor, text in ((2.0, "doubled"), (0.5, "halved"), (1e3, "times 1000"), (1e-3, "by 1000"), (10.0, "times 10"),
                              (0.1, "by 10"), (100.0, "times 100"), (0.01, "by 100"))

@@ -71,6 +71,7 @@ class Search:
 
     sheet: Sheet
     advance: Callable[[str, int], None] = lambda label, steps: None
+    passed: frozenset[str] = frozenset()  #: functions of the specimen that right answers of earlier levels come from
     deadline: float = math.inf  #: of the process's time
     tried: int = 0
 
@@ -113,6 +114,8 @@ class Search:
         known = self.few.fitted(base) | self.few.wrong
         found = []
         for name in right.reach(self.few):
+            if name in self.passed and right.functions.get(name) is specimen().functions.get(name):
+                continue
             function: Any = right.functions.get(name) or right.constants[name]
             for statement, path in statements(function):
                 for place, label in values(function, statement, path):
@@ -134,7 +137,7 @@ class Search:
             moved |= set(self.few.stems[away])
             if moved & self.right_stems and share == _STIRRED[0]:
                 return False
-        return self.mostly_wrong <= moved
+        return self.mostly_wrong & set(self.few.stems) <= moved
 
     def fits(self, program: Program) -> bool:
         self.tried += 1

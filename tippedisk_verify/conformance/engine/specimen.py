@@ -7,10 +7,11 @@ formula of it is repeated.
 from __future__ import annotations
 
 import ast
+import math
 import types
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -23,6 +24,7 @@ from tippedisk_verify.conformance.engine.entries import Array, Results, Sheet, T
 __all__ = ["Program", "Specimen", "specimen"]
 
 _SOURCE = Path(__file__).parent.parent / "clients" / "client.py"
+_LONGER = 3.0  # times: so many more turns of loops are allowed to a changed program
 NOTHING: Mapping[str, ast.stmt] = MappingProxyType({})
 
 
@@ -34,6 +36,7 @@ class Specimen:
     functions: Mapping[str, ast.FunctionDef]
     constants: Mapping[str, ast.Assign]  #: of the module
     space: Mapping[str, Any]  #: the module as it ran
+    counts: dict[Any, float] = field(default_factory=dict, compare=False)
 
     @cached_property
     def codes(self) -> dict[str, types.CodeType]:
@@ -61,6 +64,16 @@ class Specimen:
                 for name in tuple(names):
                     names |= reached[name]
         return {name: frozenset(names) for name, names in reached.items()}
+
+    def turns(self, table: Table) -> float:
+        """How many turns of loops the answers to a table take."""
+        key = table.kind, table.friction, len(table.entries), table.asked
+        if key not in self.counts:
+            program = Program(self)
+            program.space["range"] = program.counted
+            program.results(table)
+            self.counts[key] = program.turns
+        return self.counts[key]
 
     def text(self, name: str) -> str:
         return ast.unparse(self.functions[name]) + "\n"
@@ -90,8 +103,9 @@ class Program:
     """A specimen with the trees of ``changes`` in place of those of their names."""
 
     def __init__(self, right: Specimen, changes: Mapping[str, ast.stmt] = NOTHING, **space: Any) -> None:
-        self.right = right
-        self.space = {**right.space, **space}
+        self.right, self.changed = right, bool(changes)
+        self.turns, self.left = 0, math.inf  # of loops, so far and still allowed
+        self.space = {**right.space, **space, "range": self._range}
         for function, code in right.codes.items():
             tree = changes.get(function)
             if isinstance(tree, ast.FunctionDef):
@@ -105,6 +119,7 @@ class Program:
     def results(self, table: Table) -> Results:
         """The answers to a table's questions; nothing where the program fails."""
         function = self.space[self.right.starts(table.kind)]
+        self.left = _LONGER * self.right.turns(table) if self.changed else math.inf
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
@@ -112,6 +127,18 @@ class Program:
             except Exception:  # what a change does to a program is its own affair
                 return {}
         return found
+
+    def counted(self, *bounds: int) -> range:
+        self.turns += len(range(*bounds))
+        return range(*bounds)
+
+    def _range(self, *bounds: int) -> range:
+        """A range that ends a program whose loops a change has made too long."""
+        turns = range(*bounds)
+        self.left -= len(turns)
+        if self.left < 0:
+            raise TimeoutError
+        return turns
 
     def answers(self, sheet: Sheet) -> Array:
         return np.concatenate([table.picked(self.results(table)) for table in sheet.tables])

@@ -11,6 +11,7 @@ import numpy as np
 from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
 from tippedisk_verify.conformance.engine.relations import related
 from tippedisk_verify.conformance.engine.search import Cause, Search
+from tippedisk_verify.conformance.engine.specimen import specimen
 from tippedisk_verify.conformance.engine.ways import ways
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -18,6 +19,7 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _SECONDS = 8.0  # of the processor for changes of formulas, and as many for numbers that are solved for
+_PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
 _MOST = 3  # causes that are named together
 
 
@@ -79,7 +81,11 @@ def _diagnosis(level: int, here: Sequence[tuple[str, str]], tables: Sequence[Tab
     parts = [table for table in tables if table.level == level and table.friction in laws]
     sheet = Sheet(tuple(parts)).where(lambda table: np.flatnonzero(np.isin(table.sets, list(sets))))
     failed = [grade for grade in grades if grade.failed and grade.level == level and grade.id.split("/")[0] in sets and grade.id.split("/")[1] in laws]
-    found = causes_of(sheet, advance) if sheet.tables and sheet.wrong.any() else []
+    passed = {
+        table.kind for table in tables
+        if table.level < level and len(table.names) >= _PROVED and not any(one.wrong.any() for one in tables if one.kind == table.kind)
+    }  # fmt: skip
+    found = causes_of(sheet, passed, advance) if sheet.tables and sheet.wrong.any() else []
     wrong = int(sheet.wrong.sum()) if sheet.tables else 0
     return Diagnosis(
         level, tuple(sorted(sets)), tuple(sorted({law for _, law in here})), frozenset(grade.id for grade in failed),
@@ -87,15 +93,18 @@ def _diagnosis(level: int, here: Sequence[tuple[str, str]], tables: Sequence[Tab
     )  # fmt: skip
 
 
-def causes_of(sheet: Sheet, advance: Callable[[str, int], None] = lambda label, steps: None) -> list[Cause]:
-    """From what is simple to say to what is less so."""
-    search = Search(sheet, advance)
+def causes_of(sheet: Sheet, passed: Iterable[str], advance: Callable[[str, int], None]) -> list[Cause]:
+    """From what is simple to say to what is less so; ``passed`` are kinds of questions that are answered right."""
+    plain = specimen()
+    known = frozenset[str]().union(*(plain.calls[plain.starts(kind)] for kind in passed))
+    search = Search(sheet, advance, known)
     search.allow(_SECONDS)
     simple = search.inputs((0,)) or search.causes(ways(), (0,)) or search.inputs((1,))
     outputs = [Cause(one.says, one.rank, name=one.name) for one in related(sheet)]
     if simple or outputs:
         return _simplest(simple or outputs)
-    found = search.causes(ways(), (1,)) or search.inputs((2, 3)) or search.causes(ways(), (2, 3))
+    found = search.causes(ways(), (1,)) or search.inputs((2,)) + search.causes(ways(), (2,))
+    found = found or search.inputs((3,)) + search.causes(ways(), (3,))
     if not found:
         search.allow(_SECONDS)
         found = search.solved(ways())

@@ -233,14 +233,14 @@ def ways() -> tuple[Specimen, ...]:
     hopf = plain.text("hopf").replace("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")
     pair = "def pair_frequency(p, Omega):\n    return sqrt(-linearisation(p, Omega, 1)[:, 2, 0])\n"
     steps = plain.patched("complex steps", _COMPLEX_STEPS, abs=_analytic)
-    general = plain.patched("general state", _GENERAL_STATE)
+    general = plain.patched("general state", _GENERAL_STATE + plain.text("derivatives"))
     return (
         plain,
         steps,
         steps.patched("named terms, complex steps", _NAMED_TERMS),
         plain.patched("named terms", _NAMED_TERMS),
         general,
-        steps.patched("general state, complex steps", _GENERAL_STATE),
+        steps.patched("general state, complex steps", _GENERAL_STATE + plain.text("equations")),
         plain.patched("characteristic polynomial", _POLYNOMIAL),
         plain.patched("frequency of the matrix", hopf + pair),
         plain.patched("eigenvectors of a solver", hopf + _SOLVER),
