@@ -140,7 +140,8 @@ class Sheet:
         return self.tables[0].level
 
     def _joined(self, name: str) -> Array:
-        return np.concatenate([getattr(table, name) for table in self.tables])
+        joined: Array = np.concatenate([getattr(table, name) for table in self.tables])
+        return joined
 
     def fitted(self, predicted: Array, digits: float = 0.0) -> Array:
         """Which answers a prediction gives: as close as its question asks, and ten times closer than the truth."""
@@ -148,7 +149,8 @@ class Sheet:
             away = np.abs(self.answer - predicted)
             grown = np.maximum(1.0, np.abs(predicted) / np.maximum(np.abs(self.truth), self.allowed))
             close = away <= self.allowed * grown * 10.0**-digits
-            return close & (~self.wrong | (away * _CLOSER <= np.abs(self.answer - self.truth)))
+            fitted: Array = close & (~self.wrong | (away * _CLOSER <= np.abs(self.answer - self.truth)))
+        return fitted
 
     def fits(self, predicted: Array, digits: float = 0.0) -> bool:
         return bool(self.wrong.any() and self.fitted(predicted, digits).all())
@@ -160,7 +162,7 @@ class Sheet:
             bad = list(dict.fromkeys(table.rows[table.wrong].tolist()))
             wanted: list[int] = []
             for stem in dict.fromkeys(table.stems[table.wrong].tolist()):
-                wanted += [row for row in table.rows[table.wrong & (table.stems == stem)].tolist()][:1]
+                wanted += table.rows[table.wrong & (table.stems == stem)].tolist()[:1]
             spread = bad[:: max(1, len(bad) // few)][:few]
             good = [row for row in range(len(table.entries)) if row not in set(bad)]
             spread += good[:: max(1, len(good) // few)][: few if bad else 1]

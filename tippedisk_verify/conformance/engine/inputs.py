@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,31 +33,43 @@ def _all(names: tuple[str, ...], by: Callable[[Any], Any]) -> Callable[[Values],
     return lambda values: {name: by(values[name]) for name in names if name in values}
 
 
+def _from(names: dict[str, str]) -> Callable[[Values], Values]:
+    """The values of other names in place of these."""
+    return lambda values: {name: values[other] for name, other in names.items()}
+
+
 def _pairs() -> Iterator[Input]:
     for one, other in itertools.combinations((*SYMBOLS, *_STATE), 2):
-        yield Input(
-            f"{one}-{other}-exchanged", f"{one} and {other} exchanged",
-            lambda values, one=one, other=other: {one: values[other], other: values[one]},
-            0 if {one, other} <= set(SYMBOLS) or {one, other} <= set(_STATE) else 1,
-        )  # fmt: skip
-        yield Input(f"{one}-is-{other}", f"{other} in place of {one}", lambda values, one=one, other=other: {one: values[other]}, 1)
-        yield Input(f"{other}-is-{one}", f"{one} in place of {other}", lambda values, one=one, other=other: {other: values[one]}, 1)
+        alike = {one, other} <= set(SYMBOLS) or {one, other} <= set(_STATE)
+        both = _from({one: other, other: one})
+        yield Input(f"{one}-{other}-exchanged", f"{one} and {other} exchanged", both, 0 if alike else 1)
+        yield Input(f"{one}-is-{other}", f"{other} in place of {one}", _from({one: other}), 1)
+        yield Input(f"{other}-is-{one}", f"{one} in place of {other}", _from({other: one}), 1)
 
 
-def _rounded(values: Any, digits: int) -> Any:
+def _to_digits(digits: int, values: Any) -> Any:
     with np.errstate(all="ignore"):
         size = 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(values))))
         return np.where(values == 0, 0, np.round(values * size) / size)
+
+
+def _to_decimals(decimals: int, values: Any) -> Any:
+    return np.round(values, decimals)
+
+
+def _to_single(values: Any) -> Any:
+    return values.astype(np.float32).astype(float)
 
 
 def _precisions() -> Iterator[Input]:
     groups = {"the parameters": SYMBOLS, "speed and state": _STATE, "all inputs": (*SYMBOLS, *_STATE)}
     for text, names in (*groups.items(), *((name, (name,)) for name in (*SYMBOLS, *_STATE))):
         slug = text.replace(" ", "-")
-        yield Input(f"{slug}-single", f"{text} in single precision", _all(names, lambda x: x.astype(np.float32).astype(float)), 2)
-        for digits in range(3, 12):
-            yield Input(f"{slug}-{digits}-digits", f"{text} rounded to {digits} digits", _all(names, lambda x, d=digits: _rounded(x, d)), 2)
-            yield Input(f"{slug}-{digits}-decimals", f"{text} rounded to {digits} decimals", _all(names, lambda x, d=digits: np.round(x, d)), 2)
+        yield Input(f"{slug}-single", f"{text} in single precision", _all(names, _to_single), 2)
+        for n in range(3, 12):
+            rounded, cut = _all(names, partial(_to_digits, n)), _all(names, partial(_to_decimals, n))
+            yield Input(f"{slug}-{n}-digits", f"{text} rounded to {n} digits", rounded, 2)
+            yield Input(f"{slug}-{n}-decimals", f"{text} rounded to {n} decimals", cut, 2)
 
 
 _ANGLES = ("beta", "gamma")
@@ -81,14 +94,22 @@ INPUTS: tuple[Input, ...] = (
     *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative)) for name in (*SYMBOLS, *_STATE)),
     *(Input(f"{name}-modulus", f"the modulus of {name}", _all((name,), np.abs), 1) for name in _STATE),
     *(Input(f"{name}-zero", f"{name} = 0", _all((name,), lambda x: 0 * x), 1) for name in (*SYMBOLS, *_STATE)),
-    *(Input(f"{name}-first", f"{name} of the first entry throughout", _all((name,), lambda x: x[0] + 0 * x), 1) for name in _STATE),
-    *(Input(f"{name}-previous", f"{name} of the entry before", _all((name,), lambda x: np.roll(x, 1)), 1) for name in _STATE),
-    *(Input(f"{name}-next", f"{name} of the entry after", _all((name,), lambda x: np.roll(x, -1)), 1) for name in _STATE),
     *(
-        Input(f"{name}-times-{factor:g}", f"{name} {text}", _all((name,), lambda x, f=factor: f * x), 3 if factor not in (2, 0.5) else 1)
+        Input(f"{name}-{slug}", f"{name} of {text}", _all((name,), by), 1)
+        for name in _STATE
+        for slug, text, by in (
+            ("first", "the first entry throughout", lambda x: x[0] + 0 * x),
+            ("previous", "the entry before", lambda x: np.roll(x, 1)),
+            ("next", "the entry after", lambda x: np.roll(x, -1)),
+        )
+    ),
+    *(
+        Input(f"{name}-times-{factor:g}", f"{name} {text}", _all((name,), partial(np.multiply, factor)), rank)
         for name in (*SYMBOLS, *_STATE)
-        for factor, text in ((2.0, "doubled"), (0.5, "halved"), (1e3, "times 1000"), (1e-3, "by 1000"), (10.0, "times 10"),
-                             (0.1, "by 10"), (100.0, "times 100"), (0.01, "by 100"))
+        for factor, text, rank in (
+            (2.0, "doubled", 1), (0.5, "halved", 1), (1e3, "times 1000", 3), (1e-3, "by 1000", 3),
+            (100.0, "times 100", 3), (0.01, "by 100", 3), (10.0, "times 10", 3), (0.1, "by 10", 3),
+        )
     ),
     Input("g-9.8", "g = 9.8 for 9.81", lambda values: {"g": 9.8 + 0 * values["g"]}),
     Input("g-9.80665", "g = 9.80665 for 9.81", lambda values: {"g": 9.80665 + 0 * values["g"]}),

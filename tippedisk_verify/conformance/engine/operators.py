@@ -72,8 +72,8 @@ class Place:
     def term(self) -> Place:
         """The term of a sum, the argument or the whole right side that the expression is a part of."""
         path = self.path
-        while len(path) > 1 and isinstance(path[-1][0], ast.BinOp | ast.UnaryOp):
-            if isinstance(path[-1][0], ast.BinOp) and isinstance(path[-1][0].op, ast.Add | ast.Sub):
+        while len(path) > 1 and _kind(path[-1][0], ast.BinOp | ast.UnaryOp):
+            if _kind(path[-1][0], ast.BinOp) and _kind(path[-1][0].op, ast.Add | ast.Sub):
                 break
             path = path[:-1]
         return Place(self.function, self.statement, path)
@@ -99,14 +99,14 @@ def _child(parent: Node, field: str, index: int | None) -> Node:
 
 def shown(node: Node) -> str:
     """An expression as one writes it: powers with ^, products with a space."""
-    text = ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)) if not isinstance(node, ast.expr) else node)
+    text = ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)) if not _kind(node, ast.expr) else node)
     text = re.sub(r"\bnp\.", "", text).replace(" ** ", "^").replace(" * ", " ")
     return text if len(text) < 160 else text[:150] + " ..."
 
 
 def statements(function: ast.FunctionDef | ast.Assign) -> Iterator[tuple[Node, Path]]:
     """The statements of a function with a value, at any depth."""
-    if isinstance(function, ast.Assign):
+    if _kind(function, ast.Assign):
         yield function, ()
         return
 
@@ -114,9 +114,9 @@ def statements(function: ast.FunctionDef | ast.Assign) -> Iterator[tuple[Node, P
         for field in ("body", "orelse"):
             for index, child in enumerate(getattr(parent, field, ())):
                 down = (*path, (parent, field, index))
-                if not (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)):
+                if not (_kind(child, ast.Expr) and _kind(child.value, ast.Constant)):
                     yield child, down
-                if isinstance(child, ast.For | ast.If | ast.While | ast.With):
+                if _kind(child, ast.For | ast.If | ast.While | ast.With):
                     yield from inside(child, down)
 
     yield from inside(function, ())
@@ -127,17 +127,22 @@ def places(function: ast.FunctionDef | ast.Assign, statement: Node, path: Path) 
 
     def inside(node: Node, path: Path) -> Iterator[Place]:
         for field, value in ast.iter_fields(node):
-            many = value if isinstance(value, list) else [value]
-            hidden = field in ("body", "orelse") and isinstance(node, ast.stmt)
-            hidden = hidden or (field == "func" and not isinstance(value, ast.Attribute))
-            hidden = hidden or (field in ("targets", "target") and not isinstance(many[0], ast.Subscript))
+            many = value if _kind(value, list) else [value]
+            hidden = field in ("body", "orelse") and _kind(node, ast.stmt)
+            hidden = hidden or (field == "func" and not _kind(value, ast.Attribute))
+            hidden = hidden or (field in ("targets", "target") and not _kind(many[0], ast.Subscript))
             for index, child in enumerate(() if hidden else many):
-                if isinstance(child, ast.expr):
-                    down = (*path, (node, field, index if isinstance(value, list) else None))
+                if _kind(child, ast.expr):
+                    down = (*path, (node, field, index if _kind(value, list) else None))
                     yield Place(function, statement, down)
                     yield from inside(child, down)
 
     yield from inside(statement, path)
+
+
+def _kind(node: Node, kinds: Any) -> bool:
+    """isinstance, without a narrower type: nodes are told apart by their fields."""
+    return isinstance(node, kinds)
 
 
 def _number(value: float) -> Node:
@@ -153,18 +158,18 @@ def _call(name: str, *arguments: Node) -> Node:
 
 
 def _is(node: Node, *operators: Any) -> bool:
-    return isinstance(node, ast.BinOp) and isinstance(node.op, operators)
+    return _kind(node, ast.BinOp) and _kind(node.op, operators)
 
 
 def _signs(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if _is(node, ast.Add, ast.Sub):
-        other = ast.Sub() if isinstance(node.op, ast.Add) else ast.Add()
+        other = ast.Sub() if _kind(node.op, ast.Add) else ast.Add()
         yield Change(ast.BinOp(node.left, other, node.right))
-        if not _is(node.left, ast.Add, ast.Sub) and not isinstance(node.left, ast.UnaryOp):
+        if not _is(node.left, ast.Add, ast.Sub) and not _kind(node.left, ast.UnaryOp):
             yield Change(ast.BinOp(ast.UnaryOp(ast.USub(), node.left), node.op, node.right))
-    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+    elif _kind(node, ast.UnaryOp) and _kind(node.op, ast.USub):
         yield Change(node.operand, "the minus sign of {old} is missing")
-    elif isinstance(node, ast.Name | ast.Call | ast.Subscript | ast.BinOp):
+    elif _kind(node, ast.Name | ast.Call | ast.Subscript | ast.BinOp):
         yield Change(ast.UnaryOp(ast.USub(), node), "", 1)
 
 
@@ -181,21 +186,22 @@ def _dropped(node: Node, names: Sequence[str]) -> Iterator[Change]:
     elif _is(node, ast.Div):
         yield Change(node.left, f"the divisor {shown(node.right)} is missing in {{term}}")
         yield Change(ast.BinOp(_number(1), node.op, node.right), "", 1)
-    elif isinstance(node, ast.Call) and len(node.args) == 1 and isinstance(node.args[0], ast.expr):
+    elif _kind(node, ast.Call) and len(node.args) == 1 and _kind(node.args[0], ast.expr):
         yield Change(node.args[0], f"{shown(node.args[0])} for {{old}}", 1)
-    elif isinstance(node, ast.Call) and len(node.args) > 2 and isinstance(node.func, ast.Name):
+    elif _kind(node, ast.Call) and len(node.args) > 2 and _kind(node.func, ast.Name):
         for place in range(len(node.args)):
             fewer = node.args[:place] + node.args[place + 1 :]
             yield Change(
                 ast.Call(node.func, fewer, node.keywords),
                 f"the factor {shown(node.args[place])} is missing in {{old}}",
             )
-    elif isinstance(node, ast.Attribute | ast.Call) and isinstance(getattr(node, "func", node), ast.Attribute):
-        yield Change(getattr(node, "func", node).value, "", 1)
+    elif _kind(node, ast.Attribute | ast.Call) and _kind(getattr(node, "func", node), ast.Attribute):
+        attribute: Node = node.func if _kind(node, ast.Call) else node
+        yield Change(attribute.value, "", 1)
 
 
 def _exchanged(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Name):
+    if _kind(node, ast.Name):
         for other in names:
             if akin(node.id, other):
                 yield Change(_name(other))
@@ -211,16 +217,17 @@ def akin(one: str, other: str) -> bool:
         return True
     first, second = re.split("[_ ]", one), re.split("[_ ]", other)
     if len(first) == len(second) > 1:
-        return sum(a != b for a, b in zip(first, second, strict=True)) == 1
+        return sum(bool(a != b) for a, b in zip(first, second, strict=True)) == 1
     short, long = sorted((one, other), key=len)
     return len(short) > 2 and long.startswith(short + "_") and long != short
 
 
 def _functions(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Call):
-        called = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
+    if _kind(node, ast.Call):
+        called = node.func.id if _kind(node.func, ast.Name) else getattr(node.func, "attr", "")
         for other in _CALLS.get(called, ()):
-            function = _name(other) if isinstance(node.func, ast.Name) else ast.Attribute(node.func.value, other, ast.Load())
+            named = _kind(node.func, ast.Name)
+            function = _name(other) if named else ast.Attribute(node.func.value, other, ast.Load())
             yield Change(ast.Call(function, node.args, node.keywords), f"{other} for {called} in {{term}}")
         if called in ("sin", "cos"):
             twice = ast.BinOp(_number(2), ast.Mult(), node.args[0])
@@ -234,22 +241,23 @@ def _functions(node: Node, names: Sequence[str]) -> Iterator[Change]:
         if called == "where" and len(node.args) == 3:
             for kept in (node.args[1], node.args[2]):
                 yield Change(kept, f"{shown(kept)} throughout for {{old}}", 0)
-            yield Change(ast.Call(node.func, [node.args[0], node.args[2], node.args[1]], []), "the two cases exchanged in {old}")
-    if isinstance(node, ast.Attribute) and node.attr in ("real", "imag"):
+            exchanged = ast.Call(node.func, [node.args[0], node.args[2], node.args[1]], [])
+            yield Change(exchanged, "the two cases exchanged in {old}")
+    if _kind(node, ast.Attribute) and node.attr in ("real", "imag"):
         yield Change(ast.Attribute(node.value, {"real": "imag", "imag": "real"}[node.attr], node.ctx), "", 0)
         yield Change(_call("abs", node.value), "", 1)
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "conj":
+    if _kind(node, ast.Call) and _kind(node.func, ast.Attribute) and node.func.attr == "conj":
         yield Change(node.func.value, "{old} without conj", 0)
-    if isinstance(node, ast.Compare) and len(node.ops) == 1:
-        for operator in (ast.Lt, ast.Gt, ast.NotEq if isinstance(node.ops[0], ast.Eq) else ast.Eq):
-            if not isinstance(node.ops[0], operator):
+    if _kind(node, ast.Compare) and len(node.ops) == 1:
+        for operator in (ast.Lt, ast.Gt, ast.NotEq if _kind(node.ops[0], ast.Eq) else ast.Eq):
+            if not _kind(node.ops[0], operator):
                 yield Change(ast.Compare(node.left, [operator()], node.comparators), "", 1)
 
 
 def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+    if _kind(node, ast.Constant) and _kind(node.value, int | float) and not _kind(node.value, bool):
         others = [node.value + 1, node.value - 1, 2 * node.value, node.value / 2, -node.value, node.value + 2, 1, 3]
-        if isinstance(node.value, int):
+        if _kind(node.value, int):
             others = [int(one) if one == int(one) else one for one in others]
         for other in dict.fromkeys(others):
             if other != node.value:
@@ -257,7 +265,7 @@ def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 
 def _multiples(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Name | ast.Call | ast.Subscript) or _is(node, ast.Mult, ast.Div, ast.Pow):
+    if _kind(node, ast.Name | ast.Call | ast.Subscript) or _is(node, ast.Mult, ast.Div, ast.Pow):
         for number in (2, 3):
             yield Change(ast.BinOp(_number(number), ast.Mult(), node), "", 1)
             yield Change(ast.BinOp(node, ast.Div(), _number(number)), "", 1)
@@ -266,12 +274,12 @@ def _multiples(node: Node, names: Sequence[str]) -> Iterator[Change]:
 def _powers(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if _is(node, ast.Pow):
         yield Change(node.left, f"{shown(node.left)} for {{old}} in {{term}}", 0)
-        if isinstance(node.right, ast.Constant):
+        if _kind(node.right, ast.Constant):
             for exponent in (node.right.value + 1, node.right.value - 1, 2 * node.right.value):
                 if exponent not in (0, 1):
                     yield Change(ast.BinOp(node.left, ast.Pow(), _number(exponent)), "", 1)
             yield Change(ast.BinOp(node.left, ast.Mult(), node.right), "", 1)
-    elif isinstance(node, ast.Name | ast.Call | ast.Subscript):
+    elif _kind(node, ast.Name | ast.Call | ast.Subscript):
         yield Change(ast.BinOp(node, ast.Pow(), _number(2)), "", 1)
         yield Change(_call("sqrt", node), "", 2)
     elif _is(node, ast.Div):
@@ -287,10 +295,10 @@ def _parentheses(node: Node, names: Sequence[str]) -> Iterator[Change]:
         if _is(node.left, *sums):
             last = ast.BinOp(node.left.right, node.op, node.right)
             yield Change(ast.BinOp(node.left.left, node.left.op, last), "", 1)
-        if isinstance(node.op, ast.Div) and _is(node.right, ast.Mult):
+        if _kind(node.op, ast.Div) and _is(node.right, ast.Mult):
             first = ast.BinOp(node.left, ast.Div(), node.right.left)
             yield Change(ast.BinOp(first, ast.Mult(), node.right.right), "", 0)
-        if isinstance(node.op, ast.Mult):
+        if _kind(node.op, ast.Mult):
             yield Change(ast.BinOp(node.left, ast.Div(), node.right), "", 1)
             yield Change(ast.BinOp(node.left, ast.Add(), node.right), "", 2)
         else:
@@ -308,13 +316,13 @@ def _parentheses(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if _is(node, ast.Sub) and _is(node.left, *sums):
         last = ast.BinOp(node.left.right, ast.Sub(), node.right)
         yield Change(ast.BinOp(node.left.left, node.left.op, last), "", 2)
-    if isinstance(node, ast.Call) and len(node.args) == 1 and _is(node.args[0], *sums, ast.Mult, ast.Div):
+    if _kind(node, ast.Call) and len(node.args) == 1 and _is(node.args[0], *sums, ast.Mult, ast.Div):
         inner = node.args[0]
         yield Change(ast.BinOp(ast.Call(node.func, [inner.left], []), inner.op, inner.right), "", 2)
 
 
 def _indices(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
+    if _kind(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
         for first in range(len(node.elts)):
             for second in range(first + 1, len(node.elts)):
                 if ast.dump(node.elts[first]) == ast.dump(node.elts[second]):
@@ -323,14 +331,14 @@ def _indices(node: Node, names: Sequence[str]) -> Iterator[Change]:
                 elements[first], elements[second] = elements[second], elements[first]
                 one, other = shown(node.elts[first]), shown(node.elts[second])
                 yield Change(type(node)(elements, node.ctx), f"{one} and {other} exchanged in {{old}}", 1)
-    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple) and len(node.slice.elts) == 3:
+    if _kind(node, ast.Subscript) and _kind(node.slice, ast.Tuple) and len(node.slice.elts) == 3:
         first, row, column = node.slice.elts
         transposed = ast.Tuple([first, column, row], ast.Load())
         yield Change(ast.Subscript(node.value, transposed, node.ctx), "", 1)
 
 
 def _precision(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Name | ast.BinOp | ast.Call):
+    if _kind(node, ast.Name | ast.BinOp | ast.Call):
         narrow = ast.Call(ast.Attribute(_name("np"), "float32", ast.Load()), [node], [])
         yield Change(narrow, "{old} in single precision", 3)
         yield Change(_call("abs", node), "the modulus of {old}", 2)
@@ -347,15 +355,15 @@ def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 def renamed(node: Node, names: Mapping[str, str]) -> Node:
     """The same with other names; what has none of them is shared."""
-    if isinstance(node, ast.Name):
-        known = node.id in names and isinstance(node.ctx, ast.Load)
+    if _kind(node, ast.Name):
+        known = node.id in names and _kind(node.ctx, ast.Load)
         return ast.copy_location(_name(names[node.id]), node) if known else node
     changed: dict[str, Any] = {}
     for field, value in ast.iter_fields(node):
-        if isinstance(value, ast.AST):
+        if _kind(value, ast.AST):
             new: Any = renamed(value, names)
-        elif isinstance(value, list):
-            new = [renamed(part, names) if isinstance(part, ast.AST) else part for part in value]
+        elif _kind(value, list):
+            new = [renamed(part, names) if _kind(part, ast.AST) else part for part in value]
             new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
         else:
             continue
@@ -370,9 +378,9 @@ def renamed(node: Node, names: Mapping[str, str]) -> Node:
 
 
 def _extra(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if isinstance(node, ast.Name | ast.Call | ast.Attribute) or _is(node, ast.Mult, ast.Div, ast.Pow):
+    if _kind(node, ast.Name | ast.Call | ast.Attribute) or _is(node, ast.Mult, ast.Div, ast.Pow):
         for other in names:
-            if other in _EXTRA and not (isinstance(node, ast.Name) and node.id == other):
+            if other in _EXTRA and not (_kind(node, ast.Name) and node.id == other):
                 yield Change(ast.BinOp(_name(other), ast.Mult(), node), f"the extra factor {other} in {{term}}", 2)
                 yield Change(ast.BinOp(node, ast.Div(), _name(other)), f"{{term}} divided by {other}", 2)
 
@@ -396,7 +404,7 @@ OPERATORS: dict[str, Operator] = {
 
 def changes(place: Place, names: Sequence[str], whole: bool = False) -> Iterator[Change]:
     """What may stand there by mistake, by all operators; ``whole`` says that it is all that a statement computes."""
-    if whole and not isinstance(place.node, ast.Constant):
+    if whole and not _kind(place.node, ast.Constant):
         yield Change(ast.BinOp(_number(0), ast.Mult(), place.node), "{old} is left out")
     for operator in OPERATORS.values():
         yield from operator(place.node, names)

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -170,13 +170,12 @@ class Search:
     def inputs(self, ranks: Sequence[int]) -> list[Cause]:
         """The known changes of inputs that give all answers."""
         right = Program(specimen())
-        found = []
-        for one in INPUTS:
-            if one.rank in ranks and all(
-                sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in (self.tiny, self.few, self.sheet)
-            ):
-                found.append(Cause(one.says, one.rank, name=one.name))
-        return found
+        stages = (self.tiny, self.few, self.sheet)
+        return [
+            Cause(one.says, one.rank, name=one.name)
+            for one in INPUTS
+            if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
+        ]
 
     def solved(self, rights: Sequence[Specimen]) -> list[Cause]:
         """One free factor at one place, solved for; the inputs first."""
@@ -195,7 +194,8 @@ class Search:
 
                     number = self.number(answers) if isinstance(tree, ast.FunctionDef) else None
                     if number is not None:
-                        says = f"in {suspect.where}: {plain(number)} times {shown(spot.node)} in {shown(spot.term().node)}"
+                        what = f"{plain(number)} times {shown(spot.node)} in {shown(spot.term().node)}"
+                        says = f"in {suspect.where}: {what}"
                         found.append(Cause(says, 4, suspect.function, shown(place.node), says, "factor"))
                         break
         return found
@@ -207,16 +207,14 @@ class Search:
                 if text and name in SYMBOLS:
                     continue
 
-                def answers(number: float, sheet: Sheet, name: str = name, by: Any = by) -> Array:
-                    shift = number - 1 if by is np.add else number
-                    return right.answers(all_changed(sheet, lambda values: {name: by(values[name], shift)} if name in values else {}))
-
+                answers = partial(_with_input, right, name, by)
                 number = self.number(answers)
                 if number is None:
                     continue
-                values = {float(table.p[SYMBOLS.index(name)][0]) for table in self.sheet.tables} if name in SYMBOLS else set()
-                if len(values) == 1:
-                    value = values.pop()
+                place = (*SYMBOLS, name).index(name)
+                known = {float(table.p[place][0]) for table in self.sheet.tables if place < len(SYMBOLS)}
+                if len(known) == 1:
+                    value = known.pop()
                     says = f"{name} = {value * number:.9g} instead of {value:.9g}"
                 else:
                     says = f"{name} {text or 'times '}{plain(number - 1 if text else number)}"
@@ -246,11 +244,19 @@ class Search:
 
     def suspects_of(self, right: Specimen) -> list[Suspect]:
         """Those of a way; of a way that changes nothing in reach there are none but the specimen's."""
-        kept = self.__dict__.setdefault("_suspects", {})
+        kept: dict[str, list[Suspect]] = self.__dict__.setdefault("_suspects", {})
         if right.way not in kept:
-            new = any(specimen().functions.get(name) is not right.functions.get(name) for name in right.reach(self.sheet))
+            plain_ones = specimen().functions
+            new = any(plain_ones.get(name) is not right.functions.get(name) for name in right.reach(self.sheet))
             kept[right.way] = self.suspects(right) if new or not right.way else []
         return kept[right.way]
+
+
+def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet) -> Array:
+    """The right program's answers with one input times a number, or that much more than one larger."""
+    share = number - 1 if by is np.add else number
+    changed = all_changed(sheet, lambda values: {name: by(values[name], share)} if name in values else {})
+    return right.answers(changed)
 
 
 class _Stir:
@@ -306,7 +312,11 @@ def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, st
     if isinstance(value, ast.Dict):
         for index, key in enumerate(value.keys):
             yield Place(function, statement, (*whole.path, (value, "values", index))), ast.literal_eval(key)  # type: ignore[arg-type]
-    elif isinstance(value, ast.Tuple) and isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Tuple):
+    elif (
+        isinstance(value, ast.Tuple)
+        and isinstance(statement, ast.Assign)
+        and isinstance(statement.targets[0], ast.Tuple)
+    ):
         for index, target in enumerate(statement.targets[0].elts):
             yield Place(function, statement, (*whole.path, (value, "elts", index))), shown(target)
     else:

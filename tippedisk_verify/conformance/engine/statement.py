@@ -65,7 +65,7 @@ def diagnosed(
     first: dict[tuple[str, str], int] = {}
     for grade in grades:
         if grade.failed:
-            set_name, friction = grade.id.split("/", 2)[:2]
+            set_name, friction = _place(grade)
             for law in ("linear", "smooth") if friction == "both" else (friction,):
                 first[set_name, law] = min(grade.level, first.get((set_name, law), 99))
     diagnoses = []
@@ -75,22 +75,30 @@ def diagnosed(
     return diagnoses
 
 
-def _diagnosis(level: int, here: Sequence[tuple[str, str]], tables: Sequence[Table], grades: Sequence[Grade], advance: Any) -> Diagnosis:
+def _diagnosis(
+    level: int, here: Sequence[tuple[str, str]], tables: Sequence[Table], grades: Sequence[Grade], advance: Any
+) -> Diagnosis:
     laws = {law for _, law in here} | {"both"}
     sets = {name for name, _ in here}
     parts = [table for table in tables if table.level == level and table.friction in laws]
     sheet = Sheet(tuple(parts)).where(lambda table: np.flatnonzero(np.isin(table.sets, list(sets))))
-    failed = [grade for grade in grades if grade.failed and grade.level == level and grade.id.split("/")[0] in sets and grade.id.split("/")[1] in laws]
-    passed = {
-        table.kind for table in tables
-        if table.level < level and len(table.names) >= _PROVED and not any(one.wrong.any() for one in tables if one.kind == table.kind)
-    }  # fmt: skip
+    places = {(name, law) for name in sets for law in laws}
+    failed = [grade for grade in grades if grade.failed and grade.level == level and _place(grade) in places]
+    faulty = {table.kind for table in tables if table.wrong.any()}
+    earlier = [table for table in tables if table.level < level and len(table.names) >= _PROVED]
+    passed = {table.kind for table in earlier} - faulty
     found = causes_of(sheet, passed, advance) if sheet.tables and sheet.wrong.any() else []
     wrong = int(sheet.wrong.sum()) if sheet.tables else 0
     return Diagnosis(
         level, tuple(sorted(sets)), tuple(sorted({law for _, law in here})), frozenset(grade.id for grade in failed),
         tuple(found if len(found) <= _MOST else found[:1]), wrong, len(failed) - wrong,
     )  # fmt: skip
+
+
+def _place(grade: Grade) -> tuple[str, str]:
+    """The parameter set and the friction law of what was asked."""
+    set_name, friction, _ = grade.id.split("/", 2)
+    return set_name, friction
 
 
 def causes_of(sheet: Sheet, passed: Iterable[str], advance: Callable[[str, int], None]) -> list[Cause]:

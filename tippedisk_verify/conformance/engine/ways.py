@@ -15,7 +15,7 @@ __all__ = ["ways"]
 
 _TINY = 1e-20
 
-_COMPLEX_STEPS = '''
+_COMPLEX_STEPS = """
 def derivatives(p, Omega, smooth, beta, gamma, v):
     step = 1e-30
     dv_rate_dbeta = equations(p, Omega, smooth, beta + 1j * step, gamma, v)[7].imag / step
@@ -24,8 +24,8 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
     dv_rate_domega = equations(p, Omega + 1j * step, smooth, beta, gamma, v)[7].imag / step
     v_rate = equations(p, Omega, smooth, beta, gamma, v)[7]
     return dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate
-'''
-_GENERAL_STATE = '''
+"""
+_GENERAL_STATE = """
 def linearisation(p, Omega, side):
     beta = pi / 2 + 0 * Omega
     gamma = side * pi / 2 + 0 * Omega
@@ -38,8 +38,8 @@ def linearisation(p, Omega, side):
     matrix[:, 2, 1] = A_32
     matrix[:, 2, 2] = A_33
     return matrix
-'''
-_POLYNOMIAL = '''
+"""
+_POLYNOMIAL = """
 def sorted_eigenvalues(matrix):
     A_21, A_31, A_32, A_33 = matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1], matrix[:, 2, 2]
     a_2 = -A_33
@@ -48,8 +48,8 @@ def sorted_eigenvalues(matrix):
     eigenvalues = np.array([np.roots([1, *row]) for row in np.array([a_2, a_1, a_0]).T]).astype(complex)
     order = np.lexsort((-eigenvalues.imag, -eigenvalues.real), axis=-1)
     return np.take_along_axis(eigenvalues, order, axis=-1)
-'''
-_ROUTH = '''
+"""
+_ROUTH = """
 def routh(p, Omega):
     matrix = linearisation(p, Omega, 1)
     A_21, A_31, A_32, A_33 = matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1], matrix[:, 2, 2]
@@ -71,8 +71,8 @@ def critical_speed(p):
 def pair_frequency(p, Omega):
     A_31 = linearisation(p, Omega, 1)[:, 2, 0]
     return sqrt(-A_31)
-'''
-_IMPLICIT_RATE = '''
+"""
+_IMPLICIT_RATE = """
 def eigenvalue_rate(p, Omega, q, p_star):
     A_31, A_32, A_33 = linearisation(p, Omega, 1)[:, 2].T
     eigenvalue = 1j * sqrt(-A_31)
@@ -80,8 +80,8 @@ def eigenvalue_rate(p, Omega, q, p_star):
     da_1 = 2 * Omega
     da_0 = -2 * A_32
     return -(da_1 * eigenvalue + da_0) / (3 * eigenvalue**2 + 2 * a_2 * eigenvalue + a_1)
-'''
-_ONE_LAW = '''
+"""
+_ONE_LAW = """
 def one_harmonic_law(p, Omega, form):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -94,8 +94,8 @@ def one_harmonic_law(p, Omega, form):
     C = sqrt(-4 * e / (r + e) * numerator / denominator)
     omega = sqrt(e / (r + e) * Omega**2 + delta * C**2)
     return C, omega
-'''
-_NAMED_TERMS = '''
+"""
+_NAMED_TERMS = """
 def equations(p, Omega, smooth, beta, gamma, v):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -120,8 +120,8 @@ def equations(p, Omega, smooth, beta, gamma, v):
     force = h + f_G + w_y * lambda_Ty
     v_rate = force / M
     return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate
-'''
-_SOLVER = '''
+"""
+_SOLVER = """
 def hopf_eigenvectors(p, Omega, omega):
     matrix = linearisation(p, Omega, 1)
     eigenvalues, right = np.linalg.eig(matrix)
@@ -137,8 +137,8 @@ def hopf_eigenvectors(p, Omega, omega):
 def pair_frequency(p, Omega):
     eigenvalues = np.linalg.eigvals(linearisation(p, Omega, 1))
     return np.max(eigenvalues.imag, axis=-1)
-'''
-_POLARISED = '''
+"""
+_POLARISED = """
 def third_derivative(p, Omega, u):
     circle = 0.05 * np.exp(2j * pi * np.arange(16) / 16)
     weight = 6 / (16 * circle**3)
@@ -158,8 +158,8 @@ def cubic_terms(p, Omega, q):
     conjugate = third_derivative(p, Omega, q.conj())
     cubic = (plus - minus - 2 * conjugate) / 6
     return cubic[0], cubic[1]
-'''
-_SHARED_FORCES = '''
+"""
+_SHARED_FORCES = """
 def manifold_forces(p, Omega, beta, gamma, size):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -211,11 +211,11 @@ def invariance_residual(p, Omega, beta, gamma, h):
     right = epsilon * (free[0, 0] + linear[0, 0] * v + square[0, 0] * v**2) - drag[0, 0] * (v - h_0[0, 0])
     left = epsilon * (dv_dbeta * v - dv_dgamma * Omega * cos(beta))
     return left - right / M[0, 0]
-'''
-_ROOTS_OF_MODULI = '''
+"""
+_ROOTS_OF_MODULI = """
 def sqrt(x):
     return np.sqrt(abs(x))
-'''
+"""
 
 
 def _analytic(x: object) -> object:
