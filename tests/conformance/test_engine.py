@@ -1,0 +1,90 @@
+"""The engine behind the diagnosis: right ways of writing the program, changes of it, and what is found again."""
+
+from __future__ import annotations
+
+import ast
+
+import numpy as np
+import pytest
+
+from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
+from tippedisk_verify.conformance.engine.inputs import INPUTS
+from tippedisk_verify.conformance.engine.operators import changes, places, statements
+from tippedisk_verify.conformance.engine.search import values
+from tippedisk_verify.conformance.engine.specimen import Program, Specimen, specimen
+from tippedisk_verify.conformance.engine.statement import diagnosed
+from tippedisk_verify.conformance.engine.ways import ways
+from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.reference_values.store import Store, stored
+
+_LEVELS = range(1, 6)
+
+
+@pytest.fixture(scope="module")
+def store() -> Store:
+    return stored()
+
+
+@pytest.fixture(scope="module")
+def tables(store: Store) -> list[Table]:
+    """The printed set's questions up to level 5, answered by the truths."""
+    given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/") if q.level in _LEVELS}
+    return tables_of(graded(Answers(given), store), store)
+
+
+@pytest.mark.parametrize("way", ways(), ids=lambda way: way.way or "the client")
+def test_each_way_is_right(way: Specimen, tables: list[Table]) -> None:
+    for table in tables:
+        sheet = Sheet((table,))
+        assert np.all(np.abs(Program(way).answers(sheet) - sheet.truth) <= sheet.allowed)
+
+
+def test_a_changed_program_whose_loops_do_not_end_is_stopped(tables: list[Table]) -> None:
+    table = next(table for table in tables if table.kind == "slow-manifold")
+    function = ast.parse(specimen().text("series_product").replace("range(size)", "range(size**9)")).body[0]
+    assert Program(specimen(), {"series_product": function}).results(table) == {}
+
+
+def test_changes_differ_from_what_stands_there_and_leave_it_as_it_is() -> None:
+    function = specimen().functions["equations"]
+    before = ast.dump(function)
+    for statement, path in statements(function):
+        for place, _ in values(function, statement, path):
+            for spot in (place, *places(function, place.node, place.path)):
+                for change in changes(spot, ["r", "e", "rho", "A", "Bbar"]):
+                    assert ast.dump(change.node) != ast.dump(spot.node)
+                    compile(ast.unparse(spot.replaced(change.node)), "changed", "exec")
+    assert ast.dump(function) == before
+
+
+def test_names_of_inputs_are_different() -> None:
+    assert len({one.name for one in INPUTS}) == len(INPUTS)
+
+
+#: function, what stands there, what is planted, and what the diagnosis has to say.
+_PLANTED = (
+    ("equations", "w_y * lambda_Ty", "lambda_Ty", "the factor w_y is missing in w_y lambda_Ty"),
+    ("derivatives", "e * cos(gamma)", "r * cos(gamma)", "r cos(gamma) for e cos(gamma)"),
+    ("linearisation", "- Omega ** 2", "+ Omega ** 2", "m g / Bbar rho + Omega^2 for m g / Bbar rho - Omega^2"),
+    ("hopf", "2 * pi / omega", "pi / omega", "the factor 2 is missing"),
+    ("one_harmonic_law", "chi * Omega ** 2", "chi * Omega", "Omega for Omega^2"),
+    ("slow_manifold_orders", "force - transport", "force + transport", "in transport (slow_manifold_orders): "),
+)
+
+
+@pytest.mark.parametrize(("name", "old", "new", "says"), _PLANTED, ids=[case[0] for case in _PLANTED])
+def test_a_planted_change_is_found_again(
+    name: str, old: str, new: str, says: str, tables: list[Table], store: Store
+) -> None:
+    text = specimen().text(name)
+    assert old in text
+    program = Program(specimen(), {name: ast.parse(text.replace(old, new, 1)).body[0]})
+    given: dict[str, tuple[str, str]] = {}
+    for table in tables:
+        found = table.picked(program.results(table))
+        for cell, value in enumerate(found):
+            entry = table.entries[table.rows[cell]]
+            given[f"{entry.id}/{table.names[cell]}"] = ("doubles", repr(float(value)))
+    (first, *_) = diagnosed(graded(Answers(given), store), store)
+    assert says in first.says()

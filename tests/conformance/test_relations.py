@@ -1,0 +1,217 @@
+"""Relations of outputs, where wrong answers are, and lost digits: each is planted, and named first."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tippedisk_verify.conformance.engine.entries import Sheet, tables_of
+from tippedisk_verify.conformance.engine.places import lost, where
+from tippedisk_verify.conformance.engine.relations import related
+from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.sheet import Answers, placed
+from tippedisk_verify.reference_values.store import Quantity, Store, stored
+
+from . import scipy_program
+
+Change = Callable[[Quantity], "float | str"]
+
+
+def right(quantity: Quantity) -> float:
+    noise = random.Random(quantity.id).uniform(-1, 1) * (1e-14 if quantity.level < 6 else 1e-11)
+    return quantity.for_doubles * (1 + noise)
+
+
+def sheet(level: int, change: Change, prefix: str = "printed/") -> Sheet:
+    asked = [q for q in stored().matching(prefix) if q.level == level and "doubles" in q.values]
+    answers = {q.id: change(q) for q in asked}
+    return of({id_: answer if isinstance(answer, str) else repr(float(answer)) for id_, answer in answers.items()})
+
+
+def of(texts: dict[str, str]) -> Sheet:
+    given = {id_: ("doubles", text) for id_, text in texts.items()}
+    return Sheet(tuple(tables_of(graded(Answers(given), stored()), stored())))
+
+
+def on(names: tuple[str, ...], function: Callable[[float], float | str]) -> Change:
+    return lambda q: function(right(q)) if placed(q.name)[0].startswith(names) else right(q)
+
+
+def input_(quantity: Quantity, name: str) -> float:
+    return float(quantity.inputs[name])
+
+
+def scaled(name: str, factor: Callable[[Quantity], float]) -> Change:
+    return lambda q: right(q) * (factor(q) if q.name == name else 1)
+
+
+def asked(change: Callable[[str], str]) -> Change:
+    """The answers to the questions that a change of the ids makes, where there are such questions."""
+    return lambda q: right(stored().get(change(q.id), q))
+
+
+def exchanged(one: str, two: str) -> Change:
+    return asked(lambda id_: id_.replace(one, two) if one in id_ else id_.replace(two, one))
+
+
+def moved(mark: str, by: int) -> Change:
+    return asked(lambda id_: re.sub(rf"(?<={mark})\d+(?=/|$)", lambda n: f"{int(n[0]) + by:0{len(n[0])}d}", id_))
+
+
+def eigenvalues(key: Callable[[complex], float]) -> Change:
+    def answer(quantity: Quantity) -> float:
+        entry, _, name = quantity.id.rpartition("/")
+        parts = [[right(stored()[f"{entry}/lambda_{n}_{part}"]) for part in ("re", "im")] for n in (1, 2, 3)]
+        number = sorted((complex(*pair) for pair in parts), key=key)[int(name[7]) - 1]
+        return number.real if name.endswith("_re") else number.imag
+
+    return answer
+
+
+def divergence(quantity: Quantity) -> float:
+    if quantity.name != "log_multiplier_fast":
+        return right(quantity)
+    return right(quantity) + right(stored()[quantity.id.replace("_fast", "_slow")])
+
+
+def partial_sums(quantity: Quantity) -> float:
+    stem, _, n = quantity.id.rpartition("_")
+    return sum(0.1**k * stored()[f"{stem}_{k}"].for_doubles for k in range(int(n) + 1))
+
+
+OF = " have the values of the "
+RELATIONS: dict[str, tuple[int, Change, str]] = {
+    "sign": (6, on(("beta",), lambda x: -x), "beta has the wrong sign"),
+    "two signs": (1, on(("h", "f_G"), lambda x: -x), "f_G and h have the wrong sign"),
+    "modulus": (1, on(("gamma_y",), abs), "gamma_y is the modulus of the right value"),
+    "unit": (1, on(("f_G",), lambda x: 1000 * x), "f_G has the factor 1000"),
+    "degrees": (6, on(("beta",), math.degrees), "beta has the factor 180/pi (degrees)"),
+    "single value": (3, on(("transversality",), lambda x: x / 2), "transversality has the factor 1/2"),
+    "root": (7, on(("multiplier_slow",), math.sqrt), "multiplier_slow is the square root of the right value"),
+    "exponential": (7, on(("log_multiplier_slow",), math.exp), "log_multiplier_slow has the values of multiplier_slow"),
+    "offset": (7, on(("gamma_bar_0",), lambda x: x + math.pi / 2), "gamma_bar_0 is pi/2 too large"),
+    "turns": (6, on(("gamma",), lambda x: x % (2 * math.pi)), "gamma is reduced to [0, 2 pi)"),
+    "solved factor": (1, on(("f_G",), lambda x: 1.7123456 * x), "f_G has the factor 1.7123456"),
+    "solved summand": (1, on(("f_G",), lambda x: 1.7123456 + x), "f_G has the summand 1.7123456"),
+    "parameters": (1, on(("f_G",), lambda x: x * 0.3 / 9.81), "f_G has the factor g^-1 mu"),
+    "powers": (
+        1,
+        scaled("M", lambda q: input_(q, "Omega") * math.sin(input_(q, "beta"))),
+        "M has the factor Omega sin",
+    ),
+    "exchanged": (1, exchanged("/M", "/h"), "M and h are exchanged"),
+    "frequency": (4, exchanged("/period", "/frequency"), "frequency and period are 2 pi divided by the right value"),
+    "sum": (7, divergence, "log_multiplier_fast is the right value plus log_multiplier_slow"),
+    "law": (6, exchanged("/linear/", "/smooth/"), "all answers" + OF + "other law"),
+    "linear law": (
+        1,
+        asked(lambda id_: id_.replace("/smooth/", "/linear/")),
+        "lambda_Ty and v_rate" + OF + "linear law under the smooth law",
+    ),
+    "equilibrium": (2, exchanged("/inv", "/noninv"), "all answers" + OF + "other equilibrium"),
+    "one equilibrium": (
+        2,
+        lambda q: right(q) * (-1) ** ("/noninv" in q.id),
+        "have the wrong sign for the noninverted eq",
+    ),
+    "form": (4, exchanged("/printed-", "/consistent-"), "amplitude, frequency and period" + OF + "other form"),
+    "entry": (1, moved("rhs/", -1), "all answers" + OF + "previous entry"),
+    "order of eigenvalues": (2, eigenvalues(lambda z: z.imag), "in another order: ascending imaginary parts"),
+    "no order": (2, eigenvalues(lambda z: math.sin(1e3 * abs(z) + z.imag)), "the eigenvalues not sorted"),
+    "next crossing": (6, moved("#", 1), "crossing_gamma, crossing_time and crossing_v" + OF + "next crossing"),
+    "next order": (5, moved("_", -1), "h_n and residual_n" + OF + "previous order"),
+    "partial sums": (5, partial_sums, "h_n and residual_n are the sum of epsilon^k times all orders so far"),
+    "constant": (7, on(("period",), lambda x: 0.886), "period is 0.886 throughout"),
+    "zero": (2, lambda q: right(q) * q.name.endswith("_re"), "lambda_1_im, lambda_2_im and lambda_3_im are zero"),
+    "six digits": (1, lambda q: f"{right(q):.6g}", "all answers are rounded to 6 significant digits"),
+    "five decimals": (1, lambda q: f"{right(q):.5f}", "all answers are rounded to 5 decimals"),
+    "cut": (6, on(("v",), lambda x: math.trunc(1e3 * x) / 1e3), "v is truncated to 3 decimals"),
+    "single": (1, lambda q: float(np.float32(right(q))), "all answers are rounded to single precision"),
+    "one side": (1, scaled("w_y", lambda q: math.copysign(1, input_(q, "v"))), "w_y has the wrong sign where v < 0"),
+}
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+def test_relation_is_named_first(name: str) -> None:
+    level, change, said = RELATIONS[name]
+    planted = sheet(level, change)
+    cause = related(planted)[0]
+    assert said in cause.says
+    assert not (cause.cells & ~planted.wrong).any()
+
+
+def test_factor_of_both_sets_is_named_by_the_parameters_that_differ() -> None:
+    def ratio(q: Quantity) -> float:
+        A, B = (float(stored().parameters[q.set][name]["decimal"]) for name in ("A", "B"))
+        return A / B
+
+    assert related(sheet(1, scaled("w_y", ratio), ""))[0].says == "w_y has the factor A B^-1"
+
+
+@pytest.mark.parametrize("level", range(1, 11))
+def test_right_answers_and_noise_say_nothing(level: int) -> None:
+    assert related(sheet(level, right)) == []
+    assert lost(sheet(level, right)) is None
+    assert where(sheet(level, right)) == ""
+    noisy = sheet(level, lambda q: right(q) * (1 + random.Random(q.name + q.id).gauss(0, 0.1)))
+    assert related(noisy) == []
+    assert lost(noisy) is None
+
+
+def perturbed(holds: Callable[[Quantity], bool]) -> Change:
+    return lambda q: right(q) * (1.0 + random.Random(q.id + "x").uniform(0.1, 0.2) * holds(q))
+
+
+@pytest.mark.parametrize(
+    ("level", "holds", "said"),
+    [
+        (1, lambda q: q.name == "w_y" and input_(q, "v") < 0, "only in w_y where v < 0"),
+        (1, lambda q: q.name.startswith("dv_rate"), "only in derivatives"),
+        (6, lambda q: "#" in q.name, "only in crossings"),
+        (6, lambda q: q.friction == "smooth", "only for the smooth law"),
+        (6, lambda q: "/a2/" in q.id, "only for the entry a2"),
+        (7, lambda q: q.name in ("period", "v_0"), "only in period and v_0"),
+    ],
+)
+def test_place_of_wrong_answers(level: int, holds: Callable[[Quantity], bool], said: str) -> None:
+    assert where(sheet(level, perturbed(holds))) == said
+
+
+@pytest.mark.parametrize(("size", "some", "said"), [(1e-7, "dv_rate", "difference"), (3e-8, "", "single precision")])
+def test_lost_digits(size: float, some: str, said: str) -> None:
+    planted = sheet(1, on((some,), lambda x: x * (1 + random.Random(repr(x)).gauss(0, size))))
+    found = lost(planted)
+    assert found is not None
+    assert said in found[0]
+    assert (found[1] == planted.wrong).all()
+
+
+def test_difference_tells_its_step() -> None:
+    def change(q: Quantity) -> float:
+        if not q.name.startswith("dv_rate"):
+            return right(q)
+        unit = math.ulp(stored()[q.id.rsplit("/", 1)[0] + "/v_rate"].for_doubles) / 1e-6
+        return round(q.for_doubles / unit) * unit
+
+    assert "a step of 1e-6" in (lost(sheet(1, change)) or ("",))[0]
+
+
+@pytest.mark.parametrize(("method", "tolerance", "factor"), [("RK45", 1e-4, 1.0), ("DOP853", 1e-11, 1.001)])
+def test_tolerance_is_told_from_another_parameter(
+    monkeypatch: pytest.MonkeyPatch, method: str, tolerance: float, factor: float
+) -> None:
+    setting = scipy_program._setting
+
+    def changed(store: Store, quantity: Quantity) -> tuple[dict[str, float], float, bool]:
+        p, omega, smooth = setting(store, quantity)
+        return p | {"mu": factor * p["mu"]}, omega, smooth
+
+    monkeypatch.setattr(scipy_program, "_setting", changed)
+    planted = of(scipy_program.answered(stored(), ["printed/linear/limit-cycle"], method, tolerance))
+    assert planted.wrong.any()
+    assert (lost(planted) is not None) == (factor == 1.0)

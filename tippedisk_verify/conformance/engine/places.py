@@ -1,0 +1,209 @@
+"""Where wrong answers are, and digits that a method loses: what is said of errors that no changed program makes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+
+import numpy as np
+
+from tippedisk_verify.conformance.engine.entries import Array, Sheet
+from tippedisk_verify.conformance.grading import Grade
+from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.store import Quantity
+
+__all__ = ["conditions", "inputs", "labels", "lost", "names_of", "parameters", "where"]
+
+_AT_STATES = 5  # the last level whose inputs are those of the formula; an orbit leaves its start's side
+_FEW = 4  # answers on either side of a surface, so that the side is no accident
+_SHARE = {True: 0.5, False: 0.9}  # of those that a name, or a surface, picks out are wrong; some may be so by chance
+_NAMED = 3  # names that are listed
+_ADJECTIVES = ("law", "equilibrium", "form")
+_NUMBERS = ("Omega", "beta", "gamma", "v", "t", "n", "order")
+_SLOPES = ("d", "transversality", "amplitude_squared_slope", "period_slope", "null_vector")
+_GROUPS = {
+    "derivatives": lambda stem: stem.startswith(_SLOPES), "crossings": lambda stem: stem.startswith("crossing_"),
+    "samples in time": lambda stem: stem in ("beta", "gamma", "v"), "residuals": lambda stem: stem.startswith("resid"),
+    "imaginary parts": lambda stem: stem.endswith("_im"), "multipliers": lambda stem: "multiplier" in stem,
+}  # fmt: skip
+
+
+def names_of(sheet: Sheet) -> Array:
+    """The quantity that each answer is to, without its place and law."""
+    return np.concatenate([table.stems for table in sheet.tables])
+
+
+@cache
+def _place(name: str, key: str) -> float:
+    return float(placed(name)[1].get(key, "nan"))
+
+
+def inputs(sheet: Sheet) -> dict[str, Array]:
+    """The numbers that each answer's question has beside the parameters; NaN for what it has not."""
+    found: dict[str, list[float]] = {key: [] for key in _NUMBERS}
+    for key, table in product(_NUMBERS, sheet.tables):
+        known = table.given.get(key)
+        found[key] += [_place(name, key) for name in table.names] if known is None else known[table.rows].tolist()
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def parameters(sheet: Sheet) -> dict[str, Array]:
+    """The parameters of each answer's question."""
+    values = np.concatenate([np.array(table.p)[:, table.rows] for table in sheet.tables], axis=1)
+    return dict(zip(SYMBOLS, values, strict=True))
+
+
+def labels(sheet: Sheet) -> dict[str, Array]:
+    """The names that each answer's question has; an entry goes by its kind and name."""
+    columns: dict[str, list[Array]] = {}
+    for table in sheet.tables:
+        entries = np.array([entry.id.split("/", 2)[2] for entry in table.entries])
+        known = {"law": np.full(len(entries), table.friction), "equilibrium": table.given["equilibrium"]}
+        known |= {"form": table.given["form"], "parameter set": table.sets, "entry": entries}
+        for name, values in known.items():
+            columns.setdefault(name, []).append(values[table.rows])
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
+
+
+def conditions(sheet: Sheet) -> Iterator[tuple[str, Array]]:
+    """Conditions on a question that wrong answers satisfy, and which answers are to such questions."""
+    for name, values in labels(sheet).items():
+        picked = np.unique(values[sheet.wrong])
+        text = " and ".join(str(one).rsplit("/", 1)[-1] for one in picked)
+        if len(picked) <= _NAMED and not np.isin(values, picked).all():
+            text = f"{text} {name}" if name in _ADJECTIVES else f"{name} {text}"
+            yield f"for the {text}", np.isin(values, picked)
+    numbers, signed = inputs(sheet), {"the right value": sheet.truth}
+    if sheet.level <= _AT_STATES:
+        Omega, beta, gamma, v = (numbers[name] for name in _NUMBERS[:4])
+        p = parameters(sheet)
+        signed |= {"sin(beta)": np.sin(beta), "cos(beta)": np.cos(beta), "sin(gamma)": np.sin(gamma), "v": v}
+        sliding = (p["r"] + p["e"] * np.sin(gamma)) * v - p["e"] * Omega * np.sin(beta) * np.cos(gamma)
+        critical = (p["r"] + p["e"]) * np.sqrt(p["m"] * p["g"] / (p["r"] * (p["B"] - p["m"] * p["e"] ** 2)))
+        signed |= {
+            "cos(gamma)": np.cos(gamma),
+            "gamma_y": sliding * np.sin(beta),
+            "Omega - Omega_crit": Omega - critical,
+        }
+    for name, value in signed.items():
+        yield f"where {name} > 0", value > 0
+        yield f"where {name} < 0", value < 0
+    for name, value in numbers.items():
+        bad = value[sheet.wrong]
+        if np.isfinite(bad).all():
+            yield f"from {name} = {bad.min():.6g} on", value >= bad.min()
+            yield f"up to {name} = {bad.max():.6g}", value <= bad.max()
+
+
+def where(sheet: Sheet) -> str:
+    """The simplest condition that all wrong answers satisfy and others to the same quantities do not; else nothing."""
+    if not sheet.wrong.any():
+        return ""
+    stems = names_of(sheet)
+    failing = np.unique(stems[sheet.wrong])
+    same = np.isin(stems, failing)
+    said = [f"in {text}" for text, holds in _GROUPS.items() if [*map(holds, stems)] == same.tolist()][:1]
+    if not same.all() and (len(failing) == 1 or not said):
+        said = [f"in {' and '.join(failing)}"] if len(failing) <= _NAMED else []
+    for text, mask in conditions(sheet):
+        inside, outside, named = mask & same, ~mask & same, text.startswith("for ")
+        if not outside.any() or (sheet.wrong & ~mask).any() or sheet.wrong[inside].mean() < _SHARE[named]:
+            continue
+        if named or min(inside.sum(), outside.sum()) >= _FEW:
+            said.append(text)
+            break
+    return f"only {' '.join(said)}" if said else ""
+
+
+# ------------------------------------------------------------------------------------------ lost digits
+_SINGLE, _EPS = 2.0**-24, 2.0**-52
+_NEARLY = (1e-13, 1e-3)  # medians of relative errors that are lost digits
+_WORST = 0.03  # the largest one
+_BOTH = 0.15  # at least so many errors are of the rarer sign
+_SMOOTH = 0.15  # of the errors are left where slightly other inputs explain them
+_EVERYWHERE = 0.01  # of the wrong answers' error the others have at least
+_INTEGRATED = 1.5e-4  # as a change of all inputs; SciPy's methods stay below at tolerances up to 1e-4
+_STEPS = {f"{first}e-{n}": float(f"{first}e-{n}") for n in range(14, 2, -1) for first in (1, 2, 5)}
+_STEPS |= {"the square root of eps": _EPS**0.5, "the cube root of eps": _EPS ** (1 / 3)}
+_MULTIPLES = (32, 1e11)  # smaller ones tell less of a step, larger ones are lost in the quotient's rounding
+_WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
+_ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
+
+
+@np.errstate(all="ignore")
+def lost(sheet: Sheet) -> tuple[str, Array] | None:
+    """What method loses the digits that are missing, and the answers that this is said of."""
+    found = (look(sheet) for look in (_in_slopes, _in_single, _on_the_way) if sheet.wrong.any())
+    return next((one for one in found if one is not None), None)
+
+
+def _asked(sheet: Sheet) -> list[tuple[Quantity, Grade]]:
+    """The question and the grade of each answer."""
+    entries = [entry for table in sheet.tables for entry in table.entries]
+    known = {q.id: (q, grade) for entry in entries for q, grade in zip(entry.quantities, entry.grades, strict=True)}
+    places = [(table, *place) for table in sheet.tables for place in zip(table.rows, table.names, strict=True)]
+    return [known[f"{table.entries[row].id}/{name}"] for table, row, name in places]
+
+
+def _relative(sheet: Sheet) -> Array:
+    """Errors with their signs, by the size that they are graded against."""
+    scale = sheet.allowed * 10.0 ** np.array([grade.needs for _, grade in _asked(sheet)])
+    return np.asarray((sheet.answer - sheet.truth) / scale)
+
+
+def _small(errors: Array) -> bool:
+    """Whether errors are lost digits: small ones of both signs."""
+    sizes = np.abs(errors)
+    small = len(errors) >= _FEW and _NEARLY[0] < np.median(sizes) < _NEARLY[1] and sizes.max() < _WORST
+    return bool(small and _BOTH < np.mean(errors > 0) < 1 - _BOTH)
+
+
+def _in_slopes(sheet: Sheet) -> tuple[str, Array] | None:
+    """Derivatives that are differences: their rounding tells the step, or all of them are off a little."""
+    stems, errors = names_of(sheet), _relative(sheet)
+    slopes = np.char.startswith(stems, "d") | np.isin(stems, _SLOPES)
+    mine = sheet.wrong & slopes
+    if not mine.any() or not np.median(np.abs(errors[mine])) < _WORST:
+        return None
+    entries = [quantity.id.rsplit("/", 1)[0] for quantity, _ in _asked(sheet)]
+    values = {key: x for key, name, x in zip(entries, stems, sheet.truth, strict=True) if name == "v_rate"}
+    # The difference of two doubles is a whole multiple of their last unit, and the answer one of that over the step.
+    units = np.spacing(np.abs([values.get(key, np.nan) for key in entries]))[mine]
+    for text, step in sorted(_STEPS.items(), key=lambda one: one[1]):  # what holds for a step holds for its multiples
+        multiples = np.abs(sheet.answer[mine] / units * step)
+        multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
+        whole = np.abs(multiples - np.round(multiples)) < _WHOLE
+        if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:
+            size = f"{text} (forward, or twice a central one's)"
+            return f"errors of a difference quotient with a step of {size}, in the derivatives only", mine
+    alone = not (sheet.wrong & ~slopes).any() and not slopes.all() and len(np.unique(stems[mine])) > 1
+    if not alone or not _small(errors[mine]):
+        return None
+    more = ", or of a tolerance or step too coarse for the variational equations" if sheet.level > _AT_STATES else ""
+    return f"errors of the size of a difference quotient, in the derivatives only{more}", mine
+
+
+def _in_single(sheet: Sheet) -> tuple[str, Array] | None:
+    sizes = np.abs(_relative(sheet))
+    single = sheet.level <= _AT_STATES and sizes.max() < 64 * _SINGLE and np.median(sizes) > _SINGLE / 64
+    return ("errors of the size of single precision", sheet.wrong) if single and sheet.wrong.sum() >= _FEW else None
+
+
+def _on_the_way(sheet: Sheet) -> tuple[str, Array] | None:
+    """An integrator's errors: of all directions, where slightly other inputs would make the same ones everywhere."""
+    if sheet.level not in (6, 7, 9, 10) or sheet.wrong.sum() < _FEW:
+        return None
+    slopes_of = [quantity.condition for quantity, _ in _asked(sheet)]
+    symbols = sorted(set[str]().union(*slopes_of))
+    slopes = np.array([[float(one.get(symbol, 0)) for symbol in symbols] for one in slopes_of])
+    weights = 1 / np.maximum(np.abs(slopes).sum(axis=1), 1e-300)
+    errors, slopes = (sheet.answer - sheet.truth) * weights, slopes * weights[:, None]
+    bad, sizes = errors[sheet.wrong], np.abs(errors)
+    everywhere = np.median(sizes) > _EVERYWHERE * np.median(np.abs(bad)) and len(errors) > 3 * len(symbols)
+    left = errors - slopes @ np.linalg.lstsq(slopes, errors, rcond=1e-6)[0]
+    smooth = np.linalg.norm(left) < _SMOOTH * np.linalg.norm(errors)
+    if smooth or not everywhere or sizes.max() > _INTEGRATED or not _small(bad):
+        return None
+    return "errors of the size of an integrator's: a loose tolerance, too long a step, or single precision", sheet.wrong
