@@ -42,8 +42,7 @@ function verdictOf({ answer, reading }, row) {
   if (digits >= 1 && away <= +row.rounding) return ['rounding', digits];
   return [digits >= needs / 2 ? 'few-digits' : 'wrong', digits];
 }
-const none = { asked: 0, n: 0, failed: 0, few: 0, least: 15 };
-const levels = new Map([...asked.values()].map(({ level }) => [level, { ...none }]));
+const levels = new Map([...asked.values()].map(({ level }) => [level, { asked: 0, n: 0, failed: 0, few: 0, least: 15 }]));
 for (const [id, row] of asked) {
   const one = given.get(id), sum = levels.get(row.level); sum.asked++;
   const [verdict, digits = 15] = one && answered.has(entry(id)) ? verdictOf(one, row) : ['no-truth'];
