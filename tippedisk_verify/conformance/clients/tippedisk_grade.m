@@ -30,16 +30,15 @@ function tippedisk_grade(answers, truths)
   verdict(~matches('^[+-]?(\d+\.?\d*|\.\d+)([ed][+-]?\d+)?$')) = {'unreadable'};
   verdict(matches('^[+-]?(nan|inf(inity)?)$')) = {'not-a-number'};
   verdict(isnan(truth) | ~is_given) = {'no-truth'};
-
   failed = ismember(verdict, {'few-digits', 'wrong', 'unreadable', 'not-a-number'});
   for k = find(failed(:)).'
     fprintf('%-12s  %s  %s instead of %.17g\n', verdict{k}, asked.id{k}, answer{k}, truth(k));
   end
   for n = unique(level(:)).'
     here = level == n & ~strcmp(verdict, 'no-truth'); bad = sum(failed & here); says = 'fails';
-    if ~any(here), says = 'not answered'; elseif bad == 0 && sum(here) < sum(level == n), says = 'partial';
-    elseif bad == 0, says = 'agrees';
+    if ~any(here), says = 'not answered'; elseif bad == 0, says = 'agrees';
     elseif all(strcmp(verdict(failed & here), 'few-digits')), says = 'too few digits'; end
+    if bad == 0 && any(here) && sum(here) < sum(level == n), says = 'partial'; end
     fprintf('level %d: %d of %d answered, %d failed, least digits %.1f: %s\n', n, sum(here), sum(level == n), bad, ...
             min([digits(here), 15]), says);
   end
