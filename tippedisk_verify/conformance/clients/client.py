@@ -647,4 +647,6 @@ def main(sheet, target):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    if len(sys.argv) != 3:
+        sys.exit("usage: python client.py SHEET.csv ANSWERS.csv")
+    main(sys.argv[1], sys.argv[2])
