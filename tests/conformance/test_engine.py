@@ -7,10 +7,11 @@ import ast
 import numpy as np
 import pytest
 
+from tippedisk_verify.conformance.engine.cycles import cycle_causes
 from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
 from tippedisk_verify.conformance.engine.inputs import INPUTS
 from tippedisk_verify.conformance.engine.operators import changes, places, statements
-from tippedisk_verify.conformance.engine.search import values
+from tippedisk_verify.conformance.engine.search import Search, values
 from tippedisk_verify.conformance.engine.specimen import Program, Specimen, specimen
 from tippedisk_verify.conformance.engine.statement import diagnosed
 from tippedisk_verify.conformance.engine.ways import ways
@@ -88,3 +89,29 @@ def test_a_planted_change_is_found_again(
             given[f"{entry.id}/{table.names[cell]}"] = ("doubles", repr(float(value)))
     (first, *_) = diagnosed(graded(Answers(given), store), store)
     assert says in first.says()
+
+
+def _cycles(store: Store, power: float) -> Sheet:
+    """Right cycles whose slow multiplier is the right one to a power."""
+    given = {}
+    for quantity in store.matching("printed/linear/limit-cycle/"):
+        value = quantity.for_doubles
+        given[quantity.id] = "doubles", repr(value**power if quantity.name == "multiplier_slow" else value)
+    return Sheet(tuple(tables_of(graded(Answers(given), store), store)))
+
+
+def test_what_is_made_of_the_half_map_is_named(store: Store) -> None:
+    causes = cycle_causes(Search(_cycles(store, 0.5)))
+    assert any("half a period" in cause.says for cause in causes)
+
+
+def test_samples_of_another_time_are_named(store: Store) -> None:
+    """Along an orbit that is answered at every sample, a sample is the next one's answer."""
+    entry = "printed/linear/trajectory/d1/"
+    asked = [quantity for quantity in store.matching(entry) if "@" in quantity.name]
+    following = dict(zip(asked, asked[3:], strict=False))  # beta, gamma and v of a time follow each other
+    names = {one: other for one, other in following.items() if one.name.split("@")[0] == other.name.split("@")[0]}
+    given = {one.id: ("doubles", repr(names.get(one, one).for_doubles)) for one in asked if one in names}
+    (found,) = diagnosed(graded(Answers(given), store), store)
+    assert found.level == 6
+    assert "next" in found.says()

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.engine.entries import Sheet, Table
+from tippedisk_verify.conformance.engine.specimen import specimen
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["INPUTS", "Input", "changed"]
@@ -61,12 +62,27 @@ def _to_single(values: Any) -> Any:
     return values.astype(np.float32).astype(float)
 
 
+def _cut(decimals: int, values: Any) -> Any:
+    return np.trunc(values * 10.0**decimals) / 10.0**decimals
+
+
+def _slow(values: Values) -> Values:
+    """v on the slow manifold's order 0."""
+    r, e, gamma = values["r"], values["e"], values["gamma"]
+    return {"v": e * values["Omega"] * np.sin(values["beta"]) * np.cos(gamma) / (r + e * np.sin(gamma))}
+
+
+def _critical(values: Values) -> Values:
+    return {"Omega": specimen().space["critical_speed"](tuple(values[name] for name in SYMBOLS))}
+
+
 def _precisions() -> Iterator[Input]:
     groups = {"the parameters": SYMBOLS, "speed and state": _STATE, "all inputs": (*SYMBOLS, *_STATE)}
+    groups["the state"] = _STATE[1:]
     for text, names in (*groups.items(), *((name, (name,)) for name in (*SYMBOLS, *_STATE))):
         slug = text.replace(" ", "-")
         yield Input(f"{slug}-single", f"{text} in single precision", _all(names, _to_single), 2)
-        for n in range(3, 12):
+        for n in range(1, 12):
             rounded, cut = _all(names, partial(_to_digits, n)), _all(names, partial(_to_decimals, n))
             yield Input(f"{slug}-{n}-digits", f"{text} rounded to {n} digits", rounded, 2)
             yield Input(f"{slug}-{n}-decimals", f"{text} rounded to {n} decimals", cut, 2)
@@ -111,6 +127,14 @@ INPUTS: tuple[Input, ...] = (
             (100.0, "times 100", 3), (0.01, "by 100", 3), (10.0, "times 10", 3), (0.1, "by 10", 3),
         )
     ),
+    *(
+        Input(f"{name}-{n}-decimals-cut", f"{name} cut off after {n} decimals", _all((name,), partial(_cut, n)), rank)
+        for name in _STATE
+        for n, rank in ((0, 0), (1, 2), (2, 2), (3, 2), (4, 2), (5, 2), (6, 2))
+    ),
+    Input("v-slow", "v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
+    Input("omega-crit", "Omega_crit in place of Omega", _critical),
+    Input("first-of-start", "Omega of the first entry with the same start", _from({"Omega": "first_Omega"}), 1),
     Input("g-9.8", "g = 9.8 for 9.81", lambda values: {"g": 9.8 + 0 * values["g"]}),
     Input("g-9.80665", "g = 9.80665 for 9.81", lambda values: {"g": 9.80665 + 0 * values["g"]}),
     *_pairs(),

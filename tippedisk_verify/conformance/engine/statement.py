@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tippedisk_verify.conformance.engine.cycles import cycle_causes
 from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
+from tippedisk_verify.conformance.engine.orbits import orbit_causes
 from tippedisk_verify.conformance.engine.relations import related
 from tippedisk_verify.conformance.engine.search import Cause, Search
 from tippedisk_verify.conformance.engine.specimen import specimen
@@ -19,6 +21,7 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _SECONDS = 8.0  # of the processor for changes of formulas, and as many for numbers that are solved for
+_ORBITS = 6  # the first level whose answers are flown
 _PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
 _MOST = 3  # causes that are named together
 
@@ -107,6 +110,9 @@ def causes_of(sheet: Sheet, passed: Iterable[str], advance: Callable[[str, int],
     known = frozenset[str]().union(*(plain.calls[plain.starts(kind)] for kind in passed))
     search = Search(sheet, advance, known)
     search.allow(_SECONDS)
+    if sheet.level >= _ORBITS:
+        outputs = [Cause(one.says, one.rank, name=one.name) for one in related(sheet)]
+        return _simplest(outputs or (orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
     simple = search.inputs((0,)) or search.causes(ways(), (0,)) or search.inputs((1,))
     outputs = [Cause(one.says, one.rank, name=one.name) for one in related(sheet)]
     if simple or outputs:
@@ -121,6 +127,8 @@ def causes_of(sheet: Sheet, passed: Iterable[str], advance: Callable[[str, int],
 
 def _simplest(found: list[Cause]) -> list[Cause]:
     """Those of the lowest rank, the shortest first; of a statement's many equivalent changes the shortest alone."""
+    if not found:
+        return []
     found = sorted(found, key=lambda cause: (cause.rank, len(cause.says)))
     found = [cause for cause in found if cause.rank == found[0].rank]
     places: dict[str, Cause] = {}
