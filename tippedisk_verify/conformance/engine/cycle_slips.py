@@ -71,7 +71,8 @@ _SLIPS: list[Slip] = [
         ("v's part is missing", (1, 0, 1)), ("only the first component's part", (1, 0, 0)))),
     *(("log", f"log_multiplier_slow {text}", made) for text, made in (
         ("over half a period: the half map's eigenvalue is not squared", lambda slow, T: np.log(slow) / 2),
-        ("per second: divided by the period", lambda slow, T: np.log(slow) / T), ("to base 10", lambda slow, T: np.log10(slow)))),
+        ("per second: divided by the period", lambda slow, T: np.log(slow) / T),
+        ("to base 10", lambda slow, T: np.log10(slow)))),
     *(("slow", f"multiplier_slow{text}", made) for text, made in (
         (" over half a period: the half map's eigenvalue is not squared", lambda P, n: _radii(P)[0]),
         (": the half map's eigenvalue is doubled, not squared", lambda P, n: 2 * _radii(P)[0]),
