@@ -619,6 +619,8 @@ def answered(rows):
     """The answers to a sheet's rows, by id; entries of one kind and friction law are computed together."""
     groups = {}
     for row in rows:
+        if row["kind"] not in KINDS:
+            continue
         entry, name = row["id"].rsplit("/", 1)
         groups.setdefault((row["kind"], row["friction"]), {}).setdefault(entry, {})[name] = row
     answers = {}
