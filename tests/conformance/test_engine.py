@@ -70,7 +70,6 @@ _PLANTED = (
     ("linearisation", "- Omega ** 2", "+ Omega ** 2", "m g / Bbar rho + Omega^2 for m g / Bbar rho - Omega^2"),
     ("hopf", "2 * pi / omega", "pi / omega", "the factor 2 is missing"),
     ("one_harmonic_law", "chi * Omega ** 2", "chi * Omega", "Omega for Omega^2"),
-    ("slow_manifold_orders", "force - transport", "force + transport", "in transport (slow_manifold_orders): "),
 )
 
 

@@ -184,7 +184,7 @@ class Search:
             for suspect in () if found else self.suspects_of(right):
                 place = suspect.place
                 for spot in (place, *places(place.function, place.node, place.path)):
-                    if isinstance(spot.node, ast.Constant) or self.late():
+                    if isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
                         continue
                     factor = ast.BinOp(ast.Name("_free", ast.Load()), ast.Mult(), spot.node)
                     tree = _fixed(spot.replaced(_fixed(factor)))
@@ -311,7 +311,7 @@ def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, st
     whole = Place(function, statement, (*path, (statement, "value", None)))
     if isinstance(value, ast.Dict):
         for index, key in enumerate(value.keys):
-            yield Place(function, statement, (*whole.path, (value, "values", index))), ast.literal_eval(key)  # type: ignore[arg-type]
+            yield Place(function, statement, (*whole.path, (value, "values", index))), shown(key).strip("'")
     elif (
         isinstance(value, ast.Tuple)
         and isinstance(statement, ast.Assign)
