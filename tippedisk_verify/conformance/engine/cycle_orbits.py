@@ -94,12 +94,14 @@ def _stopped(flights: list[Any], parts: list[Any]) -> Said:
         if not np.isfinite(deepest).all() or (flight and flight.ring.parts != 2):
             return
         f = flight
-        for _ in range(8 if f else 0):
+        last = 1.0
+        for _ in range(5 if f else 0):
             low = f.instant(2, 0.0)[1]
             matrix = np.stack([f.change()[:, 0, :2], -f.change(0, low)[:, 0, :2]], axis=1)
             step = -solve(matrix, np.column_stack([f.missed[0], np.pi / 2 - low[0] - deepest])).T
-            if not np.abs(step).max() < 1:
+            if not np.abs(step).max() < last:
                 return
+            last = float(np.abs(step).max()) + 1e-9
             f = replace(f, start=f.start + step)
             if np.abs(step).max() < 1e-9:
                 break
@@ -113,8 +115,8 @@ def _stopped(flights: list[Any], parts: list[Any]) -> Said:
         for name, value in zip(one[0].ring.start, one[0].start + share * steps.pop(0), strict=True):
             one[1][name] = value
     text = "" if share == 1 else f", taken {share:g} times"
-    last = f"the answered states are those after its last step{text}, of up to {np.abs(size).max():.1g}"
-    says = f"{_EARLY}: {last}, all else is of the states before it, which are no cycles"
+    after = f"the answered states are those after its last step{text}, of up to {np.abs(size).max():.1g}"
+    says = f"{_EARLY}: {after}, all else is of the states before it, which are no cycles"
     yield says, [one and one[1] for one in results]
 
 
@@ -128,12 +130,14 @@ def _speeds(flights: list[Any], parts: list[Any]) -> Said:
         slope = column(part, f"d{flight.ring.start[0]}_domega", part.truth)
         first = column(part, flight.ring.start[0], part.truth)
         f = replace(flight, Omega=flight.Omega + np.clip(np.nan_to_num((flight.start[0] - first) / slope), -0.3, 0.3))
+        last = 2.0
         for _ in range(8):
             change, ring = f.change(), f.ring
             by = np.column_stack([change[:, ring.axis, 2], ring.sign * change[:, list(ring.kept), 2]])
             step = -(by * f.missed.T).sum(axis=1) / (by * by).sum(axis=1)
-            if not np.abs(step).max() < 2:
+            if not np.abs(step).max() < last:
                 return
+            last = float(np.abs(step).max()) + 1e-9
             f = replace(f, Omega=f.Omega + step)
             if np.abs(step).max() < 1e-11:
                 break
