@@ -87,6 +87,7 @@ def test_a_disk_from_a_file(tmp_path) -> None:
         (lambda: tv.Disk("printed").limit_cycle("30.4", below_crit="0.5"), "one of omega, below_crit and above_het"),
         (lambda: tv.Disk("printed").limit_cycle(below_crit="pi"), "must be a decimal"),
         (lambda: tv.Disk("printed").branch([]), "1 to"),
+        (lambda: tv.Disk("printed").integrate("30.4", ("1", "1", "0"), "1e400"), "within 1e300 s of 0"),
     ],
 )
 def test_what_makes_no_sense_is_one_line(make, word) -> None:

@@ -36,6 +36,7 @@ __all__ = ["EVENTS", "Solution", "integrated"]
 
 _STATE = ("beta", "gamma", "v")
 _SAMPLES = 201  # if no times are named
+_LATEST = 10**300  # s; doubles hold the times beyond any run
 #: The events that have a name: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
@@ -206,11 +207,13 @@ def integrated(
 
 def _span(time: object) -> tuple[Exact, Exact]:
     """When the run starts and ends [s], of a duration or a pair."""
-    if not isinstance(time, tuple | list):
-        return exact(0), exact(time)
-    if len(time) != 2:
+    ends = time if isinstance(time, tuple | list) else (0, time)
+    if len(ends) != 2:
         raise InputError(f"a time span is a duration or a pair (t0, t1), not {shown(time)}")
-    return exact(time[0]), exact(time[1])
+    start, end = exact(ends[0]), exact(ends[1])
+    if max(abs(start.rational), abs(end.rational)) > _LATEST:
+        raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")
+    return start, end
 
 
 def _several(names: Any) -> Any:

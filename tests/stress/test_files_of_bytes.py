@@ -134,7 +134,7 @@ def _reference_folders(folder: Path, draws: int) -> Iterator[Ran]:
     for name in ("README.md", "schema.json", "printed/hopf.json", "printed/heteroclinic.json"):
         shutil.copy(data_folder() / name, data / name)
     documents = [json.loads((data / "printed" / name).read_text()) for name in ("hopf.json", "heteroclinic.json")]
-    for table, text in tables(documents, {}).items():
+    for table, text in tables(documents).items():
         (data / "printed" / table).write_text(text)
     write_manifest(data)
     assert check(data, sample=0).faults == ()
@@ -259,7 +259,8 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
             found += [(path.name, name) for name in names if name.split(".")[0] in modules]
     # What a cluster's workers are sent; here only Dask itself reads what they answer.
     # Formulas that the package itself has as texts; no file and no answer becomes a part of them.
-    assert sorted(set(found)) == [("slips.py", "compile"), ("slips.py", "exec"), ("workers.py", "pickle")]
+    formulas = [(name, call) for name in ("slips.py", "specimen.py") for call in ("compile", "exec")]
+    assert sorted(set(found)) == [*formulas, ("workers.py", "pickle")]
 
 
 def test_links_in_a_data_folder_lead_nowhere_else(tmp_path: Path) -> None:

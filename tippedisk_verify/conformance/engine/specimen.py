@@ -43,14 +43,6 @@ class Specimen:
         return {name: compiled(tree) for name, tree in self.functions.items()}
 
     @cached_property
-    def defaults(self) -> dict[str, tuple[Any, ...] | None]:
-        """The default values of each function's last arguments."""
-        return {
-            name: tuple(eval(ast.unparse(one), dict(self.space)) for one in tree.args.defaults) or None
-            for name, tree in self.functions.items()
-        }
-
-    @cached_property
     def calls(self) -> dict[str, frozenset[str]]:
         """Which functions and constants each function reaches, itself included."""
         known = {*self.functions, *self.constants}
@@ -99,6 +91,11 @@ def compiled(tree: ast.FunctionDef) -> types.CodeType:
     return next(part for part in module.co_consts if isinstance(part, types.CodeType))
 
 
+def _defaults(right: Specimen, name: str) -> Any:
+    """The default values of a function's last arguments, which other ways of writing it leave as they are."""
+    return getattr(right.space.get(name), "__defaults__", None)
+
+
 class Program:
     """A specimen with the trees of ``changes`` in place of those of their names."""
 
@@ -110,7 +107,7 @@ class Program:
             tree = changes.get(function)
             if isinstance(tree, ast.FunctionDef):
                 code = compiled(tree)
-            self.space[function] = types.FunctionType(code, self.space, function, right.defaults[function])
+            self.space[function] = types.FunctionType(code, self.space, function, _defaults(right, function))
         for name, assign in right.constants.items():
             if right.calls[name] & changes.keys():
                 assign = changes.get(name, assign)  # type: ignore[assignment]
