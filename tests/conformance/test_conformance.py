@@ -20,9 +20,7 @@ import pytest
 import tippedisk_verify as tv
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.diagnosis.alternatives import ALTERNATIVES, CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.diagnosis.predictions import predicted
-from tippedisk_verify.conformance.grading import FAILS_BELOW, compare, digits_between, graded, levels_of
+from tippedisk_verify.conformance.grading import compare, digits_between, graded, levels_of
 from tippedisk_verify.conformance.pages import Report, html_page, split_where_wrong
 from tippedisk_verify.conformance.sheet import (
     COLUMNS,
@@ -34,8 +32,6 @@ from tippedisk_verify.conformance.sheet import (
     sheet_json,
 )
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import friction_force, terms
-from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.reference_values.store import Store, stored
 
 OMEGA_CRIT = "printed/linear/hopf/point/omega_crit"
@@ -375,118 +371,6 @@ def test_bad_input(
 
 
 # ------------------------------------------------------------------------------------------ diagnosis
-def test_the_spelling_without_mistakes_is_the_model() -> None:
-    with mpmath.workdps(40):
-        c = Constants(*(mpmath.mpf(value.numerator) / value.denominator for value in PRINTED.rational()))
-        state, omega = (mpmath.mpf("0.9"), mpmath.mpf("2.3"), mpmath.mpf("-3.1")), mpmath.mpf("30.4")
-        here = terms(mpmath, c, omega, *state)
-        for friction in ("linear", "smooth"):
-            found = spelled(CORRECT, mpmath, c, omega, state, friction)
-            force = friction_force(c, here.sliding_velocity, friction)
-            right = [*here, force, (here.gyroscopic + here.gravity + here.direction * force) / here.mass]
-            names = ["M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "v_rate"]
-            for name, value in zip(names, right, strict=True):
-                assert abs(found[name] - value) <= abs(value) * mpmath.mpf(10) ** -35
-
-
-def test_predictions_without_a_mistake_are_the_truth(store: Store) -> None:
-    """The predictions' own machinery, at every kind that it serves, against the reference data."""
-    none = Alternative("", "")
-    for entry in (
-        *("linear/rhs/017", "smooth/rhs/017", "both/rhs/017", "both/equilibrium/inverted-30.4"),
-        *("linear/hopf/point", "linear/harmonic-balance/printed-crit-0.1", "linear/slow-manifold/03"),
-        *("linear/trajectory/a1", "linear/trajectory/d2", "linear/limit-cycle/crit-0.5", "smooth/limit-cycle/crit-0.3"),
-    ):
-        quantities = store.matching(f"printed/{entry}/")
-        found = predicted(none, quantities, store, {})
-        assert found, entry
-        for id_, value in found.items():
-            assert compare(id_, value).digits > min(FAILS_BELOW[store[id_].level], 7) - 1, id_
-        if entry.startswith("linear/limit-cycle"):
-            period = float(store[f"printed/{entry}/period"])
-            assert found[f"printed/{entry}/period"] == pytest.approx(period, abs=1e-10)  # the CSV's decimals
-
-
-_EQUATIONS = [alternative for alternative in ALTERNATIVES if alternative.of_the_model]
-
-
-@pytest.mark.parametrize("alternative", _EQUATIONS, ids=lambda alternative: alternative.name)
-def test_each_mistake_in_the_model_is_named(alternative, store: Store) -> None:
-    given: dict[str, str] = {}
-    differs = False
-    for n in range(1, 41):
-        for law in ("both", "linear"):
-            quantities = store.matching(f"calibrated/{law}/rhs/{n:03d}/")
-            found = predicted(alternative, quantities, store, {})
-            given |= {id_: repr(value) for id_, value in found.items()}
-            differs |= any(compare(id_, value).failed for id_, value in found.items())
-    diagnoses = diagnosed(graded(_answers(given), store), store)
-    if not differs:  # some roundings change nothing here
-        assert diagnoses == []
-        return
-    (diagnosis,) = diagnoses
-    names = {name for name, _ in diagnosis.causes}
-    # Of roundings that are one and the same on these places, the simplest is named.
-    alike = [one for one in _EQUATIONS if one.name.endswith("-decimals") and alternative.name.endswith("-decimals")]
-    places = [store.matching(f"calibrated/linear/rhs/{n:03d}/") for n in range(1, 41)]
-    expected = [predicted(alternative, here, store, {}) for here in places]
-    same = {one.name for one in alike if [predicted(one, here, store, {}) for here in places] == expected}
-    assert names & {alternative.name, *same}
-    assert len(diagnosis.causes) <= 2
-
-
-_OUTPUTS = [alternative for alternative in ALTERNATIVES if alternative.output or alternative.counterpart]
-
-
-@pytest.mark.parametrize("alternative", _OUTPUTS, ids=lambda alternative: alternative.name)
-def test_each_mistake_in_the_answers_is_named(alternative, store: Store) -> None:
-    """Tried at every level, with all equations right."""
-    entries = (
-        *("both/rhs/001", "linear/rhs/001", "smooth/rhs/001", "linear/hopf/point"),
-        *("linear/harmonic-balance/printed-crit-0.5", "linear/harmonic-balance/consistent-crit-0.5"),
-        *("linear/trajectory/d1", "smooth/limit-cycle/crit-0.5", "linear/limit-cycle/crit-0.5"),
-        *("linear/heteroclinic/point", "linear/rotating-cycle/stable-het-0.01"),
-        *("linear/rotating-cycle/unstable-het-0.01", "smooth/rotation-fold/point"),
-    )
-    wrong: dict[int, dict[str, str]] = {}
-    set_name = "calibrated" if alternative.counterpart.get("set") == "printed" else "printed"
-    for entry in entries:
-        quantities = store.matching(f"{set_name}/{entry}/")
-        truth = {quantity.id: quantity.for_doubles for quantity in quantities}
-        found = predicted(alternative, quantities, store, truth)
-        if any(compare(id_, value).failed for id_, value in found.items()):
-            wrong.setdefault(quantities[0].level, {}).update({id_: repr(value) for id_, value in found.items()})
-    assert wrong, "a mistake that changes nothing has no place in the list"
-    equations = {
-        q.id: repr(q.for_doubles) for law in ("linear", "smooth") for q in store.matching(f"{set_name}/{law}/rhs/0")
-    }
-    for level, given in wrong.items():
-        if level > 1:
-            given |= equations
-        named = {name for one in diagnosed(graded(_answers(given), store), store) for name, _ in one.causes}
-        assert alternative.name in named, level
-
-
-def test_two_mistakes_and_unlisted_ones_stay_unexplained(store: Store) -> None:
-    by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
-
-    def answers(change) -> dict[str, str]:
-        return {
-            quantity.id: repr(change(quantity, index % 3))
-            for index in range(1, 41)
-            for quantity in store.matching(f"printed/linear/rhs/{index:03d}/")
-        }
-
-    def two(quantity, turn) -> float:
-        name = ("h-1-sign", "B-for-Bbar", "gravity-sign")[turn]
-        return predicted(by_name[name], [quantity], store, {})[quantity.id]
-
-    for change in (two, lambda quantity, turn: quantity.for_doubles + turn):
-        (diagnosis,) = diagnosed(graded(_answers(answers(change)), store), store)
-        assert diagnosis.causes == ()
-        assert "unexplained" in diagnosis.says()
-
-
 @pytest.mark.parametrize("places", [3, 4])
 def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Store) -> None:
     """Right answers, but for crossing times with few decimals."""
@@ -497,7 +381,7 @@ def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Sto
         for quantity in store.matching("printed/linear/trajectory/")
     }
     (diagnosis,) = diagnosed(graded(_answers(given), store), store)
-    assert [cause for _, cause in diagnosis.causes] == [f"crossing_time: the answers are rounded to {places} decimals"]
+    assert [cause for _, cause in diagnosis.causes] == [f"crossing_time is rounded to {places} decimals"]
 
 
 @pytest.mark.parametrize(
@@ -509,24 +393,11 @@ def test_rounded_crossing_times_are_told_from_crude_ones(places: int, store: Sto
     [["0"], ["1e99999", "1e-99999", "1"], pytest.param(["0", "1e40", "0.5"], marks=pytest.mark.slow(minutes=0.3))],
 )
 def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, nonsense: list[str], store: Store) -> None:
-    """But for what is plain: each answer the same number is a value's multiple only if that is 0."""
+    """But for what is plain: all answers that doubles hold are zero, or one."""
     questions = store.matching(f"printed/{entry}")[:40]
     given = {quantity.id: nonsense[n % len(nonsense)] for n, quantity in enumerate(questions)}
     for diagnosis in diagnosed(graded(_answers(given), store), store):
-        assert all("0 times the right value" in cause for _, cause in diagnosis.causes)
-
-
-def test_equations_that_pass_are_not_blamed_later(store: Store) -> None:
-    """With the right-hand side right, a wrong trajectory is the fault of another copy of the equations."""
-    given = {quantity.id: repr(quantity.for_doubles) for quantity in store.matching("printed/linear/rhs/")}
-    quantities = store.matching("printed/linear/trajectory/d1/")
-    by_name = {alternative.name: alternative for alternative in ALTERNATIVES}
-    given |= {id_: repr(x) for id_, x in predicted(by_name["h-2-sign"], quantities, store, {}).items()}
-    (diagnosis,) = diagnosed(graded(_answers(given), store), store)
-    assert diagnosis.level == 6
-    ((name, cause),) = diagnosis.causes
-    assert name == "h-2-sign"
-    assert cause.endswith("(in the orbits' equations: those of level 1 are right)")
+        assert all(re.search("(is|are) (zero|one)$", cause) for _, cause in diagnosis.causes)
 
 
 # ------------------------------------------------------------------------------------------ pages

@@ -260,7 +260,7 @@ def harmonic_balance(p, smooth, given, asked):
     return {"amplitude": C, "frequency": omega, "period": 2 * pi / omega}
 
 
-# ---- the slow manifold, by truncated series: coefficient [i, j] belongs to beta^i gamma^j ----
+# ---- the slow manifold, by series: coefficient [i, j], i + j < size, belongs to beta^i gamma^j ----
 
 
 def series_product(*factors):
@@ -270,7 +270,7 @@ def series_product(*factors):
         partial = np.zeros_like(product)
         size = len(product)
         for i in range(size):
-            for j in range(size):
+            for j in range(size - i):
                 partial[i:, j:] += product[i, j] * factor[: size - i, : size - j]
         product = partial
     return product
@@ -282,7 +282,7 @@ def series_quotient(numerator, denominator):
     remainder = numerator.copy()
     size = len(numerator)
     for i in range(size):
-        for j in range(size):
+        for j in range(size - i):
             quotient[i, j] = remainder[i, j] / denominator[0, 0]
             remainder[i:, j:] -= quotient[i, j] * denominator[: size - i, : size - j]
     return quotient
@@ -298,16 +298,17 @@ def series_in(variable, coefficients):
     return series
 
 
+def series_of(derivatives, size):
+    """The Taylor coefficients of a function whose derivatives at the angle repeat after four."""
+    return np.array([derivatives[k % 4] / factorial(k) for k in range(size)])
+
+
 def series_sine(angle, size):
-    """The Taylor coefficients of the sine at an angle."""
-    cycle = [sin(angle), cos(angle), -sin(angle), -cos(angle)]
-    return np.array([cycle[k % 4] / factorial(k) for k in range(size)])
+    return series_of([sin(angle), cos(angle), -sin(angle), -cos(angle)], size)
 
 
 def series_cosine(angle, size):
-    """The Taylor coefficients of the cosine at an angle."""
-    cycle = [cos(angle), -sin(angle), -cos(angle), sin(angle)]
-    return np.array([cycle[k % 4] / factorial(k) for k in range(size)])
+    return series_of([cos(angle), -sin(angle), -cos(angle), sin(angle)], size)
 
 
 def derivative_beta(series):
@@ -356,7 +357,7 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
     h = [e * Omega * series_quotient(series_product(sin_beta, cos_gamma), rho)]
     for n in range(1, last + 1):
         squares = sum(series_product(h[i], h[n - 1 - i]) for i in range(n))
-        transport_beta = sum(series_product(derivative_beta(h[i]), h[n - 1 - i]) for i in range(n))
+        transport_beta = sum(series_product(h[i], derivative_beta(h[n - 1 - i])) for i in range(n))
         transport_gamma = -Omega * series_product(derivative_gamma(h[n - 1]), cos_beta)
         force = series_product(force_1, h[n - 1]) + series_product(force_2, squares)
         if n == 1:

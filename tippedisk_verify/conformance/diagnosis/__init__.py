@@ -1,20 +1,11 @@
-"""Why answers fail: the one mistake that predicts all of them, or nothing.
+"""Why answers fail: the one mistake that gives all of them, or nothing.
 
-`causes` decides what is tried, and in which order. A mistake is sought
-- in a catalogue (`alternatives`) by what each predicts (`predictions`),
-- in the answers themselves (`shapes`, by `relations`, `places` and `sides`; `sizes`, by `differences`), and as one
-  free number (`factors`),
-- in the formulas of levels 1 to 5: those that are often got wrong (`formulas`, `matrices`, `recursion`), any single
-  slip in them (`slips` in what `written` and `written_theory` hold, tried by `slipped`) and in the series'
-  `arithmetic`, and a factor (`scaled`),
-- in orbits, which `flights` computes: `samples` (which instants), `integrators` (methods with `steps`, tolerances) and
-  `defects` (of unknown ones), `orbits` (events), `scans` (one number), and from sample to sample, in `pairs`:
-  `restarts` (what is done to states) and `copies` (a slip in the orbits' own equations),
-- in cycles, which `shooting` computes: `along` (what else is read along the right ones), `cycles` (what is made of the
-  half map, with `starts`), `closing` and `speeds` (what closes them), `quotients` (derivatives), `connection` (the
-  search for Omega_h) and `saddle` (the eigenvalues there).
+A fault is one change in a program. So there is one right program, the `specimen`, and one engine that changes it:
+`operators` is the table of what people write by mistake, `inputs` of what they put in, and `search` finds the one
+change with which the specimen, or one of the other right `ways` of writing it, gives the answers. `relations` are
+mistakes of a reader, not of a program; `places` says where wrong answers are. `statement` asks them in turn.
 """
 
-from tippedisk_verify.conformance.diagnosis.causes import Diagnosis, diagnosed
+from tippedisk_verify.conformance.diagnosis.statement import Diagnosis, diagnosed
 
 __all__ = ["Diagnosis", "diagnosed"]

@@ -1,196 +1,183 @@
-"""Many short flights at once, in double: one step of one method for all of them, as arrays.
-
-A lane is a start, a speed and a model of its own: its parameters, or one factor on each term of the equations.
-"""
+"""Right orbits at all times, and what is asked of them."""
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from types import SimpleNamespace
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
-import numpy
+import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.diagnosis.predictions import Model, constants_of
-from tippedisk_verify.model import equations
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.conformance.diagnosis.specimen import Program, specimen
+from tippedisk_verify.conformance.sheet import placed
 
 __all__ = [
-    *("RK4", "Field", "Orbits", "Step", "field", "flown", "half_map", "rates_at", "runge_kutta", "states_at"),
+    "CROSSING",
+    "EARLY",
+    "EXACT",
+    "ROUND",
+    "ROW",
+    "STATE",
+    "Flights",
+    "Orbit",
+    "Rates",
+    "State",
+    "Value",
+    "right",
+    "short",
+    "tilt",
 ]
 
-Array = numpy.ndarray[Any, Any]
-Field = Callable[[Array], Array]  #: rates of states, both with beta, gamma and v as rows
-Step = Callable[[Field, Array, Any], Array]  #: (rates, states, length) -> states; the length may be one for each lane
-_DURATION = 10.0  # s, of an orbit
-_STATE = ("beta", "gamma", "v")
-_BETWEEN = 0.5  # s, of stored samples
-_STEPS = 500
-_PASSES = 40  # of the secant method on the last step's length
+State = tuple[float, float, float]
+Rates = Callable[[float, float, float], State]
+Value = Callable[[Array], Array]  #: of states
+STATE = ("beta", "gamma", "v")
+CROSSING = ("crossing_time", "crossing_gamma", "crossing_v")
+ROW = 1e-3  # s, between the rows of an orbit
+EARLY = 0.01  # s, in which crossings do not count
+EXACT = 1e-7  # s, of times that are read exactly
+ROUND = sorted((f * 10.0**-k for k in range(1, 6) for f in (5, 4, 2.5, 2, 1.25, 1)), reverse=True)  # s, of steps
+_TOLERANCE = 1e-11
+_END = 12.0  # s
+_SCALAR: dict[str, Any] = {"sin": math.sin, "cos": math.cos, "abs": abs}
+_BEYOND = 0.6  # s, that orbits go on after what is asked
 
 
-def field(
-    set_name: str,
-    friction: str,
-    omega: Any,
-    parameters: Mapping[str, Any] | None = None,
-    factors: Mapping[str, Any] | None = None,
-    drifts: Mapping[str, Callable[[Array], Array]] | None = None,
-) -> Field:
-    """The equations with other parameters, and with factors on their terms; each value may be an array of lanes.
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """States and rates at rows, with cubic polynomials between them."""
 
-    With ``drifts``, factors of speed and parameters by the time, states have the time as a fourth row.
-    """
-    right = Model(Alternative("", ""), set_name, friction)
-    p = vars(right.p) | dict(parameters or {})
-    if "B" in (parameters or {}) or {"m", "e"} & (parameters or {}).keys():
-        p["Bbar"] = (parameters or {}).get("Bbar", p["B"] - p["m"] * p["e"] ** 2)
-    values = SimpleNamespace(**p)
-    if not factors and not drifts:  # in half the time
-        whole = equations.field(numpy, constants_of(values), omega, right.friction)  # type: ignore[arg-type]
-        return lambda y: numpy.stack(whole(*y))
-    spelling = replace(CORRECT, extra=tuple((name, number, ()) for name, number in (factors or {}).items()))
+    states: Array
+    rates: Array
 
-    def rates(y: Array) -> Array:
-        parts = spelled(spelling, numpy, values, omega, y, right.friction)
-        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"]])
+    def at(self, times: Any) -> Array:
+        place, last = np.asarray(times, dtype=float) / ROW, self.states.shape[1] - 1
+        outside = ~((place >= -1e-6) & (place <= last + 1e-6))
+        row = np.clip(np.where(outside, 0, place).astype(int), 0, last - 1)
+        s, a, b = place - row, self.states[:, row], self.states[:, row + 1]
+        da, db = ROW * self.rates[:, row], ROW * self.rates[:, row + 1]
+        found = a + s * (da + s * (3 * (b - a) - 2 * da - db + s * (2 * (a - b) + da + db)))
+        return np.where(outside, np.nan, found)
 
-    def drifting(y: Array) -> Array:
-        now = {name: factor(y[3]) for name, factor in (drifts or {}).items()}
-        here = SimpleNamespace(**p | {name: x * p[name] for name, x in now.items() if name != "Omega"})
-        parts = spelled(spelling, numpy, here, omega * now.get("Omega", 1.0), y[:3], right.friction)
-        return numpy.stack([y[2], parts["gamma_rate"], parts["v_rate"], numpy.ones_like(y[3])])
-
-    return drifting if drifts else rates
+    def events(self, value: Value, step: float = ROW) -> tuple[Array, Array]:
+        """Where a function of the state changes its sign between rows so far apart: these rows, and when."""
+        rows = np.arange(int(ROW * (self.states.shape[1] - 1) / step + 1e-6) + 1) * step
+        values = value(self.at(rows))
+        k = np.flatnonzero((values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0)))
+        low, high = rows[k], rows[k + 1]
+        for _ in range(45):
+            middle = (low + high) / 2
+            below = value(self.at(middle)) * values[k] > 0
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return rows[k], (low + high) / 2
 
 
-def runge_kutta(table: Sequence[Sequence[float]]) -> Step:
-    """An explicit method: its matrix, row by row, and its weights as the last row."""
-    *rows, weights = table
-
-    def step(f: Field, y: Array, h: Any) -> Array:
-        slopes = [f(y)]
-        for row in rows:
-            slopes.append(f(y + h * sum(a * k for a, k in zip(row, slopes, strict=False) if a)))
-        moved: Array = y + h * sum(b * k for b, k in zip(weights, slopes, strict=True) if b)
-        return moved
-
-    return step
+def tilt(state: Array) -> Array:
+    return np.asarray(state[0] - np.pi / 2)
 
 
-RK4 = runge_kutta(((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)))
+@cache
+def right(scalar: bool = False) -> Mapping[str, Any]:
+    return Program(specimen(), **(_SCALAR if scalar else {})).space
 
 
-def flown(f: Field, start: Array, duration: Any, count: int, step: Step = RK4) -> Array:
-    """The states after ``duration``, in ``count`` steps; NaN where the method blows up."""
-    y = start
-    with numpy.errstate(all="ignore"):
-        for _ in range(count):
-            y = step(f, y, duration / count)
-    return y
+@dataclass(eq=False)
+class Flights:
+    """The orbits of all entries of some tables, each flown when it is wanted, and where their answers stand."""
+
+    tables: Sequence[Table]
+    laws: Sequence[bool]
+    flown: dict[int, Orbit] = field(default_factory=dict)
+    changes: Mapping[str, Any] = field(default_factory=dict)  #: of the specimen's functions
+
+    def __post_init__(self) -> None:
+        self.space, self.scalar = right(), right(True)
+        if self.changes:
+            self.space = Program(specimen(), self.changes).space
+            self.scalar = Program(specimen(), self.changes, **_SCALAR).space
+        self.spots = [(n, row) for n, table in enumerate(self.tables) for row in range(len(table.entries))]
+        first = np.cumsum([0, *(len(table.entries) for table in self.tables)])
+        self.entry = np.concatenate([table.rows + first[n] for n, table in enumerate(self.tables)])
+        self.stem = np.concatenate([table.stems for table in self.tables])
+        places = (placed(name)[1] for table in self.tables for name in table.names)
+        self.place = np.array([float(one.get("t", one.get("n", "nan"))) for one in places])
+        self.latest = np.concatenate([np.fmax(table.truth, np.clip(table.answer, 0, _END)) for table in self.tables])
+
+    def inputs(self, k: int) -> tuple[tuple[float, ...], float, bool, State]:
+        n, row = self.spots[k]
+        beta, gamma, v, Omega = (float(self.tables[n].given[name][row]) for name in (*STATE, "Omega"))
+        return tuple(float(one[row]) for one in self.tables[n].p), Omega, self.laws[n], (beta, gamma, v)
+
+    def rates(self, k: int) -> Rates:
+        (p, Omega, smooth, _), equations = self.inputs(k), self.scalar["equations"]
+        return lambda beta, gamma, v: (v, *equations(p, Omega, smooth, beta, gamma, v)[6:8])
+
+    def orbit(self, k: int) -> Orbit:
+        if k not in self.flown:
+            from scipy.integrate import odeint
+
+            p, Omega, smooth, start = self.inputs(k)
+            rates, here = self.rates(k), self.entry == k
+            asked = np.where(np.isin(self.stem, STATE), self.place, 0)
+            asked = np.where(np.isin(self.stem, ("crossing_time", "flat_time")), self.latest, asked)
+            times = np.arange(int((asked[here].max(initial=0) + _BEYOND) / ROW) + 1) * ROW
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                tight = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "mxstep": 20000}
+                try:
+                    states = odeint(lambda t, y: rates(*y.tolist()), start, times, tfirst=True, **tight).T
+                except (ArithmeticError, ValueError):  # of inputs that make no orbit
+                    states = np.full((3, len(times)), np.nan)
+                self.flown[k] = Orbit(states, self.space["flow"](p, Omega, smooth, states))
+        return self.flown[k]
+
+    def at(self, times: Array, chosen: Array) -> Array:
+        """States at a time for each of some answers, from the orbits of their entries."""
+        states = np.full((3, len(times)), np.nan)
+        for k in np.unique(self.entry[chosen]):
+            here = self.entry[chosen] == k
+            states[:, here] = self.orbit(k).at(times[here])
+        return states
+
+    def lies(self, k: int, value: Value = lambda state: np.sin(state[0])) -> float:
+        times = self.orbit(k).events(value)[1]
+        return float(times[0]) if len(times) else math.inf
+
+    def crossings(self, k: int) -> Array:
+        times = self.orbit(k).events(tilt)[1]
+        return np.asarray(times[(times > EARLY) & (times < self.lies(k))])
+
+    def read(self, entries: Sequence[int]) -> Array:
+        """The answers to all questions of some entries, read rightly."""
+        found = np.full(len(self.entry), np.nan)
+        for k in entries:
+            here, times = self.entry == k, self.crossings(k)
+            self.enter(found, k, (times, *self.orbit(k).at(times)[1:]))
+            for stem, values in zip(STATE, self.orbit(k).at(self.place[here]), strict=True):
+                found[here] = np.where(self.stem[here] == stem, values, found[here])
+            found[here & (self.stem == "flat_time")] = self.lies(k)
+        return found
+
+    def enter(self, found: Array, k: int, crossings: Sequence[Array], stems: Sequence[str] = CROSSING) -> None:
+        """Enter crossings in their order."""
+        for stem, values in zip(stems, crossings, strict=True):
+            cells = np.flatnonzero((self.entry == k) & (self.stem == stem))
+            number = self.place[cells].astype(int) - 1
+            known = (number >= 0) & (number < len(values))
+            found[cells[known]] = values[number[known]]
+
+    def sample(self, k: int, time: float) -> list[int]:
+        """Where the answers to (beta, gamma, v) at a time stand; nothing if one is missing."""
+        here = (self.entry == k) & (np.abs(self.place - time) < EXACT)
+        cells = [np.flatnonzero(here & (self.stem == stem)) for stem in STATE]
+        return [int(cell[0]) for cell in cells] if all(map(len, cells)) else []
 
 
-def half_map(f: Field, start: Array, h: float, section: float, longest: float) -> tuple[Array, Array]:
-    """Times and states at the return to beta = ``section`` by RK4, its last step to there; NaN if none by ``longest``.
-
-    The start has v < 0, and the return v > 0.
-    """
-    y, time = start, numpy.zeros(start.shape[1])
-    before, begun = numpy.full_like(start, numpy.nan), numpy.full_like(time, numpy.nan)
-    gone = numpy.zeros(start.shape[1], dtype=bool)
-    with numpy.errstate(all="ignore"):
-        for _ in range(int(longest / h)):
-            z = RK4(f, y, h)
-            home = ~gone & (y[0] < section) & (z[0] >= section)
-            before[:, home], begun[home] = y[:, home], time[home]
-            gone |= home | ~numpy.isfinite(z[0])
-            if gone.all():
-                break
-            y, time = z, time + h
-        rest = (section - before[0]) / before[2]
-        for _ in range(_PASSES):
-            end = RK4(f, before, rest)
-            shift = (section - end[0]) / end[2]
-            if not numpy.nanmax(abs(shift), initial=0.0) > 1e-15:
-                break
-            rest = rest + shift
-    return begun + rest, end
-
-
-def states_at(here: Sequence[Quantity], times: Array, store: Store) -> Array:
-    """The right states of the orbits of these questions at these times, three rows; NaN beyond the stored samples."""
-    starts = numpy.full((3, len(here)), math.nan)
-    rest = numpy.zeros(len(here))
-    for lane, (quantity, time) in enumerate(zip(here, times, strict=True)):
-        if not 0 <= time <= _DURATION:
-            continue
-        last = _BETWEEN * math.floor(time / _BETWEEN)
-        rest[lane] = time - last
-        for row, name in enumerate(_STATE):
-            stored = store.get(f"{quantity.id.rsplit('/', 1)[0]}/{name}@{last:g}")
-            if not last:
-                starts[row, lane] = float(quantity.inputs[name])
-            elif stored is not None:
-                starts[row, lane] = stored.for_doubles
-    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in here])
-    return flown(field(here[0].set, here[0].friction, speeds), starts, rest, _STEPS)
-
-
-class Orbits:
-    """Right orbits at all times: as far as they are stored, and half a second on."""
-
-    def __init__(self, here: Sequence[Quantity], store: Store) -> None:
-        self._first, starts, speeds = list[int](), list[list[float]](), list[float]()
-        for quantity in here:
-            self._first.append(len(starts))
-            entry, time = quantity.id.rsplit("/", 1)[0], 0.0
-            state = [float(quantity.inputs[name]) for name in _STATE]
-            while True:
-                starts.append(state)
-                speeds.append(float(quantity.inputs["Omega"]))
-                time += _BETWEEN
-                stored = [store.get(f"{entry}/{name}@{time:g}") for name in _STATE]
-                if any(value is None for value in stored):
-                    break
-                state = [value.for_doubles for value in stored if value is not None]
-        self._last = numpy.array([*self._first[1:], len(starts)]) - 1
-        f, y, self._h = (
-            field(here[0].set, here[0].friction, numpy.array(speeds)),
-            numpy.array(starts).T,
-            _BETWEEN / _STEPS,
-        )
-        states = [y]
-        for _ in range(_STEPS):
-            states.append(RK4(f, states[-1], self._h))
-        self._states, self._rates = numpy.stack(states), numpy.stack([f(y) for y in states])
-
-    def at(self, orbit: Array, times: Array) -> Array:
-        """States, with beta, gamma and v as rows, by Hermite's cubics; NaN beyond."""
-        first, last = numpy.array(self._first)[orbit], self._last[orbit]
-        times = numpy.clip(numpy.nan_to_num(times, nan=-1.0), -1.0, _BETWEEN * (last - first + 2))
-        lane = numpy.clip(first + (times // _BETWEEN).astype(int), first, last)
-        rest = (times - _BETWEEN * (lane - first)) / self._h
-        step = numpy.clip(rest, 0, _STEPS - 1).astype(int)
-        x = numpy.where((rest >= 0) & (rest <= _STEPS), rest - step, math.nan)
-        (y, z), (f, g) = (
-            (numpy.moveaxis(table[step, :, lane], -1, 0), numpy.moveaxis(table[step + 1, :, lane], -1, 0))
-            for table in (self._states, self._rates)
-        )
-        rise = z - y - self._h * f
-        bend = self._h * (g - f) - 2 * rise
-        moved: Array = y + x * (self._h * f + x * (rise - bend * (1 - x)))
-        return moved
-
-
-def rates_at(sample: Sequence[Quantity], store: Store) -> dict[str, dict[str, float]]:
-    """What the equations have at the right states of these samples, by name and id: gamma', v', gamma_y and so on."""
-    times = numpy.array([float(quantity.name.split("@")[1]) for quantity in sample])
-    states = states_at(sample, times, store)
-    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in sample])
-    model = Model(Alternative("", ""), sample[0].set, sample[0].friction)
-    parts = spelled(CORRECT, numpy, model.p, speeds, states, model.friction)
-    names = ("gamma_rate", "v_rate", "gamma_y", "M", "h", "f_G", "w_y", "lambda_Ty", "rho")
-    return {name: {q.id: float(x) for q, x in zip(sample, parts[name], strict=True)} for name in names}
+def short(number: float, near: float = 2e-8) -> float:
+    """A number with few digits, if it is nearly one."""
+    rounded = (float(f"{number:.{digits}g}") for digits in range(1, 9))
+    return next((one for one in rounded if abs(one - number) < near * max(1.0, abs(number))), number)

@@ -1,204 +1,207 @@
-"""What answers that are no orbit's samples or crossings say of the right orbit: which event, which times, which rate.
+"""Orbits: other inputs behind them, other times on them, and the errors of integrators.
 
-The right state at any time is a short flight from the stored sample before it. Where a function of it is the same at
-all answered times, that function is the event.
+What a mutation of a formula cannot say of them. Right orbits are known at all times, and those of changed inputs too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from decimal import Decimal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
-import numpy
+import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative, spelled
-from tippedisk_verify.conformance.diagnosis.flights import Array, Orbits, states_at
-from tippedisk_verify.conformance.diagnosis.predictions import Model
-from tippedisk_verify.conformance.diagnosis.shapes import Found
-from tippedisk_verify.conformance.grading import Grade, as_decimal
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.conformance.diagnosis.equations import Equations
+from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, State, right, short
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, changed
+from tippedisk_verify.conformance.diagnosis.integrators import Integrators
+from tippedisk_verify.conformance.diagnosis.readings import Readings
+from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["events_of"]
+__all__ = ["orbit_causes"]
 
-_ALIKE = 1e-6  # of states and times
-_LEVEL = 1e-4  # of an event's function, as a program locates events in time
-_LEAST = 4  # answers that have the same
-_NEAR = 1e-4  # s, between an answered crossing and a right one
-_FEW = 2  # conditions that tell the same crossings
-_GRIDS = tuple(f * 10.0**-k for k in (4, 3, 2) for f in (1.0, 2.0, 2.5, 4.0, 5.0))  # s
-_CRUDE = 0.005  # s; a smaller error is that of a crude location, which is looked for elsewhere
-
-
-def events_of(usable: Sequence[Grade], wrong: set[str], store: Store) -> Found | None:
-    """Crossings and flat times of right orbits that are another event's, or numbered otherwise."""
-    if any("@" in id_ for id_ in wrong):
-        return None
-    answers = {grade.id: as_decimal(grade.answer) for grade in usable}
-    here = [store[id_] for id_ in answers if store[id_].name.startswith("crossing_time#")]
-    bad = [quantity for quantity in here if quantity.id in wrong]
-    if (text := _located(here, wrong, answers, store)) is not None:
-        return (("event", text),), frozenset(wrong)
-    if not bad:
-        return _flat([store[id_] for id_ in wrong if store[id_].name == "flat_time"], wrong, answers, store)
-    text = _section(bad, answers, store) or _left_out(here, answers, store) or _chosen(here, answers, store)
-    return ((("event", text),), frozenset(wrong)) if text else None
-
-
-def _functions(states: Array, parts: Mapping[str, Array]) -> Iterator[tuple[str, Array]]:
-    beta, gamma, v = states
-    yield "gamma = {}", gamma
-    yield "gamma = {}, modulo 2 pi", numpy.mod(gamma, 2 * math.pi)
-    yield "gamma = {}, modulo pi", numpy.mod(gamma, math.pi)
-    yield "v = {}", v
-    yield "beta = {}", beta
-    yield "gamma_y = {}", parts["gamma_y"]
-    yield "v' = {}", parts["v_rate"]
+_LAWS: tuple[tuple[str, Callable[[bool], bool]], ...] = (
+    ("", lambda smooth: smooth),
+    ("the orbits of the smooth law follow the linear law", lambda smooth: False),
+    ("the orbits of the linear law follow the smooth law", lambda smooth: True),
+    ("the orbits follow the other friction law", lambda smooth: not smooth),
+)
+_START = "the orbits are those of other inputs: "
+_ILL = 0.25  # of the answers, that rounding may change
+_NUDGE = 1e-13  # rad
+_PASSES = 12  # of the Gauss-Newton method
+_LEFT = 1e-4  # of the errors, that a number which was solved for may leave
+_MOST = 20  # orbits that are read to the end
+_LONGEST = 4.0  # s, of the flights that changed inputs are tried on
+_CLOSER = 5.0  # times, that an orbit comes to a wrong sample
+_GIVEN = ("Omega", *STATE)
+_NUMBERS: tuple[tuple[str, Callable[[Any, Any], Any], tuple[str, ...]], ...] = (
+    ("{} times {:.7g}", lambda value, x: value * x, (*SYMBOLS, "Omega")),
+    ("{} shifted by {:.7g}", lambda value, x: value + x, _GIVEN),
+    ("{} = {:.7g} throughout", lambda value, x: x + 0 * value, _GIVEN),
+)
 
 
-def _section(bad: Sequence[Quantity], answers: Mapping[str, Decimal], store: Store) -> str | None:
-    """The function that has the same value at all answered crossings; gamma and v, if answered, are those there."""
-    times = numpy.array([float(answers[quantity.id]) for quantity in bad])
-    states = states_at(bad, times, store)
-    known = numpy.isfinite(states[0])
-    if known.sum() < _LEAST:
-        return None
-    for row, name in ((1, "crossing_gamma"), (2, "crossing_v")):
-        for lane in numpy.flatnonzero(known).tolist():
-            said = answers.get(bad[lane].id.replace("crossing_time", name))
-            if said is not None and abs(float(said) - states[row, lane]) > 100 * _ALIKE:
-                return None
-    model = Model(Alternative("", ""), bad[0].set, bad[0].friction)
-    speeds = numpy.array([float(quantity.inputs["Omega"]) for quantity in bad])
-    parts = spelled(CORRECT, numpy, model.p, speeds, states, model.friction)
-    for text, values in _functions(states, parts):
-        value = float(numpy.median(values[known]))
-        if abs(values[known] - value).max() < _LEVEL and not (text[0] == "b" and abs(value - math.pi / 2) < _LEVEL):
-            return f"crossings are those of {text.format(_number(value))} on the right orbits, not of beta = pi/2"
-    return None
+@dataclass(eq=False)
+class Inputs:
+    """Right orbits of other inputs than those that were asked for."""
 
+    search: Search
+    flights: Flights
 
-def _number(value: float) -> str:
-    for name, number in (("pi/2", math.pi / 2), ("3 pi/2", 1.5 * math.pi), ("pi", math.pi), ("0", 0.0)):
-        if abs(value - number) < _LEVEL:
-            return name
-    return f"{value:.6g}"
+    def probes(self, n: int) -> tuple[list[int], float]:
+        """The entries of a table whose samples are wrong first, and when."""
+        flights = self.flights
+        wrong = self.search.sheet.wrong & np.isin(flights.stem, STATE)
+        mine = wrong & np.array([flights.spots[k][0] == n for k in flights.entry])
+        time = float(flights.place[mine].min(initial=math.inf))
+        whole = [k for k in np.unique(flights.entry[mine & (flights.place == time)]) if flights.sample(k, time)]
+        return [int(k) for k in whole[:2]], time
 
+    def flown(self, smooth: bool, variants: Sequence[Table], entries: Sequence[int], end: float) -> Array:
+        """(beta, gamma, v) at a time, by changed tables and entries."""
+        rows, space = [self.flights.spots[k][1] for k in entries], right()
+        p = tuple(np.array([one.p[n][rows] for one in variants], dtype=float).ravel() for n in range(len(SYMBOLS)))
+        Omega, *start = (np.array([one.given[name][rows] for one in variants], float).ravel() for name in _GIVEN)
+        state, steps = np.array(start), max(1, math.ceil(end / space["FLIGHT_STEP"]))
+        with np.errstate(all="ignore"):
+            for _ in range(steps):
+                state = space["flight_step"](space["flow"], p, Omega, smooth, state, end / steps)
+        return np.asarray(state.reshape(3, len(variants), len(rows)))
 
-def _left_out(here: Sequence[Quantity], answers: Mapping[str, Decimal], store: Store) -> str | None:
-    """The time before which crossings are not counted: the same on all orbits."""
-    latest, earliest, shifted = 0.0, math.inf, False
-    for entry in {quantity.id.rsplit("/", 1)[0] for quantity in here}:
-        right = {int(q.name.split("#")[1]): q.for_doubles for q in store.matching(f"{entry}/crossing_time#")}
-        given = {int(q.name.split("#")[1]): float(answers[q.id]) for q in here if q.id.startswith(entry + "/")}
-        by = next((k for k in range(len(right)) if abs(right.get(1 + k, math.inf) - given.get(1, 0.0)) < _ALIKE), None)
-        if by is None or any(abs(right.get(n + by, time) - time) > 1e-3 for n, time in given.items()):
-            return None
-        shifted = shifted or by > 0
-        latest, earliest = max(latest, right.get(by, 0.0)), min(earliest, right[1 + by])
-    if not (shifted and latest < earliest < math.inf):
-        return None
-    return (
-        f"the first crossings are left out: those up to {latest:.3g} s; the ones from {earliest:.3g} s on are counted"
-    )
-
-
-def _chosen(here: Sequence[Quantity], answers: Mapping[str, Decimal], store: Store) -> str | None:
-    """What tells the crossings that are counted from those that are not, or that each is counted twice."""
-    found: dict[str, tuple[list[float], list[float]]] = {}  # by what is held against a threshold: left out, counted
-    twice = True
-    for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in here):
-        given = {int(q.name.split("#")[1]): float(answers[q.id]) for q in here if q.id.startswith(entry + "/")}
-        right = sorted(store.matching(f"{entry}/crossing_time#"), key=lambda q: q.for_doubles)
-        times = [q.for_doubles for q in right]
-        place = {n: min(range(len(times)), key=lambda k: abs(times[k] - time)) for n, time in given.items()}
-        if any(abs(times[place[n]] - time) > _NEAR for n, time in given.items()):
-            return None
-        twice = twice and all(k == (n - 1) // 2 for n, k in place.items())
-        kept, before = set(place.values()), -math.inf
-        if sorted(given) != list(range(1, len(given) + 1)):
-            return None
-        for k in range(max(kept, default=-1) + 1):
-            gamma, v = (
-                store[f"{entry}/{name}#{right[k].name.split('#')[1]}"].for_doubles
-                for name in ("crossing_gamma", "crossing_v")
+    def causes(self) -> list[Cause]:
+        """A known change of the inputs, another law, or both."""
+        sheet, tables, count = self.search.sheet, self.with_firsts(), len(INPUTS) + 1
+        left = set(range(len(_LAWS) * count))
+        for n, table in enumerate(tables):
+            entries, end = self.probes(n)
+            if not entries or end > _LONGEST:
+                continue
+            variants = [self.changed(table, one) for one in range(count)]
+            new = [m for m, one in enumerate(variants) if m == 0 or one is not table]
+            cells = np.array([self.flights.sample(k, end) for k in entries]).T[:, None]
+            for smooth in {law(table.smooth) for _, law in _LAWS}:
+                states = np.repeat(self.flown(smooth, [table], entries, end), count, axis=1)
+                states[:, new] = self.flown(smooth, [variants[m] for m in new], entries, end)
+                off = np.abs(states - sheet.answer[cells])
+                grown = np.maximum(1, np.abs(states / sheet.truth[cells]))
+                near = off * _CLOSER <= np.abs(sheet.answer - sheet.truth)[cells]
+                good = ((off <= 3 * sheet.allowed[cells] * grown) & (near | ~sheet.wrong[cells])).all(axis=(0, 2))
+                left -= {o for o in left if _LAWS[o // count][1](table.smooth) == smooth and not good[o % count]}
+        if len(left) == len(_LAWS) * count:
+            return []
+        found: list[Cause] = []
+        tried: set[tuple[Any, ...]] = set()
+        ranks = [0, *(one.rank for one in INPUTS)]
+        for o in sorted(left, key=lambda o: (ranks[o % count] + (o >= count), o)):
+            (says, law), one, rank = _LAWS[o // count], o % count, ranks[o % count] + (o >= count)
+            others = [self.changed(table, one) for table in tables]
+            key = (
+                *(law(t.smooth) for t in tables),
+                *(np.array([*t.p, *map(t.given.get, _GIVEN)]).tobytes() for t in others),
             )
-            told = {
-                "abs(v)": abs(v), "v": v, "sin gamma": math.sin(gamma), "cos gamma": math.cos(gamma), "gamma": gamma,
-                "the time since the last one that was counted, in s,": times[k] - before,
-                "the time since the one before, in s,": times[k] - (times[k - 1] if k else -math.inf),
-            }  # fmt: skip
-            for name, value in told.items():
-                found.setdefault(name, ([], []))[k in kept].append(value)
-            before = times[k] if k in kept else before
-    if twice:
-        return "each crossing is counted twice"
-    texts = []
-    for name, (out, counted) in found.items():
-        if min(len(out), len(counted)) < _LEAST:
-            continue
-        if max(out) < min(counted):
-            texts.append(f"{name} is less than a number between {max(out):.4g} and {min(counted):.4g}")
-        elif min(out) > max(counted):
-            texts.append(f"{name} is more than a number between {max(counted):.4g} and {min(out):.4g}")
-    return f"crossings are left out where {', or '.join(texts)}" if 0 < len(texts) <= _FEW else None
+            if key in tried or len(tried) > _MOST or (found and rank > found[0].rank):
+                continue
+            tried.add(key)
+            if self.confirmed(others, law):
+                change = f"{_START}{INPUTS[one - 1].says}" if one else ""
+                found.append(Cause(f"{says}{', and ' * bool(says and change)}{change}", rank, name="inputs"))
+        return found
+
+    def solved(self) -> list[Cause]:
+        """One number in the inputs, with which the right equations give all answers; all are solved for at once."""
+        flights, sheet = self.flights, self.search.sheet
+        n = max(range(len(flights.tables)), key=lambda n: int(flights.tables[n].wrong.sum()))
+        table, time = flights.tables[n], float(flights.place[np.isin(flights.stem, STATE)].min(initial=math.inf))
+        mine = [k for k, spot in enumerate(flights.spots) if spot[0] == n and flights.sample(k, time)]
+        entries = sorted({*self.probes(n)[0], *mine[:: max(1, len(mine) // 3)]} & set(mine))
+        if not entries:
+            return []
+        cells = np.array([flights.sample(k, time) for k in entries]).T[:, None]
+        tasks = [(says, by, name) for says, by, names in _NUMBERS for name in names]
+        x = np.array([{"t": 1.0, "s": 0.0}.get(says[3], np.median(self.value(table, name))) for says, _, name in tasks])
+
+        def off(x: Array) -> Array:
+            variants = [self.with_number(table, *task[1:], number) for task, number in zip(tasks, x, strict=True)]
+            return np.asarray(self.flown(table.smooth, variants, entries, time) - sheet.answer[cells])
+
+        with np.errstate(all="ignore"):
+            for _ in range(_PASSES):
+                here = off(x)
+                slope = (off(x + 1e-7) - here) / 1e-7
+                move = (slope * here).sum(axis=(0, 2)) / (slope**2).sum(axis=(0, 2))
+                x = x - np.clip(np.nan_to_num(move), -0.3, 0.3)
+        size, found = np.abs(sheet.answer - sheet.truth)[cells].max(), []
+        for task in np.flatnonzero(np.abs(off(x)).max(axis=(0, 2)) < _LEFT * size).tolist():
+            (says, by, name), number = tasks[task], float(x[task])
+            if self.confirmed([self.with_number(one, by, name, number) for one in flights.tables], bool):
+                values = np.unique(self.value(table, name))
+                if "times" in says and len(values) == 1:
+                    says, number = f"{{}} = {{:.7g}} instead of {values[0]:.9g}", number * float(values[0])
+                found.append(Cause(_START + says.format(name, short(number)), 4, name=f"{name}-value"))
+        return found
+
+    def other_equations(self) -> list[Cause]:
+        """One change in the equations that the orbits follow."""
+        copy = " (in the orbits' equations" + ": those of level 1 are right)" * ("equations" in self.search.passed)
+        copy += ")" * ("equations" not in self.search.passed)
+        return [
+            replace(cause, says=cause.says + copy)
+            for cause in Equations(self.search, self.flights).causes()
+            if cause.program and self.confirmed(self.flights.tables, bool, equations=cause.program.trees["equations"])
+        ]
+
+    def with_firsts(self) -> list[Table]:
+        """With the speed of the first entry of all that has the same start."""
+        firsts: dict[State, float] = {}
+        for k in range(len(self.flights.spots)):
+            firsts.setdefault(self.flights.inputs(k)[3], self.flights.inputs(k)[1])
+        speeds = np.array([firsts[self.flights.inputs(k)[3]] for k in range(len(self.flights.spots))])
+        of = np.array([n for n, _ in self.flights.spots])
+        tables = enumerate(self.flights.tables)
+        return [replace(table, given={**table.given, "first_Omega": speeds[of == n]}) for n, table in tables]
+
+    def value(self, table: Table, name: str) -> Array:
+        return np.asarray(table.p[SYMBOLS.index(name)] if name in SYMBOLS else table.given[name], dtype=float)
+
+    def with_number(self, table: Table, by: Callable[[Any, Any], Any], name: str, number: float) -> Table:
+        value = by(self.value(table, name), number)
+        return changed(table, lambda values: {name: value})
+
+    def changed(self, table: Table, one: int) -> Table:
+        """By an input's number in the table, from 1 on."""
+        try:
+            return changed(table, INPUTS[one - 1].change) if one else table
+        except Exception:  # a change that these inputs do not bear
+            return table
+
+    def confirmed(self, tables: Sequence[Table], law: Callable[[bool], bool], **changes: Any) -> bool:
+        """Whether right readings of these orbits give all answers: those to one entry, to three, to all."""
+        flights = Flights(tables, [law(table.smooth) for table in tables], changes=changes)
+        sheet = self.search.sheet
+        order = np.argsort(-np.bincount(flights.entry, sheet.wrong), kind="stable").tolist()
+        for entries in (order[:1], order[:3], order):
+            predicted = flights.read(entries)
+            missed = np.isin(flights.entry, entries) & ~sheet.fitted(predicted)
+            if missed.mean() > _ILL:
+                return False
+            if missed.any():  # from next to an unstable equilibrium orbits go where rounding sends them
+                nudged = [replace(one, given={**one.given, "beta": one.given["beta"] + _NUDGE}) for one in tables]
+                other = Flights(nudged, flights.laws, changes=changes).read(np.unique(flights.entry[missed]).tolist())
+                with np.errstate(all="ignore"):
+                    loose = np.abs(other - predicted) > sheet.allowed
+                lost = np.isnan(predicted) & np.isin(flights.entry, flights.entry[loose])
+                if (missed & ~loose & ~lost).any():
+                    return False
+        return True
 
 
-def _located(here: Sequence[Quantity], wrong: set[str], answers: Mapping[str, Decimal], store: Store) -> str | None:
-    """On which grid crossings are located: at its points, or on straight lines between them."""
-    entries = list(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in here))
-    if len(here) < _LEAST or any("crossing_" not in id_ for id_ in wrong):
-        return None
-    names = ("crossing_time", "crossing_gamma", "crossing_v")
-    rows = [[q.id.replace("crossing_time", name) for q in here] for name in names]
-    if any(id_ not in answers for row in rows for id_ in row):
-        return None
-    orbits, orbit = (
-        Orbits([store[f"{entry}/beta@0.5"] for entry in entries], store),
-        numpy.array([entries.index(q.id.rsplit("/", 1)[0]) for q in here]),
-    )
-    given = [numpy.array([float(answers[id_]) for id_ in row]) for row in rows]
-    right = [numpy.array([store[id_].for_doubles for id_ in row]) for row in rows]
-    bad = [name for name, row in zip(names, rows, strict=True) if not wrong.isdisjoint(row)]
-    if not bad or abs(given[0] - right[0]).max() > max(_GRIDS):
-        return None
-    for h in _GRIDS:
-        first = h * numpy.floor(right[0] / h)
-        y, z = orbits.at(orbit, first), orbits.at(orbit, first + h)
-        share = (math.pi / 2 - y[0]) / (z[0] - y[0])
-        late = right[0] - first > h / 2
-        ways = {
-            "at the point before": numpy.zeros_like(first), "at the point after": numpy.ones_like(first),
-            "at the nearest point in time": late * 1.0, "at the nearest point in beta": (share > 0.5) * 1.0,
-            "on the straight line": share,
-        }  # fmt: skip
-        made: dict[str, Array] = {}
-        for word, by in ways.items():
-            made[word] = numpy.stack([first + h * by, *(y + by * (z - y))[1:]])
-        made["a difference of beta over the step"] = numpy.stack([first, y[1], (z[0] - y[0]) / h])
-        said: dict[str, list[str]] = {}
-        for row, name in enumerate(names):
-            if name in bad:
-                fits = (word for word, x in made.items() if abs(x[row] - given[row]).max() < _ALIKE)
-                said.setdefault(next(fits, ""), []).append(name)
-        if "" not in said:
-            how = "; ".join(f"{' and '.join(some)} {word}" for word, some in said.items())
-            if "crossing_time" not in bad:
-                what = f"{' and '.join(bad)}: of another instant than the crossing, whose time is right"
-            else:
-                what = "crossings are located crudely, by straight lines or at steps"
-            return f"{what}: on a grid of {h:g} s, {how}"
-    return None
-
-
-def _flat(bad: Sequence[Quantity], wrong: set[str], answers: Mapping[str, Decimal], store: Store) -> Found | None:
-    """At the answered flat_time the right orbit is not flat yet."""
-    if not bad or len(bad) < len(wrong):
-        return None
-    sines = numpy.sin(states_at(bad, numpy.array([float(answers[quantity.id]) for quantity in bad]), store)[0])
-    late = [abs(float(answers[quantity.id]) - quantity.for_doubles) for quantity in bad]
-    if not (abs(sines) > _ALIKE).all() or min(late) < _CRUDE:
-        return None
-    angles = " and ".join(f"{x:.2g}" for x in sines)
-    text = f"flat_time is not where sin beta vanishes: on the right orbit it is {angles} there; a threshold, or a step"
-    return (("event", text),), frozenset(wrong)
+def orbit_causes(search: Search) -> list[Cause]:
+    """What explains wrong orbits, and is no mistake in a formula."""
+    flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
+    inputs = Inputs(search, flights)
+    readings, integrators = Readings(search, flights), Integrators(search, flights)
+    return readings.causes() or inputs.causes() or inputs.other_equations() or integrators.causes() or inputs.solved()

@@ -1,119 +1,221 @@
-"""Wrong answers to one quantity as a function of the place: the right value, or a term of it, times a monomial.
-
-The ratio of answer and truth, or what is missing divided by a term, may be c x^a y^b ... with whole powers of the
-speed, the sines and cosines, rho, M and the right value itself. The powers come from a linear fit of logarithms. What
-is found so is a guess, which all answers to the quantity then have to bear out.
-"""
+"""Where wrong answers are, and digits that a method loses: what is said of errors that no changed program makes."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from decimal import Decimal
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
 
-from tippedisk_verify.conformance.diagnosis.alternatives import CORRECT, Alternative
-from tippedisk_verify.conformance.diagnosis.factors import factor_said, monomial, named_values
-from tippedisk_verify.conformance.diagnosis.predictions import Model
-from tippedisk_verify.reference_values.store import Quantity, Store
+import numpy as np
 
-__all__ = ["place_shapes"]
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
+from tippedisk_verify.conformance.grading import Grade
+from tippedisk_verify.conformance.sheet import placed
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.store import Quantity
 
-_ITSELF = "the right value"
-_CYCLES = (7, 9)  # levels whose questions are about a cycle, with a period
-_BY_STATE = (1, 5)  # levels whose questions are about a place of the state space
-_PLAIN = 1e-6  # relative, as powers and constants are fitted
-_SPARE = 3  # places more than unknowns
-_SOME_SIZE = 1e-3  # of the value; a smaller term says little about its factor
-_RATES = {f"dv_rate_d{name}": n for n, name in enumerate(("beta", "gamma", "v"))}
-_HELD = {
-    "M": "M", "rho": "rho", "h": "h", "f_G": "f_G", "w_y": "w_y", "lambda_Ty": "lambda_Ty", "gamma_y": "gamma_y",
-    "abs(gamma_y)": "abs(gamma_y)", "v_rate friction": "w_y lambda_Ty", "h 1": "h's term 1", "h 2": "h's term 2",
-    "h 3": "h's term 3", "h 4": "h's term 4", "h 5": "h's term 5", "v_rate": "v'",
+__all__ = ["conditions", "derived", "inputs", "labels", "lost", "names_of", "parameters", "quotients", "where"]
+
+_AT_STATES = 5  # the last level whose inputs are those of the formula; an orbit leaves its start's side
+_FEW = 4  # answers on either side of a surface, so that the side is no accident
+_SHARE = {True: 0.5, False: 0.9}  # of those that a name, or a surface, picks out are wrong; some may be so by chance
+_NAMED = 3  # names that are listed
+_ADJECTIVES = ("law", "equilibrium", "form")
+_NUMBERS = ("Omega", "beta", "gamma", "v", "t", "n", "order")
+_SLOPES = ("d", "transversality", "amplitude_squared_slope", "period_slope", "null_vector")
+_GROUPS = {
+    "derivatives": lambda stem: stem.startswith(_SLOPES), "crossings": lambda stem: stem.startswith("crossing_"),
+    "samples in time": lambda stem: stem in ("beta", "gamma", "v"), "residuals": lambda stem: stem.startswith("resid"),
+    "imaginary parts": lambda stem: stem.endswith("_im"), "multipliers": lambda stem: "multiplier" in stem,
 }  # fmt: skip
 
 
-def place_shapes(
-    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
-) -> Iterator[tuple[str, dict[str, float]]]:
-    """(What the answers to one quantity are, these answers), the fewest factors first: many terms fit with more."""
-    for _, text, expected in sorted(_fits(here, answers, wrong, store), key=lambda fit: fit[0]):
-        yield text, expected
+def names_of(sheet: Sheet) -> Array:
+    """The quantity that each answer is to, without its place and law."""
+    return np.concatenate([table.stems for table in sheet.tables])
 
 
-def _fits(
-    here: Sequence[Quantity], answers: Mapping[str, Decimal], wrong: set[str], store: Store
-) -> Iterator[tuple[int, str, dict[str, float]]]:
-    """How many factors, and what they make of it."""
-    right = {quantity.id: quantity.for_doubles for quantity in here}
-    factors = {quantity.id: _factors(quantity, store) for quantity in here}
-    values, names = named_values(here[0].set), list(factors[here[0].id])
-    bases = {"": right} | {f"the derivative of {label}": part for label, part in _parts(here)}
-    if here[0].level in _BY_STATE:
-        bases["1"] = dict.fromkeys(right, 1.0)
-    for text, part in bases.items():
-        found = [
-            ((float(answers[id_]) - (x if text else 0.0)) / part[id_], list(factors[id_].values()))
-            for id_, x in right.items()
-            if id_ in wrong and abs(part[id_]) > _SOME_SIZE * abs(x) and all(factors[id_].values())
-        ]
-        if len(found) < len(names) + 1 + _SPARE or (fit := monomial(found)) is None:
+@cache
+def _place(name: str, key: str) -> float:
+    return float(placed(name)[1].get(key, "nan"))
+
+
+def inputs(sheet: Sheet) -> dict[str, Array]:
+    """The numbers that each answer's question has beside the parameters; NaN for what it has not."""
+    found: dict[str, list[float]] = {key: [] for key in _NUMBERS}
+    for key, table in product(_NUMBERS, sheet.tables):
+        known = table.given.get(key)
+        found[key] += [_place(name, key) for name in table.names] if known is None else known[table.rows].tolist()
+    return {key: np.array(values) for key, values in found.items()}
+
+
+def parameters(sheet: Sheet) -> dict[str, Array]:
+    """The parameters of each answer's question."""
+    values = np.concatenate([np.array(table.p)[:, table.rows] for table in sheet.tables], axis=1)
+    return dict(zip(SYMBOLS, values, strict=True))
+
+
+def labels(sheet: Sheet) -> dict[str, Array]:
+    """The names that each answer's question has; an entry goes by its kind and name."""
+    columns: dict[str, list[Array]] = {}
+    for table in sheet.tables:
+        entries = np.array([entry.id.split("/", 2)[2] for entry in table.entries])
+        known = {"law": np.full(len(entries), table.friction), "equilibrium": table.given["equilibrium"]}
+        known |= {"form": table.given["form"], "parameter set": table.sets, "entry": entries}
+        for name, values in known.items():
+            columns.setdefault(name, []).append(values[table.rows])
+    return {name: np.concatenate(parts) for name, parts in columns.items()}
+
+
+def conditions(sheet: Sheet) -> Iterator[tuple[str, Array]]:
+    """Conditions on a question that wrong answers satisfy, and which answers are to such questions."""
+    for name, values in labels(sheet).items():
+        picked = np.unique(values[sheet.wrong])
+        text = " and ".join(str(one).rsplit("/", 1)[-1] for one in picked)
+        if len(picked) <= _NAMED and not np.isin(values, picked).all():
+            text = f"{text} {name}" if name in _ADJECTIVES else f"{name} {text}"
+            yield f"for the {text}", np.isin(values, picked)
+    numbers, signed = inputs(sheet), {"the right value": sheet.truth}
+    if sheet.level <= _AT_STATES:
+        Omega, beta, gamma, v = (numbers[name] for name in _NUMBERS[:4])
+        p = parameters(sheet)
+        signed |= {"sin(beta)": np.sin(beta), "cos(beta)": np.cos(beta), "sin(gamma)": np.sin(gamma), "v": v}
+        sliding = (p["r"] + p["e"] * np.sin(gamma)) * v - p["e"] * Omega * np.sin(beta) * np.cos(gamma)
+        critical = (p["r"] + p["e"]) * np.sqrt(p["m"] * p["g"] / (p["r"] * (p["B"] - p["m"] * p["e"] ** 2)))
+        signed |= {
+            "cos(gamma)": np.cos(gamma),
+            "gamma_y": sliding * np.sin(beta),
+            "Omega - Omega_crit": Omega - critical,
+        }
+    for name, value in signed.items():
+        yield f"where {name} > 0", value > 0
+        yield f"where {name} < 0", value < 0
+    for name, value in numbers.items():
+        bad = value[sheet.wrong]
+        if np.isfinite(bad).all():
+            yield f"from {name} = {bad.min():.6g} on", value >= bad.min()
+            yield f"up to {name} = {bad.max():.6g}", value <= bad.max()
+
+
+def where(sheet: Sheet) -> str:
+    """The simplest condition that all wrong answers satisfy and others to the same quantities do not; else nothing."""
+    if not sheet.wrong.any():
+        return ""
+    stems = names_of(sheet)
+    failing = np.unique(stems[sheet.wrong])
+    same = np.isin(stems, failing)
+    said = [f"in {text}" for text, holds in _GROUPS.items() if [*map(holds, stems)] == same.tolist()][:1]
+    if not same.all() and (len(failing) == 1 or not said):
+        said = [f"in {' and '.join(failing)}"] if len(failing) <= _NAMED else []
+    for text, mask in conditions(sheet):
+        inside, outside, named = mask & same, ~mask & same, text.startswith("for ")
+        if not outside.any() or (sheet.wrong & ~mask).any() or sheet.wrong[inside].mean() < _SHARE[named]:
             continue
-        constant, powers = fit
-        product = {name: power for name, power in zip(names, powers, strict=True) if power}
-        if not product and not text.startswith("the"):
-            continue  # a plain factor or offset
-        expected = {}
-        for id_, x in right.items():
-            if all(factors[id_][name] for name in product):
-                share = constant * math.prod(factors[id_][name] ** power for name, power in product.items())
-                expected[id_] = share * part[id_] + (x if text else 0.0)
-        power = product.pop(_ITSELF, 0)
-        words, unknown = factor_said(constant, tuple(product.items()), values, "the factor")
-        rank = len(words.split())
-        words, mark = words.removeprefix("has the factor "), "~" if unknown else ""
-        if not text:
-            times = f" times {_ITSELF}" + f" to the power {power + 1}" * (power != 0) if power != -1 else ""
-            yield rank, f"{mark}{words}{times}", expected
-        elif text == "1":
-            yield rank, f"{mark}{_ITSELF} plus {words}", expected
-        elif not product and abs(constant + 1) < _PLAIN:
-            yield rank, f"those in which {text} is missing", expected
-        elif not product and abs(constant + 2) < _PLAIN:
-            yield rank, f"those in which {text} has the wrong sign", expected
-        else:
-            yield rank, f"{mark}{_ITSELF} plus {text} times {words}", expected
+        if named or min(inside.sum(), outside.sum()) >= _FEW:
+            said.append(text)
+            break
+    return f"only {' '.join(said)}" if said else ""
 
 
-def _factors(quantity: Quantity, store: Store) -> dict[str, float]:
-    """What a factor may be made of at a quantity's place: the inputs that its row has."""
-    inputs = quantity.inputs
-    found = {name: float(inputs[name]) for name in ("Omega",) if inputs.get(name)}
-    if quantity.level not in _BY_STATE:
-        found[_ITSELF] = abs(quantity.for_doubles)  # a power of it, as of a root that is forgotten
-        if quantity.level in _CYCLES and quantity.name != "period":
-            found["period"] = store[quantity.id.replace(f"/{quantity.name}", "/period")].for_doubles
-        return found
-    model = Model(Alternative("", ""), quantity.set, quantity.friction)
-    state = [float(inputs.get(name) or 0.0) for name in ("beta", "gamma", "v")]
-    parts = model.parts(math, found["Omega"], state)
-    for name, angle in (("beta", state[0]), ("gamma", state[1])):
-        found |= {f"sin {name}": math.sin(angle), f"cos {name}": math.cos(angle)}
-    found |= {"rho": parts["rho"], "M": parts["M"]}
-    if quantity.level == 1:
-        found["v"] = state[2]
-    return found
+# ------------------------------------------------------------------------------------------ lost digits
+_SINGLE, _EPS = 2.0**-24, 2.0**-52
+_NEARLY = (1e-13, 1e-3)  # medians of relative errors that are lost digits
+_WORST = 0.03  # the largest one
+_BOTH = 0.15  # at least so many errors are of the rarer sign
+_SMOOTH = 0.15  # of the errors are left where slightly other inputs explain them
+_EVERYWHERE = 0.01  # of the wrong answers' error the others have at least
+_INTEGRATED = 1.5e-4  # as a change of all inputs; SciPy's methods stay below at tolerances up to 1e-4
+_STEPS = {f"{first}e-{n}": float(f"{first}e-{n}") for n in range(14, 2, -1) for first in (1, 2, 5)}
+_STEPS |= {"the square root of eps": _EPS**0.5, "the cube root of eps": _EPS ** (1 / 3)}
+_MULTIPLES = (32, 1e11)  # smaller ones tell less of a step, larger ones are lost in the quotient's rounding
+_WHOLE = 0.02  # how far from a whole multiple, for a chance of 0.04 each
+_ENOUGH = 12  # answers that bear it out: 0.04^12 against some forty steps
 
 
-def _parts(here: Sequence[Quantity]) -> Iterator[tuple[str, dict[str, float]]]:
-    """For a derivative of v', what each term contributes to it."""
-    if here[0].name not in _RATES:
-        return
-    for name, label in _HELD.items():
-        model = Model(Alternative("", "", replace(CORRECT, held=name)), here[0].set, here[0].friction)
-        found = {}
-        for quantity in here:
-            given = model.inputs(quantity)
-            rows = model.jacobian(given["Omega"], [given[key] for key in ("beta", "gamma", "v")])
-            found[quantity.id] = quantity.for_doubles - rows[1][_RATES[quantity.name]]
-        yield label, found
+@np.errstate(all="ignore")
+def lost(sheet: Sheet) -> tuple[str, Array] | None:
+    """What method loses the digits that are missing, and the answers that this is said of."""
+    found = (look(sheet) for look in (_in_slopes, _in_single, _on_the_way) if sheet.wrong.any())
+    return next((one for one in found if one is not None), None)
+
+
+def _asked(sheet: Sheet) -> list[tuple[Quantity, Grade]]:
+    """The question and the grade of each answer."""
+    entries = [entry for table in sheet.tables for entry in table.entries]
+    known = {q.id: (q, grade) for entry in entries for q, grade in zip(entry.quantities, entry.grades, strict=True)}
+    places = [(table, *place) for table in sheet.tables for place in zip(table.rows, table.names, strict=True)]
+    return [known[f"{table.entries[row].id}/{name}"] for table, row, name in places]
+
+
+def _relative(sheet: Sheet) -> Array:
+    """Errors with their signs, by the size that they are graded against."""
+    scale = sheet.allowed * 10.0 ** np.array([grade.needs for _, grade in _asked(sheet)])
+    return np.asarray((sheet.answer - sheet.truth) / scale)
+
+
+def _small(errors: Array) -> bool:
+    """Whether errors are lost digits: small ones of both signs."""
+    sizes = np.abs(errors)
+    small = len(errors) >= _FEW and _NEARLY[0] < np.median(sizes) < _NEARLY[1] and sizes.max() < _WORST
+    return bool(small and _BOTH < np.mean(errors > 0) < 1 - _BOTH)
+
+
+def derived(sheet: Sheet) -> Array:
+    """Which answers are derivatives."""
+    stems = names_of(sheet)
+    return np.asarray(np.char.startswith(stems, "d") | np.isin(stems, _SLOPES))
+
+
+def quotients(errors: Array) -> bool:
+    """Whether relative errors are of the size of a difference quotient's."""
+    return bool(
+        np.isfinite(errors).all() and np.max(np.abs(errors)) < _WORST and np.median(np.abs(errors)) < _NEARLY[1]
+    )
+
+
+def _in_slopes(sheet: Sheet) -> tuple[str, Array] | None:
+    """Derivatives that are differences: their rounding tells the step, or all of them are off a little."""
+    stems, errors, slopes = names_of(sheet), _relative(sheet), derived(sheet)
+    mine = sheet.wrong & slopes
+    if not mine.any() or not np.median(np.abs(errors[mine])) < _WORST:
+        return None
+    entries = [quantity.id.rsplit("/", 1)[0] for quantity, _ in _asked(sheet)]
+    values = {key: x for key, name, x in zip(entries, stems, sheet.truth, strict=True) if name == "v_rate"}
+    # The difference of two doubles is a whole multiple of their last unit, and the answer one of that over the step.
+    units = np.spacing(np.abs([values.get(key, np.nan) for key in entries]))[mine]
+    for text, step in sorted(_STEPS.items(), key=lambda one: one[1]):  # what holds for a step holds for its multiples
+        multiples = np.abs(sheet.answer[mine] / units * step)
+        multiples = multiples[(multiples > _MULTIPLES[0]) & (multiples < _MULTIPLES[1])]
+        whole = np.abs(multiples - np.round(multiples)) < _WHOLE
+        if len(whole) >= _ENOUGH and whole.mean() >= _SHARE[False]:
+            size = f"{text} (forward, or twice a central one's)"
+            return f"errors of a difference quotient with a step of {size}, in the derivatives only", mine
+    alone = not (sheet.wrong & ~slopes).any() and not slopes.all() and len(np.unique(stems[mine])) > 1
+    if not alone or not _small(errors[mine]):
+        return None
+    more = ", or of a tolerance or step too coarse for the variational equations" if sheet.level > _AT_STATES else ""
+    return f"errors of the size of a difference quotient, in the derivatives only{more}", mine
+
+
+def _in_single(sheet: Sheet) -> tuple[str, Array] | None:
+    sizes = np.abs(_relative(sheet))
+    single = sheet.level <= _AT_STATES and sizes.max() < 64 * _SINGLE and np.median(sizes) > _SINGLE / 64
+    return ("errors of the size of single precision", sheet.wrong) if single and sheet.wrong.sum() >= _FEW else None
+
+
+def _on_the_way(sheet: Sheet) -> tuple[str, Array] | None:
+    """An integrator's errors: of all directions, where slightly other inputs would make the same ones everywhere."""
+    if sheet.level not in (6, 7, 9, 10) or sheet.wrong.sum() < _FEW:
+        return None
+    slopes_of = [quantity.condition for quantity, _ in _asked(sheet)]
+    symbols = sorted(set[str]().union(*slopes_of))
+    slopes = np.array([[float(one.get(symbol, 0)) for symbol in symbols] for one in slopes_of])
+    weights = 1 / np.maximum(np.abs(slopes).sum(axis=1), 1e-300)
+    errors, slopes = (sheet.answer - sheet.truth) * weights, slopes * weights[:, None]
+    bad, sizes = errors[sheet.wrong], np.abs(errors)
+    everywhere = np.median(sizes) > _EVERYWHERE * np.median(np.abs(bad)) and len(errors) > 3 * len(symbols)
+    left = errors - slopes @ np.linalg.lstsq(slopes, errors, rcond=1e-6)[0]
+    smooth = np.linalg.norm(left) < _SMOOTH * np.linalg.norm(errors)
+    if smooth or not everywhere or sizes.max() > _INTEGRATED or not _small(bad):
+        return None
+    return "errors of the size of an integrator's: a loose tolerance, too long a step, or single precision", sheet.wrong

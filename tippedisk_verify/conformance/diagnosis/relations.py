@@ -1,225 +1,359 @@
-"""The answers to other questions: other places, entries, quantities, and what is made of several of them."""
+"""Relations between wrong answers and right ones that no change of a program makes: a unit, a place, another question.
+
+A relation predicts an answer from right values alone. It is a cause if every wrong answer is as predicted, and no right
+one speaks against it; different quantities may need different relations.
+"""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial
 from itertools import permutations, product
 
-from tippedisk_verify.conformance.sheet import placed
-from tippedisk_verify.reference_values.store import Quantity, Store
+import numpy as np
 
-__all__ = ["INSTEAD", "ordered", "relations", "stem"]
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
+from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
+from tippedisk_verify.conformance.diagnosis.search import Cause
 
-INSTEAD = "the answer for "
-_WEIGHTS: dict[str, Callable[[int], float]] = {
-    "n! (a factorial)": math.factorial, "1/n!": lambda n: 1 / math.factorial(n), "epsilon^n": lambda n: 0.1**n,
-    "(-1)^n (a sign)": lambda n: (-1.0) ** n,
+__all__ = ["related"]
+
+_COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
+_FREE = 3  # wrong answers of different entries that bear out a number that was read off them
+_EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
+_BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
+_SURE = 1e-4  # of what is allowed: closer answers tell no more
+_STATEMENTS = 3  # different relations; more are several mistakes
+_CONDITION = 5  # rank of a condition
+_AT_STATES = 5  # the last level whose inputs are those of the formula
+_LONG = 3.5  # powers that are as simple as a number of many digits
+_LAWS = ("both", "linear", "smooth")
+_Function = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What wrong answers are instead of right."""
+
+    name: str  #: a short word for the kind of relation
+    says: str
+    cells: Array  #: which answers of the sheet it explains
+    rank: float  #: lower is simpler
+
+
+#: Name, rank, what is said (with {q} for the quantities, and {has}, {is} for verbs), and what is predicted for each
+#: answer, NaN where there is nothing to compare with.
+_Relation = tuple[str, float, str, Array]
+_PI = math.pi
+_FACTORS = {
+    "2": 2.0, "3": 3.0, "4": 4.0, "6": 6.0, "8": 8.0, "3/2": 1.5, "4/3": 4 / 3, "pi": _PI, "2 pi": 2 * _PI,
+    "180/pi (degrees)": 180 / _PI, "30/pi (turns per minute)": 30 / _PI, "60": 60.0, "sqrt 2": math.sqrt(2),
+    "ln 10": math.log(10), "ln 2": math.log(2), "1000": 1e3, **{f"10^{k}": 10.0**k for k in range(1, 13) if k != 3},
 }  # fmt: skip
-_PAIRS = (
-    ("inverted-", "noninverted-", "equilibrium"), ("linear", "smooth", "friction law"),
-    ("printed-", "consistent-", "law, printed one-harmonic and consistent one exchanged,"),
-    ("stable-", "unstable-", "cycle, stable and unstable exchanged,"),
-)  # fmt: skip
-_LOGARITHMS = ("log_multiplier_slow", "log_multiplier_fast")
-_SHARES = {
-    0.0: "",
-    1.0: "",
-    -1.0: "minus ",
-    0.5: "half of ",
-    -0.5: "minus half of ",
-    2.0: "twice ",
-    -2.0: "minus twice ",
-}
-_DIVERGENCE = "the integral of the divergence, both logarithms together"
-_AS_OF = {  # log_multiplier_fast is the integral of the divergence, less the slow logarithm
-    (-0.5, 0.5): ", as of the divergence over half a period", (2.0, 1.0): ", the slow one added, not taken off",
-    (0.5, 1.0): ", half of the slow one taken off", (-1.0, 1.0): ", the slow one taken off twice",
-}  # fmt: skip
-#: Sorting keys of eigenvalues; equal ones, and conjugates, by the sign of the imaginary part.
-_ORDERS: dict[str, Callable[[complex], float]] = {
-    "descending real parts": lambda x: -round(x.real, 7), "ascending real parts": lambda x: round(x.real, 7),
-    "ascending moduli": lambda x: round(abs(x), 7), "descending moduli": lambda x: -round(abs(x), 7),
-    "descending imaginary parts": lambda x: -round(x.imag, 7), "ascending imaginary parts": lambda x: round(x.imag, 7),
-    "ascending moduli of the imaginary parts": lambda x: round(abs(x.imag), 7),
-    "descending moduli of the imaginary parts": lambda x: -round(abs(x.imag), 7),
-}  # fmt: skip
-
-
-def stem(quantity: Quantity) -> str:
-    plain, place = placed(quantity.name)
-    return plain.rsplit("_", 1)[0] + "_n" if "order" in place else plain
-
-
-def relations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dict[str, float]]]:
-    """The answers to other questions: another place, another entry, another quantity of the same entry."""
-    kind = here[0].id.rsplit("/", 2)[0]
-    entries = list(dict.fromkeys(q.id.rsplit("/", 1)[0] for q in store.matching(kind + "/")))
-    times = sorted({place["t"] for q in here if "t" in (place := placed(q.name)[1])}, key=float)
-
-    def at(rename: Callable[[str], str]) -> dict[str, float]:
-        other = {q.id: store.get(rename(q.id)) for q in here}
-        return {id_: found.for_doubles for id_, found in other.items() if found is not None and found.id != id_}
-
-    def numbered(mark: str, by: int, factor: int = 1) -> Callable[[str], str]:
-        return lambda id_: re.sub(rf"(?<={mark})\d+$", lambda n: str(factor * int(n[0]) + by), id_)
-
-    def listed(items: Sequence[str], by: int) -> Callable[[str], str]:
-        moved = {items[n - by]: items[n] for n in range(max(0, by), min(len(items), len(items) + by))}
-        # What has no neighbour has no other answer either.
-        return lambda id_: re.sub(r"(?<=@)[\d.]+$|^.*(?=/)", lambda item: moved.get(item[0], item[0]), id_)
-
-    for by, word in ((-1, "previous"), (1, "next"), (-2, "last but one"), (2, "next but one")):
-        yield f"those to the {word} crossing", at(numbered("#", by))
-        yield f"those to the {word} order", at(numbered("_", by)) if stem(here[0]).endswith("_n") else {}
-        yield f"those to the {word} sample in time", at(listed(times, by))
-        yield f"those to the {word} entry of its kind", at(listed(entries, by))
-    for factor, word in ((0.5, "half"), (2.0, "twice")):
-        later = partial(re.sub, r"(?<=@)[\d.]+$", lambda t, factor=factor: f"{factor * float(t[0]):g}")
-        yield f"those to {word} the time", at(later)
-    yield "those to every second crossing", at(numbered("#", 0, 2))
-    for sign, word in ((1, "upward"), (-1, "downward")):
-        yield f"those to every second crossing, the {word} ones alone", at(partial(_one_way, store, sign))
-    for one, two, text in _PAIRS:
-        yield f"those to the other {text}", at(partial(_exchanged, f"/{one}", f"/{two}"))
-    if here[0].name == "flat_time":
-        sampled = (placed(q.name)[1].get("t", "0") for q in store.matching(kind + "/"))
-        last = max(map(float, sampled))
-        yield f"{last:g} s, the last time that is asked of any orbit,", {q.id: last for q in here}
-    before = at(numbered("#", -1))
-    yield (
-        "counted from the previous crossing, an interval,",
-        {q.id: q.for_doubles - before.get(q.id, 0.0) for q in here},
-    )
-    first = at(lambda id_: re.sub(r"(?<=#)\d+$", "1", id_) if "#" in id_ else "")
-    yield (
-        "counted from the first crossing,",
-        {q.id: q.for_doubles - first.get(q.id, q.for_doubles) for q in here if q.name.startswith("crossing_time#")},
-    )
-    mine = stem(here[0])
-    law = f"/{here[0].friction}/"
-    laws = ("/both/", "/linear/", "/smooth/") if here[0].kind == "rhs" else ()  # some columns are common to both
-    for other_law in dict.fromkeys((law, *laws)):
-        entry = here[0].id.rsplit("/", 1)[0].replace(law, other_law)
-        for name in dict.fromkeys(stem(q) for q in store.matching(entry + "/")):
-            theirs = at(lambda id_, name=name, to=other_law: _renamed(f"/{mine}", f"/{name}", id_).replace(law, to))  # type: ignore[misc]
-            yield f"{INSTEAD}{name}", theirs if name != mine else {}
-    for name in dict.fromkeys(stem(q) for q in store.matching(here[0].id.rsplit("/", 1)[0] + "/")):
-        other = at(partial(_renamed, f"/{mine}", f"/{name}"))
-        yield f"minus the answer for {name}", {id_: -x for id_, x in other.items()}
-        if name.startswith("log_"):
-            yield f"the exponential of the answer for {name}", {id_: math.exp(x) for id_, x in other.items()}
-        if name == "period":
-            rates = {q.id: q.for_doubles / other[q.id] for q in here if q.id in other}
-            yield "those per unit of time, divided by the period,", rates
-            turns = {q.id: 2 * math.pi / float(q.inputs["Omega"]) for q in here if q.inputs.get("Omega")}
-            spans = {"unit of time": dict.fromkeys(turns, 1.0), "revolution of the disk, 2 pi/Omega,": turns}
-            for text, span in spans.items() if mine == "multiplier_slow" else ():
-                powers = {q.id: q.for_doubles ** (span[q.id] / other[q.id]) for q in here if q.id in other}
-                yield f"multipliers per {text} not per period", powers
-        if name == "dperiod_domega" and mine.endswith("_domega"):
-            yield (
-                "derivatives by the period, divided by dperiod_domega,",
-                {q.id: q.for_doubles / other[q.id] for q in here if q.id in other},
-            )
-        if name == "period" and mine == "dperiod_domega":
-            sums = {q.id: other[q.id] + float(q.inputs["Omega"]) * q.for_doubles for q in here}
-            for text, x in (("Omega T", 1.0), ("Omega T/(2 pi)", 1 / (2 * math.pi))):
-                yield f"those for the derivative of {text}", {id_: x * total for id_, total in sums.items()}
-    if mine.endswith("_n"):
-        for text, weight in _WEIGHTS.items():
-            yield f"{text} times the right value", {q.id: weight(int(q.name[-1])) * q.for_doubles for q in here}
-        for text, share in (("epsilon^k h_k", 0.1), ("h_k", 1.0)):
-            sums = {}
-            for q in here:
-                orders = [store.get(re.sub(r"\d+$", str(k), q.id)) for k in range(int(q.name[-1]) + 1)]
-                if all(order is not None for order in orders):
-                    sums[q.id] = sum(share**k * float(order) for k, order in enumerate(orders) if order is not None)
-            yield f"partial sums of {text} up to each order", sums
-    yield from _combinations(here, store)
-
-
-def _combinations(here: Sequence[Quantity], store: Store) -> Iterator[tuple[str, dict[str, float]]]:
-    """What is made of two quantities of the same entry: a modulus, sums of the two logarithms of multipliers."""
-
-    def of(name: str) -> dict[str, float]:
-        other = {q.id: store.get(f"{q.id.rsplit('/', 1)[0]}/{name}") for q in here}
-        return {id_: found.for_doubles for id_, found in other.items() if found is not None}
-
-    mine = here[0].name
-    if mine.endswith(("_re", "_im")) and here[0].kind == "equilibrium":
-        parts = [of(mine[:-3] + part) for part in ("_re", "_im")]
-        yield (
-            "the modulus of the eigenvalue",
-            {id_: math.hypot(x, parts[1].get(id_, 0.0)) for id_, x in parts[0].items()},
+_FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
+_FACTORS |= {"-2": -2.0, "-1/2": -0.5}
+#: Numbers beside a product of powers, with how many powers are as simple.
+_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {text: (x, 0.6) for text, x in _FACTORS.items()}
+_SHORT |= {"1": (1.0, 0.0)}
+_OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
+_OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
+    ("sign", 0): {"{has} the wrong sign": np.negative},
+    ("plain", 1): {
+        "{is} the modulus of the right value": np.abs, "{is} zero": np.zeros_like, "{is} one": np.ones_like,
+        "{is} minus the modulus of the right value": lambda x: -np.abs(x),
+        "{is} rounded to single precision": lambda x: x.astype("f4").astype("f8"),
+    },
+    ("factor", 1): {f"{{has}} the factor {text}": partial(np.multiply, x) for text, x in _FACTORS.items()},
+    ("offset", 2): {f"{{is}} {text} too large": partial(np.add, x) for text, x in _OFFSETS.items()}
+    | {f"{{is}} {text} too small": partial(np.add, -x) for text, x in _OFFSETS.items()},
+    ("offset", 3): {f"{{is}} {text} minus the right value": partial(np.subtract, x) for text, x in _OFFSETS.items()},
+    ("turns", 3): {
+        "{is} reduced to [0, 2 pi)": lambda x: x % (2 * _PI), "{is} reduced to [0, pi]": lambda x: np.arccos(np.cos(x)),
+        "{is} reduced to (-pi, pi]": lambda x: _PI - (_PI - x) % (2 * _PI),
+        "{is} reduced to [-pi/2, pi/2]": lambda x: np.arcsin(np.sin(x)),
+    },
+    ("function", 3): {
+        f"{{is}} {text} the right value": of
+        for text, of in (
+            ("the square of", np.square), ("the square root of", lambda x: np.sign(x) * np.sqrt(np.abs(x))),
+            ("the logarithm of", lambda x: np.log(np.abs(x))), ("the exponential of", np.exp), ("the sine of", np.sin),
+            ("the common logarithm of", lambda x: np.log10(np.abs(x))), ("the reciprocal of", np.reciprocal),
+            ("the cosine of", np.cos), ("2 pi divided by", lambda x: 2 * _PI / x), ("the tangent of", np.tan),
         )
-        yield "the angle of the eigenvalue", {id_: math.atan2(parts[1].get(id_, 0.0), x) for id_, x in parts[0].items()}
-    if mine.endswith("_re") and here[0].kind == "equilibrium":
-        numbers = [of(f"lambda_{n}_re") for n in (1, 2, 3)]
-        sums = {id_: sum(parts[id_] for parts in numbers if id_ in parts) for id_ in numbers[0]}
-        yield "the sum of all eigenvalues, the trace of the matrix and its only diagonal entry,", sums
-    if mine.startswith("lambda_") and here[0].kind == "heteroclinic":
-        parts = [of(name) for name in ("lambda_u", "lambda_s", "lambda_ss")]
-        sums = {id_: sum(part[id_] for part in parts) for id_ in parts[0] if all(id_ in part for part in parts)}
-        if (omega := store.get(here[0].id.rsplit("/", 1)[0] + "/omega_h")) is not None:
-            rates = {q.id: q.for_doubles / omega.for_doubles for q in here}
-            yield "those divided by Omega_h, without units,", rates
-        yield "the sum of the three eigenvalues, the trace of the matrix and its only diagonal entry,", sums
-    if mine in _LOGARITHMS:
-        slow, fast = map(of, _LOGARITHMS)
-        for a, b in product(_SHARES, _SHARES):
-            if a and b:
-                text = f"{_SHARES[a]}{_LOGARITHMS[0]} plus {_SHARES[b]}{_LOGARITHMS[1]}"
-                if a == b:
-                    text = f"{_SHARES[a]}{_DIVERGENCE}"
-                text += _AS_OF.get((a, b), "")
-                yield text, {id_: a * x + b * fast[id_] for id_, x in slow.items() if id_ in fast}
+    },
+}  # fmt: skip
+_OF_TWO: dict[str, Callable[[Array, Array], Array]] = {  # x the right value, y another one
+    "{has} the values of {y} with the wrong sign": lambda x, y: -y, "{is} twice {y}": lambda x, y: 2 * y,
+    "{is} half of {y}": lambda x, y: y / 2, "{is} half of the sum with {y}": lambda x, y: (x + y) / 2,
+    "{is} the right value plus {y}": lambda x, y: x + y, "{is} the right value minus {y}": lambda x, y: x - y,
+    "{is} {y} minus the right value": lambda x, y: y - x, "{is} the right value times {y}": lambda x, y: x * y,
+    "{is} the right value divided by {y}": np.divide, "{is} {y} divided by the right value": lambda x, y: y / x,
+    "{is} the right value to the power 1/{y}": lambda x, y: np.abs(x) ** (1 / y),
+    "{is} the modulus of the right value and {y}": np.hypot, "{is} the exponential of {y}": lambda x, y: np.exp(y),
+}  # fmt: skip
+_NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
+_OTHER = {"inverted": "noninverted", "printed": "consistent", "stable": "unstable"}
+_OTHER |= {two: one for one, two in _OTHER.items()}
+_ORDERS: dict[str, _Function] = {
+    "real parts": np.real, "moduli": np.abs, "imaginary parts": np.imag,
+    "moduli of the imaginary parts": lambda z: np.abs(z.imag),
+}  # fmt: skip
 
 
-def _one_way(store: Store, sign: int, id_: str) -> str:
-    """The crossing that comes n-th among those in one direction."""
-    name, _, number = id_.partition("#")
-    entry, quantity = name.rsplit("/", 1)
-    speeds = store.matching(f"{entry}/crossing_v#")
-    kept = sorted(int(q.name.partition("#")[2]) for q in speeds if sign * q.for_doubles > 0)
-    return f"{entry}/{quantity}#{kept[int(number) - 1]}" if number and int(number) <= len(kept) else ""
+class _Grid:
+    """The right values by entry, law, quantity and place, so that other questions' are found by index."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self.sheet, self.x = sheet, sheet.truth
+        self.names, self.given, named = names_of(sheet), inputs(sheet), labels(sheet)
+        keys = np.char.add(np.char.add(named["parameter set"], "/"), named["entry"])
+        self.keys, self.base = np.unique(keys, return_inverse=True)
+        self.law = np.array([_LAWS.index(law) for law in named["law"]])
+        order, t = self.given["order"], self.given["t"]
+        plain = [name.rsplit("_", 1)[0] if n >= 0 else name for name, n in zip(self.names, order, strict=True)]
+        self.stems, self.stem = np.unique(plain, return_inverse=True)
+        place = np.where(t >= 0, np.searchsorted(np.unique(t), t), np.where(order >= 0, order, self.given["n"] - 1))
+        self.place = np.nan_to_num(place).astype(int)
+        # One more of each, which stays empty, for what there is not.
+        shape = (len(self.keys) + 1, len(_LAWS) + 1, len(self.stems) + 1, self.place.max() + 2)
+        self.values = np.full(shape, np.nan)
+        self.values[self.base, self.law, self.stem, self.place] = self.x
+        self.p = parameters(sheet)
+        Bbar = self.p["B"] - self.p["m"] * self.p["e"] ** 2
+        self.bases = {**self.p, "Bbar": Bbar, "(r + e)": self.p["r"] + self.p["e"]}
+        if sheet.level <= _AT_STATES:
+            self.bases |= {name: self.given[name] for name in ("Omega", "v")}
+            for name in ("beta", "gamma"):
+                self.bases |= {f"sin({name})": np.sin(self.given[name]), f"cos({name})": np.cos(self.given[name])}
+        self.logs = np.log(np.abs(list(self.bases.values())))
+
+    def at(self, **moved: Array | int) -> Array:
+        """The right values where some indices are others; indices out of range find nothing."""
+        names = ("base", "law", "stem", "place")
+        indices = [np.asarray(moved.get(name, getattr(self, name))) for name in names]
+        there = zip(indices, self.values.shape, strict=True)
+        found: Array = self.values[tuple(np.where((n >= 0) & (n < size), n, size - 1) for n, size in there)]
+        return found
 
 
-def _exchanged(one: str, two: str, id_: str) -> str:
-    return id_.replace(one, two) if one in id_ else id_.replace(two, one)
+def _relations(grid: _Grid) -> Iterator[_Relation]:
+    x, order, epsilon = grid.x, grid.given["order"], grid.p["epsilon"]
+    for (name, rank), functions in _OF_VALUE.items():
+        for text, of in functions.items():
+            yield name, rank, f"{{q}} {text}", of(x)
+    turns = 2 * _PI * np.round((grid.sheet.answer - x) / (2 * _PI))
+    yield "turns", 3, "{q} {is} off by whole turns", x + turns
+    for text, share in {"epsilon^k times ": epsilon, "": np.ones_like(epsilon)}.items():
+        terms = [np.where(order >= k, share**k * grid.at(place=k), 0 * order) for k in range(grid.values.shape[-1] - 1)]
+        yield "sums", 3, f"{{q}} {{is}} the sum of {text}all orders so far", np.sum(terms, axis=0)
+    yield "sums", 3, "{q} {has} the factor epsilon^n", epsilon**order * x
+    yield from (*_elsewhere(grid), *_quantities(grid), *_orders(grid), *_rounded(grid))
 
 
-def _renamed(old: str, new: str, id_: str) -> str:
-    return new.join(id_.rsplit(old, 1))
+def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
+    """The same quantity at another place or law, of another entry, or in another row."""
+    place, law = grid.place, grid.law
+    for key, word in {"t": "sample in time", "n": "crossing", "order": "order"}.items():
+        x = np.where(np.isfinite(grid.given[key]), grid.x, np.nan)
+        places = {"the first": 0 * place, "every second": 2 * place + 1, "every odd": 2 * place}
+        for text, index in (places | {f"the {near}": place + by for near, by in _NEAR.items()}).items():
+            yield "place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x
+        before = np.where(place > 0, grid.at(place=place - 1), 0.0)
+        yield "interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before
+    for text, index in (("linear", 0 * law + 1), ("smooth", 0 * law + 2), ("other", 3 - law)):
+        yield "law", 3, f"{{q}} {{has}} the values of the {text} law", np.where(law, grid.at(law=index), np.nan)
+    listed = list(dict.fromkeys(grid.keys[grid.base].tolist()))  # as the sheet has them
+    kinds = [key.rsplit("/", 1)[0] for key in listed]
+    word, names = "equilibrium" if grid.sheet.level == 2 else "form", "|".join(_OTHER)
+    moves = {f"the other {word}": [re.sub(f"(?<=/)({names})(?=-)", lambda m: _OTHER[m[0]], key) for key in listed]}
+    moves["the first entry"] = [listed[kinds.index(kind)] for kind in kinds]
+    for name in np.unique([key.split("/")[0] for key in listed]):
+        moves[f"the parameter set {name}"] = [f"{name}/{key.split('/', 1)[1]}" for key in listed]
+    padded = ["", "", *listed, "", ""]
+    for text, by in _NEAR.items():
+        pairs = zip(padded[2 + by :], kinds, strict=False)
+        moves[f"the {text} entry"] = [key if key.startswith(f"{kind}/") else "" for key, kind in pairs]
+    numbers = {key: n for n, key in enumerate(grid.keys.tolist())}
+    for text, others in moves.items():
+        to = dict(zip(listed, others, strict=True))
+        base = np.array([numbers.get(to[key], -1) for key in numbers])[grid.base]
+        yield "entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base)
+    for text, by in {"below": 1, "above": -1}.items():
+        rows = np.concatenate([np.roll(np.append(table.truth, np.nan), -by)[:-1] for table in grid.sheet.tables])
+        yield "row", 4, f"{{q}} {{has}} the values of the row {text}", rows
 
 
-def ordered(here: Sequence[Quantity], fits: Callable[[Quantity, float], bool]) -> str | None:
-    """In which other order the right eigenvalues are answered, or None; ``fits`` holds an answer against a number."""
-    entries: dict[str, dict[str, Quantity]] = {}
-    for quantity in here:
-        entries.setdefault(quantity.id.rsplit("/", 1)[0], {})[quantity.name] = quantity
-    lists = []
-    for entry in entries.values():
-        count = len(entry) // 2
-        if sorted(entry) != sorted(f"lambda_{n}_{part}" for n in range(1, count + 1) for part in ("re", "im")):
-            return None
-        names = [(entry[f"lambda_{n}_re"], entry[f"lambda_{n}_im"]) for n in range(1, count + 1)]
-        lists.append((names, [complex(float(re_), float(im)) for re_, im in names]))
+def _quantities(grid: _Grid) -> Iterator[_Relation]:
+    """What is made of another quantity of the same entry, or of an input."""
+    others = {str(stem): grid.at(stem=n) for n, stem in enumerate(grid.stems)}
+    for n, stem in enumerate(grid.stems):
+        for law in range(len(_LAWS)):  # some quantities are common to both laws
+            others[stem] = np.where(np.isnan(others[stem]), grid.at(stem=n, law=law), others[stem])
+    others |= {f"the input {name}": grid.given[name] for name in ("Omega", "beta", "gamma", "v", "t")}
+    others |= {f"the parameter {name}": values for name, values in grid.p.items()}
+    for name, y in others.items():
+        y = np.where(grid.stems[grid.stem] == name, np.nan, y)
+        yield "quantity", 2, f"{{q}} {{has}} the values of {name}", y
+        for text, of in _OF_TWO.items() if np.isfinite(y).any() else ():
+            yield "quantity", 4, f"{{q}} {text.replace('{y}', name)}", of(grid.x, y)
 
-    def fit(names: Sequence[tuple[Quantity, Quantity]], values: Sequence[complex]) -> bool:
-        return all(
-            fits(re_, value.real) and fits(im, value.imag) for (re_, im), value in zip(names, values, strict=True)
-        )
 
-    for (text, key), sign, tie in product(_ORDERS.items(), (-1, 1), (-1, 1)):
-        if all(
-            fit(names, sorted(values, key=lambda x: (key(x), sign * x.imag, tie * x.real))) for names, values in lists
-        ):
-            first = f", {'positive' if sign < 0 else 'negative'} imaginary part first"
-            first = "" if text.endswith("ing imaginary parts") else first
-            return f"the right eigenvalues in another order: {text}{first}"
-    if all(any(fit(names, other) for other in permutations(values)) for names, values in lists):
-        return "the right eigenvalues, not sorted: the order differs from entry to entry"
-    return None
+def _orders(grid: _Grid) -> Iterator[_Relation]:
+    """The right eigenvalues in another order; equal ones, and conjugates, by the sign of the imaginary part."""
+    real, imaginary = (np.flatnonzero(np.char.endswith(grid.stems, part)) for part in ("_re", "_im"))
+    if not len(real) or len(real) != len(imaginary):
+        return
+    z = grid.values[:, 0, real, 0] + 1j * grid.values[:, 0, imaginary, 0]
+    own = np.array([int(name[7]) - 1 for name in grid.names]) % len(real)
+
+    def answers(places: Array) -> Array:
+        picked = z[grid.base, places[grid.base, own]]
+        return np.asarray(np.where(np.char.endswith(grid.names, "_im"), picked.imag, picked.real))
+
+    for (text, key), up, first in product(_ORDERS.items(), (1, -1), (-1, 1)):
+        places = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=1)
+        says = f"the eigenvalues in another order: {'ascending' if up > 0 else 'descending'} {text}"
+        also = f", the {'positive' if first < 0 else 'negative'} imaginary part first"
+        yield "order", 2, says if text == "imaginary parts" else says + also, answers(places)
+    orders = np.array([np.broadcast_to(one, z.shape) for one in permutations(range(len(real)))])
+    bad = [np.bincount(grid.base[~grid.sheet.fitted(answers(places))], minlength=len(z)) for places in orders]
+    best = orders[np.argmin(bad, axis=0), np.arange(len(z))]
+    yield "order", 4, "the eigenvalues not sorted: their order differs from entry to entry", answers(best)
+
+
+def _rounded(grid: _Grid) -> Iterator[_Relation]:
+    """Answers with few digits: whole multiples of a unit, within half of it or the whole one of the right values."""
+    x, answer, allowed = grid.x, grid.sheet.answer, grid.sheet.allowed
+    size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
+    shorter = np.abs(answer) <= np.abs(x) + allowed
+    for d, (word, share) in product(range(1, 13), {"decimal": 0, "significant digit": 1}.items()):
+        unit = 10.0 ** (size * share - d)
+        whole = np.abs(answer - unit * np.round(answer / unit)) < 1e-6 * unit + 1e-15 * np.abs(x)
+        for rank, text, most, known in ((1, "rounded", 0.5001, True), (2, "truncated", 1.0001, shorter)):
+            fits = whole & known & (np.abs(answer - x) < most * unit + allowed)
+            says = f"{{q}} {{is}} {text} to {d} {word}{'s' * (d > 1)}"
+            yield "rounded", rank + d / 100 + share / 1000, says, np.where(fits, answer, x)
+
+
+def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
+    """For each quantity one number for all, and a factor or a summand: a number times powers of the inputs."""
+    answer, x = grid.sheet.answer, grid.x
+    for n in np.unique(group[grid.sheet.wrong]):
+        mine = group == n
+        cells = np.flatnonzero(mine & grid.sheet.wrong)
+        if len(np.unique(grid.base[cells])) < _FREE:
+            continue
+        middle = np.median(answer[cells])
+        yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
+        for word, start, unit in (("factor", 0 * x, x), ("summand", x, np.ones_like(x))):
+            for text, law in _power_laws(grid, cells, (answer - start) / unit):
+                says = f"{{q}} {{has}} the {word} {text}"
+                yield f"solved {word}", 4, says, np.where(mine, start + law * unit, np.nan)
+
+
+@cache
+def _exponents(count: int) -> Array:
+    """Of so many bases all whole powers up to three in all, and half of them; the simplest first."""
+    units = np.concatenate([np.eye(count), -np.eye(count)])
+    whole = np.zeros((1, count))
+    for _ in range(3):
+        whole = np.unique(np.concatenate([whole, *(whole + unit for unit in units)]), axis=0)
+    whole = whole[np.lexsort((-whole.min(axis=1), np.abs(whole).sum(axis=1)))]
+    return np.concatenate([whole, whole[1:] / 2])
+
+
+def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
+    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
+    some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
+    some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
+    if len(some) < _FREE:
+        return
+    here = grid.logs[:, some]
+    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
+    exponents = _exponents(len(here))
+    left = np.log(np.abs(ratio[some])) - np.einsum("eb,bc->ec", exponents, here)  # einsum starts no threads
+    close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)
+    fits = np.flatnonzero(np.ptp(left, axis=1) < close)
+    if not len(fits):
+        return
+    numbers, costs = np.array(list(_SHORT.values())).T
+    sizes = np.exp(left[fits].mean(axis=1))
+    costs = np.where(np.abs(sizes[:, None] / numbers - 1) < close, costs, _LONG)
+    best = int(np.argmin(np.abs(exponents[fits]).sum(axis=1) + costs.min(axis=1)))
+    text = list(_SHORT)[costs[best].argmin()] if costs[best].min() < _LONG else f"{sizes[best]:.9g}"
+    law, words = sizes[best] * np.ones_like(ratio), [text]
+    for (name, base), k in zip(grid.bases.items(), exponents[fits[best]].tolist(), strict=True):
+        law = law * (base if k % 1 == 0 else np.abs(base)) ** k
+        words += [name if k == 1 else f"{name}^{k:g}"] if k else []
+    words = words[1:] if text == "1" and len(words) > 1 else words
+    sign = np.sign((ratio * law)[some[0]])
+    yield ("-" if sign < 0 else "") + " ".join(words), sign * law
+
+
+@np.errstate(all="ignore")
+def related(sheet: Sheet) -> list[Cause]:
+    """The relations that give all wrong answers of a sheet, simplest first."""
+    if not sheet.wrong.any():
+        return []
+    grid, found = _Grid(sheet), dict[str, _Found]()
+    group = np.unique(sheet.stems, return_inverse=True)[1]
+    wrong = np.bincount(group, sheet.wrong)
+    sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
+    for name, rank, says, predicted in (*_relations(grid), *_solved(grid, group)):
+        known = np.isfinite(predicted)
+        fits = sheet.fitted(predicted, _BEYOND * name.startswith("solved")) & known
+        mine, against = fits & sheet.wrong, known & ~fits
+        away = np.maximum(np.abs(sheet.answer - predicted), _SURE * sheet.allowed)
+        closer = np.where(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away), 0.0)
+        told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
+        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
+        held = {}  # conditions where nothing speaks against the relation, and without which nothing is wrong
+        for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
+            here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
+            held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
+        common = [text for text, _ in sides if all(text in some for some in held.values())]
+        for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):
+            cause = _Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+            found.setdefault(cause.says, cause).cells[mine & (group == n)] = True
+    return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
+
+
+def _joined(sheet: Sheet, found: Sequence[_Found]) -> list[Cause]:
+    """Relations that hold for all wrong quantities, or the simplest one for each."""
+    blamed, parts = set(sheet.stems[sheet.wrong]), list[tuple[_Found, set[str]]]()
+    whole = [cause for cause in found if blamed == set(sheet.stems[cause.cells])]
+    if whole:
+        return [Cause(_said(sheet, one.says, blamed), one.rank, one.name) for one in whole]
+    for cause in found:
+        mine = blamed & set(sheet.stems[cause.cells])
+        parts += [(cause, mine)] if mine else []
+        blamed -= mine
+    texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
+    # Two quantities that have each other's values are exchanged.
+    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
+    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
+        old = f"{one} has the values of {two}"
+        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
+    texts = list(dict.fromkeys(texts))
+    if blamed or len(texts) > _STATEMENTS:
+        return []
+    rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
+    return [Cause("; ".join(texts), rank, "-".join(dict.fromkeys(cause.name for cause, _ in parts)))]
+
+
+def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
+    """A relation of some quantities, in words."""
+    asked, laws = set(sheet.stems), sorted({stem.split(" ")[0] for stem in stems})
+    names = sorted({stem.split(" ")[1] for stem in stems})
+    one_law = {f"{law} {name}" for law in _LAWS for name in names} & asked != stems
+    for kind, whole, least in ((r"^(lambda_\w+)_(re|im)$", r"\1", 2), (r"^(h|residual)_\d+$", r"\1_n", 3)):
+        parts = [re.sub(kind, whole, name) for name in names]
+        names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
+    names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
+    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
+    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
+    return text + (f" under the {' and '.join(laws)} law" if one_law else "")

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Array
-from tippedisk_verify.conformance.engine.flights import (
+from tippedisk_verify.conformance.diagnosis.entries import Array
+from tippedisk_verify.conformance.diagnosis.flights import (
     CROSSING,
     EARLY,
     EXACT,
@@ -22,7 +22,7 @@ from tippedisk_verify.conformance.engine.flights import (
     short,
     tilt,
 )
-from tippedisk_verify.conformance.engine.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Cause, Search
 
 __all__ = ["Readings"]
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Array
-from tippedisk_verify.conformance.engine.specimen import specimen
+from tippedisk_verify.conformance.diagnosis.entries import Array
+from tippedisk_verify.conformance.diagnosis.specimen import specimen
 
 __all__ = ["RINGS", "VARIANTS", "Flight", "Ring", "of"]
 

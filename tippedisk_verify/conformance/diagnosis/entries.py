@@ -66,6 +66,10 @@ class Table:
         return np.array([placed(name)[0] for name in self.names])
 
     @cached_property
+    def ids(self) -> Array:
+        return np.array([f"{self.entries[row].id}/{name}" for row, name in zip(self.rows, self.names, strict=True)])
+
+    @cached_property
     def sets(self) -> Array:
         return np.array([entry.quantities[0].set for entry in self.entries])
 
@@ -135,13 +139,24 @@ class Sheet:
     def stems(self) -> Array:
         return np.concatenate([[f"{table.friction} {stem}" for stem in table.stems] for table in self.tables])
 
+    @cached_property
+    def ids(self) -> Array:
+        return self._joined("ids")
+
     @property
     def level(self) -> int:
         return self.tables[0].level
 
     def _joined(self, name: str) -> Array:
-        joined: Array = np.concatenate([getattr(table, name) for table in self.tables])
+        parts = [getattr(table, name) for table in self.tables]
+        joined: Array = np.concatenate(parts) if parts else np.zeros(0, dtype=bool)
         return joined
+
+    def without(self, dropped: Array) -> Sheet:
+        """The same without some of the answers."""
+        parts = np.split(dropped, np.cumsum([len(table.names) for table in self.tables])[:-1])
+        tables = (table.without(part) for table, part in zip(self.tables, parts, strict=True))
+        return Sheet(tuple(table for table in tables if len(table.names)))
 
     def fitted(self, predicted: Array, digits: float = 0.0) -> Array:
         """Which answers a prediction gives: as close as its question asks, and ten times closer than the truth."""

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.specimen import Specimen, specimen
+from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
 
 __all__ = ["ways"]
 
@@ -167,8 +167,10 @@ def manifold_forces(p, Omega, beta, gamma, size):
     cos_beta = series_in(0, series_cosine(beta, size))
     sin_gamma = series_in(1, series_sine(gamma, size))
     cos_gamma = series_in(1, series_cosine(gamma, size))
-    rho = e * sin_gamma
-    rho[0, 0] += r
+    radius, mass = np.zeros_like(sin_beta), np.zeros_like(sin_beta)
+    radius[0, 0] = r
+    mass[0, 0] = Bbar
+    rho = radius + e * sin_gamma
     rho_squared = series_product(rho, rho)
     inertia = A * series_product(cos_gamma, cos_gamma) + Bbar * series_product(sin_gamma, sin_gamma)
     M = inertia + m * series_product(rho_squared, cos_beta, cos_beta)
@@ -184,10 +186,10 @@ def manifold_forces(p, Omega, beta, gamma, size):
     square = m * series_product(rho_squared, sin_beta, cos_beta)
     drag = mu * m * g * series_product(rho_squared, sin_beta, sin_beta)
     h_0 = e * Omega * series_quotient(series_product(sin_beta, cos_gamma), rho)
-    return M, free, linear, square, drag, h_0, cos_beta
+    return M, mass, free, linear, square, drag, h_0, cos_beta
 
 def slow_manifold_orders(p, Omega, beta, gamma, last):
-    M, free, linear, square, drag, h_0, cos_beta = manifold_forces(p, Omega, beta, gamma, last + 2)
+    M, mass, free, linear, square, drag, h_0, cos_beta = manifold_forces(p, Omega, beta, gamma, last + 2)
     h = [h_0]
     for n in range(1, last + 1):
         change = -Omega * series_product(cos_beta, derivative_gamma(h[n - 1]))
@@ -195,26 +197,30 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
         if n == 1:
             force = force + free
         for i in range(n):
-            change = change + series_product(h[n - 1 - i], derivative_beta(h[i]))
+            change = change + series_product(h[i], derivative_beta(h[n - 1 - i]))
             force = force + series_product(square, h[i], h[n - 1 - i])
         h.append(series_quotient(force - series_product(M, change), drag))
     return h
 
 def invariance_residual(p, Omega, beta, gamma, h):
     epsilon = p[7]
-    M, free, linear, square, drag, h_0, cos_beta = manifold_forces(p, Omega, beta, gamma, 1)
+    series = manifold_forces(p, Omega, beta, gamma, 1)
+    M, mass, free, linear, square, drag, h_0, cos_beta = [one[0, 0] for one in series]
     v, dv_dbeta, dv_dgamma = 0, 0, 0
     for n in range(len(h)):
         v = v + epsilon**n * h[n][0, 0]
         dv_dbeta = dv_dbeta + epsilon**n * h[n][1, 0]
         dv_dgamma = dv_dgamma + epsilon**n * h[n][0, 1]
-    right = epsilon * (free[0, 0] + linear[0, 0] * v + square[0, 0] * v**2) - drag[0, 0] * (v - h_0[0, 0])
-    left = epsilon * (dv_dbeta * v - dv_dgamma * Omega * cos(beta))
-    return left - right / M[0, 0]
+    force = epsilon * (free + linear * v + square * v**2) - drag * (v - h_0)
+    return epsilon * (dv_dbeta * v - dv_dgamma * Omega * cos_beta) - force / M
 """
 _ROOTS_OF_MODULI = """
 def sqrt(x):
     return np.sqrt(abs(x))
+"""
+_QUOTIENT_RULE = """
+def quotient_rate(dforce, dM, M, v_rate):
+    return (dforce - dM * v_rate) / M
 """
 
 
@@ -231,11 +237,18 @@ def ways() -> tuple[Specimen, ...]:
     """The specimen as it is, and in other ways."""
     plain = specimen()
     hopf = plain.text("hopf").replace("sqrt(e / (r + e)) * Omega", "pair_frequency(p, Omega)")
+    quotients = plain.text("derivatives")
+    for name in ("beta", "gamma"):
+        old = f"(dforce_d{name} - dM_d{name} * v_rate) / M"
+        quotients = quotients.replace(old, f"quotient_rate(dforce_d{name}, dM_d{name}, M, v_rate)")
+    old = "-mu * m * g * epsilon / (abs(gamma_y) + epsilon) ** 2"
+    new = "-mu * m * g * (1 / (abs(gamma_y) + epsilon) - abs(gamma_y) / (abs(gamma_y) + epsilon) ** 2)"
     pair = "def pair_frequency(p, Omega):\n    return sqrt(-linearisation(p, Omega, 1)[:, 2, 0])\n"
     steps = plain.patched("complex steps", _COMPLEX_STEPS, abs=_analytic)
     general = plain.patched("general state", _GENERAL_STATE + plain.text("derivatives"))
     return (
         plain,
+        plain.patched("shared forces", _SHARED_FORCES),
         steps,
         steps.patched("named terms, complex steps", _NAMED_TERMS),
         plain.patched("named terms", _NAMED_TERMS),
@@ -249,5 +262,9 @@ def ways() -> tuple[Specimen, ...]:
         plain.patched("implicit derivative", _IMPLICIT_RATE),
         plain.patched("one law", _ONE_LAW),
         plain.patched("one law, roots of moduli", _ONE_LAW + _ROOTS_OF_MODULI),
-        plain.patched("shared forces", _SHARED_FORCES),
+        plain.patched(
+            "period written out",
+            plain.text("hopf").replace("2 * pi / omega,", "2 * pi / (sqrt(e / (r + e)) * Omega),"),
+        ),
+        plain.patched("quotient rule", quotients.replace(old, new) + _QUOTIENT_RULE),
     )

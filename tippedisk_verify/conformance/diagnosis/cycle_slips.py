@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Array, Sheet, Table
-from tippedisk_verify.conformance.engine.halfmap import RINGS, VARIANTS, Flight
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
+from tippedisk_verify.conformance.diagnosis.halfmap import RINGS, VARIANTS, Flight
 from tippedisk_verify.reference_values.store import stored
 
 __all__ = [

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.cycle_slips import Said, column, known
-from tippedisk_verify.conformance.engine.entries import Array, Sheet, Table
-from tippedisk_verify.conformance.engine.halfmap import RINGS, of
+from tippedisk_verify.conformance.diagnosis.cycle_slips import Said, column, known
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
+from tippedisk_verify.conformance.diagnosis.halfmap import RINGS, of
 
 __all__ = ["connections", "near"]
 

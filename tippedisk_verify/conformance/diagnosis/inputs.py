@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Sheet, Table
-from tippedisk_verify.conformance.engine.specimen import specimen
+from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table
+from tippedisk_verify.conformance.diagnosis.specimen import specimen
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["INPUTS", "Input", "changed"]
@@ -49,13 +49,11 @@ def _pairs() -> Iterator[Input]:
 
 
 def _to_digits(digits: int, values: Any) -> Any:
-    with np.errstate(all="ignore"):
-        size = 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(values))))
-        return np.where(values == 0, 0, np.round(values * size) / size)
+    return np.array([float(f"{value:.{digits}g}") for value in values])
 
 
 def _to_decimals(decimals: int, values: Any) -> Any:
-    return np.round(values, decimals)
+    return np.array([float(f"{value:.{decimals}f}") for value in values])
 
 
 def _to_single(values: Any) -> Any:
@@ -134,6 +132,7 @@ INPUTS: tuple[Input, ...] = (
     ),
     Input("v-slow", "v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
     Input("omega-crit", "Omega_crit in place of Omega", _critical),
+    Input("omega-30.92", "Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
     Input("first-of-start", "Omega of the first entry with the same start", _from({"Omega": "first_Omega"}), 1),
     Input("g-9.8", "g = 9.8 for 9.81", lambda values: {"g": 9.8 + 0 * values["g"]}),
     Input("g-9.80665", "g = 9.80665 for 9.81", lambda values: {"g": 9.80665 + 0 * values["g"]}),

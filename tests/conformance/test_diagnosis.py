@@ -7,14 +7,14 @@ import ast
 import numpy as np
 import pytest
 
-from tippedisk_verify.conformance.engine.cycles import cycle_causes
-from tippedisk_verify.conformance.engine.entries import Sheet, Table, tables_of
-from tippedisk_verify.conformance.engine.inputs import INPUTS
-from tippedisk_verify.conformance.engine.operators import changes, places, statements
-from tippedisk_verify.conformance.engine.search import Search, values
-from tippedisk_verify.conformance.engine.specimen import Program, Specimen, specimen
-from tippedisk_verify.conformance.engine.statement import diagnosed
-from tippedisk_verify.conformance.engine.ways import ways
+from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
+from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table, tables_of
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
+from tippedisk_verify.conformance.diagnosis.operators import changes, places, statements
+from tippedisk_verify.conformance.diagnosis.search import Search, values
+from tippedisk_verify.conformance.diagnosis.specimen import Program, Specimen, specimen
+from tippedisk_verify.conformance.diagnosis.statement import diagnosed
+from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.reference_values.store import Store, stored
@@ -67,8 +67,8 @@ def test_names_of_inputs_are_different() -> None:
 _PLANTED = (
     ("equations", "w_y * lambda_Ty", "lambda_Ty", "the factor w_y is missing in w_y lambda_Ty"),
     ("derivatives", "e * cos(gamma)", "r * cos(gamma)", "r cos(gamma) for e cos(gamma)"),
-    ("linearisation", "- Omega ** 2", "+ Omega ** 2", "m g / Bbar rho + Omega^2 for m g / Bbar rho - Omega^2"),
-    ("hopf", "2 * pi / omega", "pi / omega", "the factor 2 is missing"),
+    ("linearisation", "- Omega ** 2", "+ Omega ** 2", "in A_31 (linearisation): +Omega^2 for -Omega^2"),
+    ("hopf", "2 * pi / omega", "pi / omega", "period has the factor 1/2"),
     ("one_harmonic_law", "chi * Omega ** 2", "chi * Omega", "Omega for Omega^2"),
 )
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.cycle_slips import Said, answered, column, flight_of, known, made, solve
-from tippedisk_verify.conformance.engine.entries import Array, Sheet, Table
-from tippedisk_verify.conformance.engine.halfmap import RINGS, Flight
-from tippedisk_verify.conformance.engine.inputs import INPUTS, changed
+from tippedisk_verify.conformance.diagnosis.cycle_slips import Said, answered, column, flight_of, known, made, solve
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
+from tippedisk_verify.conformance.diagnosis.halfmap import RINGS, Flight
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, changed
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["orbits"]

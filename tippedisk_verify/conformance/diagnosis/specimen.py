@@ -19,12 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Array, Results, Sheet, Table
+from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 
-__all__ = ["Program", "Specimen", "specimen"]
+__all__ = ["HERE", "Program", "Specimen", "specimen"]
 
 _SOURCE = Path(__file__).parent.parent / "clients" / "client.py"
 _LONGER = 3.0  # times: so many more turns of loops are allowed to a changed program
+HERE = ast.parse("_here(locals())", mode="eval").body  #: stands for an expression that changes
 NOTHING: Mapping[str, ast.stmt] = MappingProxyType({})
 
 
@@ -87,7 +88,9 @@ class Specimen:
 
 
 def compiled(tree: ast.FunctionDef) -> types.CodeType:
-    module = compile(ast.Module([tree], []), f"<{tree.name}>", "exec")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)
+        module = compile(ast.Module([tree], []), f"<{tree.name}>", "exec")
     return next(part for part in module.co_consts if isinstance(part, types.CodeType))
 
 
@@ -100,7 +103,7 @@ class Program:
     """A specimen with the trees of ``changes`` in place of those of their names."""
 
     def __init__(self, right: Specimen, changes: Mapping[str, ast.stmt] = NOTHING, **space: Any) -> None:
-        self.right, self.changed = right, bool(changes)
+        self.right, self.trees = right, changes
         self.turns, self.left = 0, math.inf  # of loops, so far and still allowed
         self.space = {**right.space, **space, "range": self._range}
         for function, code in right.codes.items():
@@ -113,10 +116,17 @@ class Program:
                 assign = changes.get(name, assign)  # type: ignore[assignment]
                 exec(compile(ast.Module([assign], []), "<constant>", "exec"), self.space)
 
+    def computes(self, value: ast.expr) -> None:
+        """Have ``value`` computed where the program says `HERE`; cheaper than another program."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            code = compile(ast.Expression(value), "<value>", "eval")
+        self.space["_here"] = lambda known: eval(code, {**self.space, **known})
+
     def results(self, table: Table) -> Results:
         """The answers to a table's questions; nothing where the program fails."""
         function = self.space[self.right.starts(table.kind)]
-        self.left = _LONGER * self.right.turns(table) if self.changed else math.inf
+        self.left = _LONGER * self.right.turns(table) if self.trees else math.inf
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
@@ -148,9 +158,10 @@ def specimen() -> Specimen:
     space: dict[str, Any] = {"__name__": "specimen"}
     exec(compile(tree, str(_SOURCE), "exec"), space)
     functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-    constants = {
-        node.targets[0].id: node
-        for node in tree.body
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id != "KINDS"
-    }
+    constants = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            names = {part.id for part in ast.walk(node.value) if isinstance(part, ast.Name)}
+            if not names & functions.keys() and node.targets[0].id != "KINDS":
+                constants[node.targets[0].id] = node
     return Specimen("", functions, constants, space)

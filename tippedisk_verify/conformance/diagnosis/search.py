@@ -8,19 +8,26 @@ from __future__ import annotations
 
 import ast
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.engine.entries import Array, Sheet, Table
-from tippedisk_verify.conformance.engine.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.engine.operators import Change, Place, changes, places, shown, statements, throughout
-from tippedisk_verify.conformance.engine.specimen import Program, Specimen, specimen
+from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
+from tippedisk_verify.conformance.diagnosis.operators import (
+    Change,
+    Place,
+    changes,
+    places,
+    shown,
+    statements,
+    throughout,
+)
+from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
@@ -31,6 +38,8 @@ _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
 _ALLOWED_GAIN = 1e-3
+_TURNS = 60  # of a loop, which take as long as the shortest formula
+_FREE = ast.Name("_free", ast.Load())
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
 
 
@@ -39,30 +48,36 @@ class Cause:
     """A change that gives all answers."""
 
     says: str
-    rank: int
-    function: str = ""
-    before: str = ""  #: the specimen's line
-    after: str = ""
+    rank: float
     name: str = ""
+    function: str = ""  #: of the specimen that is changed
+    before: str = ""  #: its line as it is
+    after: str = ""  #: and as it would be
+    program: Program | None = None
+
+    @property
+    def where(self) -> str:
+        return self.says.partition(": ")[0]
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """A statement, or one element of it, that moves what is wrong and nothing that is right."""
+    """A statement, or one element of it, that moves what is wrong."""
 
     function: str
     place: Place  #: of its value
     label: str  #: what it computes
+    also: int  #: how many of the quantities without a wrong answer it moves
 
     @property
     def where(self) -> str:
         known = self.function in ("equations", "derivatives")
         return self.label if known else f"{self.label or 'the result'} ({self.function})"
 
-    def cause(self, spot: Place, change: Change) -> Cause:
+    def cause(self, spot: Place, change: Change, program: Program) -> Cause:
         """What is said of a change in this statement."""
-        says = spot.says(change)
-        return Cause(f"in {self.where}: {says}", change.rank, self.function, shown(self.place.node), says)
+        says, lines = f"in {self.where}: {spot.says(change)}", spot.lines(change.node)
+        return Cause(says, change.rank, change.operator, self.function, *lines, program)
 
 
 @dataclass
@@ -72,8 +87,9 @@ class Search:
     sheet: Sheet
     advance: Callable[[str, int], None] = lambda label, steps: None
     passed: frozenset[str] = frozenset()  #: functions of the specimen that right answers of earlier levels come from
-    deadline: float = math.inf  #: of the process's time
-    tried: int = 0
+    work: float = 0.0  #: done so far, in runs of the shortest formula
+    limit: float = math.inf
+    clean: bool = True  #: whether statements are changed that move nothing that is right, or the others
 
     @cached_property
     def few(self) -> Sheet:
@@ -103,45 +119,58 @@ class Search:
         return {stem for stem, share in shares.items() if share >= _MOSTLY * max(shares.values())}
 
     def late(self) -> bool:
-        return time.process_time() > self.deadline
+        """Whether the work is done that `allow` gave; never a matter of time, which depends on the machine."""
+        return self.work > self.limit
 
-    def allow(self, seconds: float) -> None:
-        """Give what follows so much time of the processor."""
-        self.deadline = time.process_time() + seconds
+    def allow(self, work: float) -> None:
+        self.limit = self.work + work
+
+    def run(self, program: Program, sheet: Sheet) -> Array:
+        self.work += sum(1 + program.right.turns(table) / _TURNS for table in sheet.tables)
+        return program.answers(sheet)
 
     def suspects(self, right: Specimen) -> list[Suspect]:
-        base = Program(right, {}).answers(self.few)
+        """The statements of a way that may be wrong; of what is not its own only what its own functions call."""
+        base = self.run(Program(right), self.few)
         known = self.few.fitted(base) | self.few.wrong
+        own = self.own(right)
+        mine = own | frozenset().union(*(right.calls[name] for name in own)) if right.way else frozenset(right.calls)
         found = []
         for name in right.reach(self.few):
-            if name in self.passed and right.functions.get(name) is specimen().functions.get(name):
+            if name not in mine or (name in self.passed and name not in own):
                 continue
             function: Any = right.functions.get(name) or right.constants[name]
             for statement, path in statements(function):
                 for place, label in values(function, statement, path):
-                    if any(self._moves(right, name, part, base, known) for part in terms(place)):
-                        found.append(Suspect(name, place, label))
+                    moves = [self._moves(right, name, part, base, known) for part in terms(place)]
+                    if min(moves) < math.inf:
+                        found.append(Suspect(name, place, label, int(min(moves))))
         return found
 
-    def _moves(self, right: Specimen, name: str, place: Place, base: Array, known: Array) -> bool:
-        """Whether another value there moves every wrong quantity, and slightly another one none that is right."""
+    def own(self, right: Specimen) -> frozenset[str]:
+        """What a way has otherwise, of the functions that the answers come from."""
+        plain = specimen().functions
+        return frozenset(n for n in right.reach(self.sheet) if plain.get(n) is not right.functions.get(n))
+
+    def _moves(self, right: Specimen, name: str, place: Place, base: Array, known: Array) -> float:
+        """How many right quantities slightly another value there moves; infinite if not all that is wrong may move."""
         stirred = _fixed(place.replaced(_fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
         moved: set[str] = set()
+        program, also = Program(right, {name: stirred}), 0
         for share in _STIRRED:
-            stir = _Stir(share)
-            answers = Program(right, {name: stirred}, _stirred=stir).answers(self.few)
+            program.space["_stirred"] = stir = _Stir(share)
+            answers = self.run(program, self.few)
             if not stir.touched:
-                return isinstance(place.statement, ast.For | ast.If | ast.Assign)
+                return 0 if isinstance(place.statement, ast.For | ast.If | ast.Assign | ast.AugAssign) else math.inf
             with np.errstate(all="ignore"):
                 away = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
             moved |= set(self.few.stems[away])
-            if moved & self.right_stems and share == _STIRRED[0]:
-                return False
-        return self.mostly_wrong & set(self.few.stems) <= moved
+            also = also if share != _STIRRED[0] else len(moved & self.right_stems)
+        return also if self.mostly_wrong & set(self.few.stems) <= moved else math.inf
 
     def fits(self, program: Program) -> bool:
-        self.tried += 1
-        return all(sheet.fits(program.answers(sheet)) for sheet in (self.tiny, self.few, self.sheet))
+        self.work += 1  # for making it
+        return all(sheet.fits(self.run(program, sheet)) for sheet in (self.tiny, self.few, self.sheet))
 
     def causes(self, rights: Sequence[Specimen], ranks: Sequence[int]) -> list[Cause]:
         """The changes of these ranks that give all answers."""
@@ -151,20 +180,25 @@ class Search:
                 break
             suspects = self.suspects_of(right)
             for suspect in suspects:
-                for spot, change in candidates(right, suspect, ranks):
+                place = suspect.place
+                program = Program(right, {suspect.function: place.replaced(HERE)})
+                for spot, change in candidates(suspect, ranks):
                     if self.late():
                         break
-                    if self.fits(Program(right, {suspect.function: spot.replaced(change.node)})):
-                        cause = suspect.cause(spot, change)
+                    program.computes(spot.within(place, change.node))
+                    if self.fits(program):
+                        whole = Program(right, {suspect.function: spot.replaced(change.node)})
+                        cause = suspect.cause(spot, change, whole)
                         found.setdefault(cause.says, cause)
             for name in dict.fromkeys(suspect.function for suspect in suspects) if 1 in ranks else ():
                 function = right.functions.get(name)
                 if function is None:
                     continue
-                for phrase, tree in throughout(function, scope(right, function)):
-                    if not self.late() and self.fits(Program(right, {name: _fixed(tree)})):
+                for phrase, tree in throughout(function, scope(function)):
+                    program = Program(right, {name: _fixed(tree)})
+                    if not self.late() and self.fits(program):
                         says = f"in {name}: {phrase}"
-                        found.setdefault(says, Cause(says, 1, name, "", "", "throughout"))
+                        found.setdefault(says, Cause(says, 1, "throughout", name, program=program))
         return list(found.values())
 
     def inputs(self, ranks: Sequence[int]) -> list[Cause]:
@@ -172,33 +206,32 @@ class Search:
         right = Program(specimen())
         stages = (self.tiny, self.few, self.sheet)
         return [
-            Cause(one.says, one.rank, name=one.name)
+            Cause(one.says, one.rank, one.name)
             for one in INPUTS
             if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
         ]
 
     def solved(self, rights: Sequence[Specimen]) -> list[Cause]:
-        """One free factor at one place, solved for; the inputs first."""
+        """One free factor at one place, solved for; the inputs first, then results before what they are made of."""
         found = list(self._solved_inputs())
         for right in rights:
-            for suspect in () if found else self.suspects_of(right):
+            for suspect in () if found else reversed(self.suspects_of(right)):
                 place = suspect.place
+                program = Program(right, {suspect.function: place.replaced(HERE)})
                 for spot in (place, *places(place.function, place.node, place.path)):
-                    if isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
-                        continue
-                    factor = ast.BinOp(ast.Name("_free", ast.Load()), ast.Mult(), spot.node)
-                    tree = _fixed(spot.replaced(_fixed(factor)))
-
-                    def answers(number: float, sheet: Sheet, right: Any = right, tree: Any = tree) -> Array:
-                        return Program(right, {tree.name: tree}, _free=number).answers(sheet)
-
-                    number = self.number(answers) if isinstance(tree, ast.FunctionDef) else None
-                    if number is not None:
-                        what = f"{plain(number)} times {shown(spot.node)} in {shown(spot.term().node)}"
-                        says = f"in {suspect.where}: {what}"
-                        found.append(Cause(says, 4, suspect.function, shown(place.node), says, "factor"))
+                    if found or isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
                         break
+                    program.computes(spot.within(place, _fixed(ast.BinOp(_FREE, ast.Mult(), spot.node))))
+                    number = self.number(partial(self._with_free, program))
+                    if number is not None:
+                        says = f"in {suspect.where}: {plain(number)} times {shown(spot.node)}"
+                        new = ast.BinOp(ast.Constant(number), ast.Mult(), spot.node)
+                        found.append(Cause(says, 4, "factor", suspect.function, *spot.lines(new)))
         return found
+
+    def _with_free(self, program: Program, number: float, sheet: Sheet) -> Array:
+        program.space[_FREE.id] = number
+        return self.run(program, sheet)
 
     def _solved_inputs(self) -> Iterator[Cause]:
         right = Program(specimen())
@@ -218,7 +251,7 @@ class Search:
                     says = f"{name} = {value * number:.9g} instead of {value:.9g}"
                 else:
                     says = f"{name} {text or 'times '}{plain(number - 1 if text else number)}"
-                yield Cause(says, 4, name=f"{name}-value")
+                yield Cause(says, 4, f"{name}-value")
 
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
         """The number with which all answers are given, two digits better than asked; by the secant method."""
@@ -246,10 +279,11 @@ class Search:
         """Those of a way; of a way that changes nothing in reach there are none but the specimen's."""
         kept: dict[str, list[Suspect]] = self.__dict__.setdefault("_suspects", {})
         if right.way not in kept:
-            plain_ones = specimen().functions
-            new = any(plain_ones.get(name) is not right.functions.get(name) for name in right.reach(self.sheet))
-            kept[right.way] = self.suspects(right) if new or not right.way else []
-        return kept[right.way]
+            kept[right.way] = self.suspects(right) if self.own(right) or not right.way else []
+        if self.clean:
+            return [suspect for suspect in kept[right.way] if not suspect.also]
+        unclean = sorted((suspect for suspect in kept[right.way] if suspect.also), key=lambda suspect: suspect.also)
+        return [suspect for suspect in unclean if suspect.also <= unclean[0].also + 1]
 
 
 def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet) -> Array:
@@ -276,7 +310,8 @@ class _Stir:
         if array.dtype.kind not in "fc":
             return value
         self.touched = True
-        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, array.shape))
+        shape = array.shape if self.share > _STIRRED[0] else ()  # a slight change leaves directions as they are
+        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, shape))
         return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
 
 
@@ -309,6 +344,10 @@ def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, st
     else:
         label = ""
     whole = Place(function, statement, (*path, (statement, "value", None)))
+    if isinstance(statement, ast.Expr) and isinstance(value, ast.Call):
+        for index in range(len(value.args)):
+            yield Place(function, statement, (*whole.path, (value, "args", index))), shown(value.func)
+        return
     if isinstance(value, ast.Dict):
         for index, key in enumerate(value.keys):
             yield Place(function, statement, (*whole.path, (value, "values", index))), shown(key).strip("'")
@@ -334,17 +373,18 @@ def terms(place: Place) -> Iterator[Place]:
             yield from terms(Place(place.function, place.statement, (*place.path, (place.node, side, None))))
 
 
-def scope(right: Specimen, function: Any) -> list[str]:
-    """The names that a function knows: its own, and what the module has."""
+@lru_cache(maxsize=64)
+def scope(function: Any) -> list[str]:
+    """The names that a function knows."""
     own = [node.arg for node in ast.walk(function) if isinstance(node, ast.arg)]
     own += [node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
     return list(dict.fromkeys(own))
 
 
-def candidates(right: Specimen, suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
+def candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
     """What may be changed in a statement, and how."""
     place = suspect.place
-    names = scope(right, place.function)
+    names = scope(place.function)
     for spot in (place, *places(place.function, place.node, place.path)):
         for change in changes(spot, names, spot is place):
             if change.rank in ranks:
@@ -352,6 +392,11 @@ def candidates(right: Specimen, suspect: Suspect, ranks: Sequence[int]) -> Itera
                 yield spot, change
 
 
-def _fixed(tree: Any) -> Any:
-    """With line numbers where nodes are new."""
-    return ast.fix_missing_locations(tree)
+def _fixed(node: Any) -> Any:
+    """With line numbers where nodes are new; below old ones there are none."""
+    if isinstance(node, ast.expr | ast.stmt | ast.keyword) and not hasattr(node, "lineno"):
+        node.lineno = node.end_lineno = 1
+        node.col_offset = node.end_col_offset = 0
+        for child in ast.iter_child_nodes(node):
+            _fixed(child)
+    return node

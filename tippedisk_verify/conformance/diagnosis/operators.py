@@ -1,0 +1,447 @@
+"""What people do wrong where they write a formula: one table of changes of a syntax tree.
+
+A rule sees a node, the names that its function knows, and nothing else: no quantity, no level. A new kind of mistake is
+one line in `RULES`; what no pattern says is a function in `OPERATORS`.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+__all__ = ["Change", "Place", "changes", "places", "shown", "statements", "throughout"]
+
+Node = Any  # nodes of the syntax tree, whose classes have no common attributes
+Path = tuple[tuple[Node, str, int | None], ...]  #: from the function down: node, field, index
+
+#: Names of one kind, which are mistaken for each other; so are names that differ in one part only, as A_31 and A_32.
+_KIN = (
+    {"r", "e", "rho"}, {"A", "B", "Bbar", "M", "inertia"}, {"beta", "gamma"}, {"Omega", "v", "omega"},
+    {"mu", "epsilon", "m", "g", "k"}, {"gamma_y", "w_y", "v"}, {"sin", "cos"}, {"sin", "tan"}, {"h", "f_G"},
+    {"cos_beta", "sin_beta", "cos_gamma", "sin_gamma"}, {"C", "omega"}, {"rho", "rho_squared"}, {"matrix", "A_33"},
+    {"chi", "delta"}, {"drho_dgamma", "rho", "e"}, {"m", "rho"}, {"q", "p_star"}, {"c_1", "dlambda"}, {"v", "h_0"},
+    {"rho", "radius"}, {"M", "mass"},
+)  # fmt: skip
+#: What stands for a name by habit.
+_HABITS = {
+    "Omega": ("critical_speed(p)", "30.92", "1"), "rho": ("(r - e)", "(r + e)"), "Bbar": ("(B + m * e**2)",),
+    "A": ("(A - m * e**2)", "(A + m * e**2)"), "g": ("9.8",), "pi": ("3.14", "3.1416", "180"),
+}  # fmt: skip
+_EXTRA = ("r", "e", "m", "g", "mu", "epsilon", "Omega", "omega", "rho", "M", "Bbar", "v")
+_LONG = 80  # characters, after which it is no longer said what something is missing in
+_INDICES = ("i", "j", "k", "n", "size", "last")
+_NORMS = ("a[0]", "sum(abs(a))", "np.max(abs(a), axis=0)", "sqrt(sum(abs(a[:2]) ** 2))", "1")
+#: What stands there and what may stand there by mistake, what is said of it ("" for "NEW for OLD"), and its rank. In a
+#: pattern a to d are any expressions, f any function, x a name, call or element, t such a one, a product, quotient or
+#: power, and i an index; +- stands for either sign, and */ for either operator.
+RULES: tuple[tuple[str, str, str, int], ...] = (
+    ("a + b", "a - b", "-{b} for +{b}", 0), ("a - b", "a + b", "+{b} for -{b}", 0),
+    ("t +- b", "-t +- b", "-{t} for +{t}", 0),
+    ("-a", "a", "the minus sign of {old} is missing", 0), ("t", "-t", "", 1),
+    ("a + b", "a", "the term {b} is missing in {old}", 0), ("a - b", "a", "the term -{b} is missing in {old}", 0),
+    ("a + b", "b", "the term {a} is missing in {old}", 0), ("a - b", "-b", "the term {a} is missing in {old}", 0),
+    ("a * b", "a", "the factor {b} is missing in {term}", 0), ("a * b", "b", "the factor {a} is missing in {term}", 0),
+    ("a / b", "a", "the divisor {b} is missing in {term}", 0), ("a / b", "1 / b", "", 1), ("a - b", "b", "", 1),
+    ("f(a)", "a", "{a} for {old}", 1), ("f(a, b)", "f(b, a)", "", 1),
+    ("f(a, b)", "a", "the factor {b} is missing in {old}", 0),
+    ("f(a, b)", "b", "the factor {a} is missing in {old}", 0), ("a[i - 1]", "a[0]", "", 1),
+    ("sin(a)", "cos(a)", "cos for sin in {term}", 0), ("cos(a)", "sin(a)", "sin for cos in {term}", 0),
+    ("sin(a)", "np.tan(a)", "", 0), ("cos(a)", "pi / 2 - a", "", 2), ("cos(a)", "1", "", 2),
+    ("sin(a)", "sin(2 * a)", "", 1), ("cos(a)", "cos(2 * a)", "", 1), ("sin(a)", "sin(a - pi / 2)", "", 2),
+    ("cos(a)", "cos(a - pi / 2)", "", 2), ("sin(a)", "sin(a * pi / 180)", "{old} of degrees", 2),
+    ("cos(a)", "cos(a * pi / 180)", "{old} of degrees", 2), ("np.linalg.eigvals(a)", "np.linalg.eigvalsh(a)", "", 0),
+    ("a.argmax(axis=b)", "a.argmin(axis=b)", "", 0), ("np.argmax(a, axis=b)", "np.argmin(a, axis=b)", "", 0),
+    ("np.max(a, axis=b)", "np.min(a, axis=b)", "", 0), ("np.ceil(a)", "np.floor(a)", "", 0),
+    ("np.where(a, b, c)", "b", "{b} throughout for {old}", 0),
+    ("np.where(a, b, c)", "c", "{c} throughout for {old}", 0),
+    ("np.where(a, b, c)", "np.where(a, c, b)", "the two cases exchanged in {old}", 0),
+    ("a.real", "a.imag", "", 0), ("a.imag", "a.real", "", 0), ("a.real", "abs(a)", "", 1), ("a.imag", "abs(a)", "", 1),
+    ("a.real", "a", "", 1), ("a.imag", "a", "", 1), ("a.conj()", "a", "{old} without conj", 0),
+    *((f"a {one} b", f"a {two} b", "", 1) for one in ("<", ">", "==") for two in ("<", ">", "!=", ">=") if one != two),
+    ("t", "2 * t", "", 1), ("t", "3 * t", "", 1), ("t", "t / 2", "", 1), ("t", "t / 3", "", 1),
+    ("a ** b", "a", "{a} for {old} in {term}", 0), ("a ** b", "a * b", "", 1), ("x", "x ** 2", "", 1),
+    ("x", "sqrt(x)", "", 2), ("a / b", "(a / b) ** 2", "", 2), ("f(a) ** b", "f(a ** b)", "", 1),
+    ("sqrt(a + b)", "sqrt(a) * (1 + b / (2 * a))", "the root's expansion for {old}", 1),
+    ("c * (a +- b)", "c * a +- b", "", 1), ("c / (a +- b)", "c / a +- b", "", 1), ("(a +- b) * c", "a +- b * c", "", 1),
+    ("(a +- b) / c", "a +- b / c", "", 1), ("a / (b * c)", "a / b * c", "", 0), ("a * b", "a / b", "", 1),
+    ("a * b", "a + b", "", 2), ("a / b", "a * b", "", 1), ("a / b", "b / a", "", 1),
+    ("(a +- b) ** c", "a +- b ** c", "", 1), ("(a */ b) ** c", "a */ b ** c", "", 1),
+    ("c +- a */ b", "(c +- a) */ b", "", 2), ("a * b +- c", "a * (b +- c)", "", 2),
+    ("a +- b - c", "a +- (b - c)", "", 2), ("f(a +- b)", "f(a) +- b", "", 2), ("f(a */ b)", "f(a) */ b", "", 2),
+    ("a * b / (abs(b) + c)", "a * np.tanh(b / c)", "", 1), ("a * b / (abs(b) + c)", "a * np.arctan(b / c)", "", 1),
+    ("a * b / (abs(b) + c)", "a * b / sqrt(b ** 2 + c ** 2)", "", 1),
+    ("a * b / (abs(b) + c)", "a * np.clip(b / c, -1, 1)", "", 1),
+    ("a * b / (abs(b) + c)", "a * 2 / pi * np.arctan(b / c)", "", 1),
+    ("a * b / (abs(b) + c)", "a * 2 / pi * np.arctan(pi / 2 * b / c)", "", 1),
+    *(("sqrt(sum(abs(a) ** 2))", norm, "", 1) for norm in _NORMS),
+    ("i", "i + 1", "", 1), ("i", "i - 1", "", 1), ("i", "0", "", 1), ("range(a)", "range(1)", "", 1),
+    ("a[b, c, d]", "a[b, d, c]", "", 1), ("t", "np.float32(t)", "{old} in single precision", 3),
+    ("a +- b", "np.float32(a +- b)", "{old} in single precision", 3), ("t", "abs(t)", "the modulus of {old}", 2),
+    ("a +- b", "abs(a +- b)", "the modulus of {old}", 2),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Change:
+    """What may stand in place of a node."""
+
+    node: Node
+    said: str = ""  #: of the term around it; "" for "NEW for OLD"
+    rank: int = 0
+    operator: str = "left out"
+
+
+@dataclass(frozen=True)
+class Place:
+    """An expression in a function, with the way down to it."""
+
+    function: ast.FunctionDef | ast.Assign
+    statement: Node
+    path: Path
+
+    @property
+    def node(self) -> Node:
+        return _child(*self.path[-1])
+
+    def replaced(self, new: Node) -> Any:
+        """The function with ``new`` there; what is not on the way is shared."""
+        for parent, field, index in reversed(self.path):
+            upper = copy.copy(parent)
+            if index is None:
+                setattr(upper, field, new)
+            else:
+                items = list(getattr(upper, field))
+                items[index : index + 1] = [new] if new is not None else []
+                setattr(upper, field, items)
+            new = upper
+        return new
+
+    def within(self, outer: Place, new: Node) -> Node:
+        """The expression of a place around this one, with ``new`` here."""
+        inner = Place(self.function, None, self.path[len(outer.path) :])
+        return inner.replaced(new) if inner.path else new
+
+    def term(self) -> Place:
+        """The term of a sum, the argument or the whole right side that the expression is a part of."""
+        path = self.path
+        while len(path) > 1 and _kind(path[-1][0], ast.BinOp | ast.UnaryOp):
+            if _kind(path[-1][0], ast.BinOp) and _kind(path[-1][0].op, ast.Add | ast.Sub):
+                break
+            path = path[:-1]
+        return Place(self.function, self.statement, path)
+
+    def wider(self) -> Place:
+        """The expression around this one."""
+        return Place(self.function, self.statement, self.path[:-1])
+
+    def lines(self, new: Node) -> tuple[str, str]:
+        """The statement's first line as it is, and as it is with ``new`` here."""
+        start = next((n for n, (parent, _, _) in enumerate(self.path) if parent is self.statement), 0)
+        changed = Place(self.statement, None, self.path[start:]).replaced(new)
+        before, after = (
+            ast.unparse(ast.fix_missing_locations(copy.deepcopy(one))) for one in (self.statement, changed)
+        )
+        return before.partition("\n")[0], after.partition("\n")[0]
+
+    def says(self, change: Change) -> str:
+        """What is wrong, in the symbols of the formula."""
+        around = self.term()
+        if change.said:
+            old = shown(self.node)
+            said = change.said if len(old) < _LONG else change.said.replace(" in {old}", "")
+            return said.replace("{old}", old).replace("{term}", shown(around.node))
+        inner = Place(around.node, None, self.path[len(around.path) :])
+        new = inner.replaced(change.node) if inner.path else change.node
+        return f"{shown(new)} for {shown(around.node)}"
+
+
+def _child(parent: Node, field: str, index: int | None) -> Node:
+    child = getattr(parent, field)
+    return child if index is None else child[index]
+
+
+def shown(node: Node) -> str:
+    """An expression as one writes it: powers with ^, products with a space."""
+    text = ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)) if not _kind(node, ast.expr) else node)
+    text = re.sub(r"\bnp\.", "", text).replace(" ** ", "^").replace(" * ", " ")
+    return text if len(text) < 160 else text[:150] + " ..."
+
+
+def statements(function: ast.FunctionDef | ast.Assign) -> Iterator[tuple[Node, Path]]:
+    """The statements of a function with a value, at any depth."""
+    if _kind(function, ast.Assign):
+        yield function, ()
+        return
+
+    def inside(parent: Node, path: Path) -> Iterator[tuple[Node, Path]]:
+        for field in ("body", "orelse"):
+            for index, child in enumerate(getattr(parent, field, ())):
+                down = (*path, (parent, field, index))
+                if not (_kind(child, ast.Expr) and _kind(child.value, ast.Constant)):
+                    yield child, down
+                if _kind(child, ast.For | ast.If | ast.While | ast.With):
+                    yield from inside(child, down)
+
+    yield from inside(function, ())
+
+
+def places(function: ast.FunctionDef | ast.Assign, statement: Node, path: Path) -> Iterator[Place]:
+    """All expressions of a statement, but not those of the statements inside it."""
+
+    def inside(node: Node, path: Path) -> Iterator[Place]:
+        for field, value in ast.iter_fields(node):
+            many = value if _kind(value, list) else [value]
+            hidden = field in ("body", "orelse") and _kind(node, ast.stmt)
+            hidden = hidden or (field == "func" and not _kind(value, ast.Attribute))
+            hidden = hidden or (field in ("targets", "target") and not _kind(many[0], ast.Subscript))
+            for index, child in enumerate(() if hidden else many):
+                if _kind(child, ast.expr | ast.comprehension):
+                    down = (*path, (node, field, index if _kind(value, list) else None))
+                    if _kind(child, ast.expr):
+                        yield Place(function, statement, down)
+                    yield from inside(child, down)
+
+    yield from inside(statement, path)
+
+
+def _kind(node: Node, kinds: Any) -> bool:
+    """isinstance, without a narrower type: nodes are told apart by their fields."""
+    return isinstance(node, kinds)
+
+
+# ------------------------------------------------------------------------------------------ patterns
+_VALUES = (ast.Name, ast.Call, ast.Subscript, ast.Attribute)
+_PRODUCTS = (ast.Mult, ast.Div, ast.Pow)
+
+
+@cache
+def _parsed(text: str) -> Node:
+    return ast.parse(text, mode="eval").body
+
+
+def _bound(pattern: Node, node: Node, found: dict[str, Node]) -> bool:
+    """Whether a node is as a pattern says; ``found`` is what the pattern's variables are then."""
+    if _kind(pattern, ast.Name) and len(pattern.id) == 1:
+        name = pattern.id
+        if (
+            (name == "x" and not _kind(node, _VALUES))
+            or (name == "t" and not (_kind(node, _VALUES) or _is(node, *_PRODUCTS)))
+            or (name == "i" and not (_kind(node, ast.Name) and node.id in _INDICES))
+        ):
+            return False
+        return same(found.setdefault(name, node), node)
+    if type(pattern) is not type(node):
+        return False
+    for field in pattern._fields:
+        wanted, given = getattr(pattern, field), getattr(node, field)
+        parts = wanted if _kind(wanted, list) else [wanted]
+        here = given if _kind(given, list) else [given]
+        if field != "ctx" and len(parts) != len(here):
+            return False
+        for one, other in zip(parts, here, strict=True) if field != "ctx" else ():
+            if not (_bound(one, other, found) if _kind(one, ast.AST) else one == other):
+                return False
+    return True
+
+
+def same(one: Node, other: Node) -> bool:
+    return one is other or (_sort(one) == _sort(other) and ast.dump(one) == ast.dump(other))
+
+
+def _filled(pattern: Node, found: Mapping[str, Node]) -> Node:
+    """A pattern with what its variables are."""
+    if _kind(pattern, ast.Name):
+        return found.get(pattern.id, pattern)
+    new = copy.copy(pattern)
+    for field, value in ast.iter_fields(pattern):
+        if _kind(value, ast.AST):
+            setattr(new, field, _filled(value, found))
+        elif _kind(value, list):
+            setattr(new, field, [_filled(part, found) for part in value])
+    for name in ("lineno", "end_lineno", "col_offset", "end_col_offset"):
+        new.__dict__.pop(name, None)
+    return new
+
+
+def _sort(node: Node) -> Any:
+    """What a pattern and a node that it fits have in common; None for a variable, which fits more."""
+    if _kind(node, ast.BinOp | ast.UnaryOp):
+        return type(node.op)
+    return None if _kind(node, ast.Name) and len(node.id) == 1 else type(node)
+
+
+@cache
+def _rules() -> Mapping[Any, list[tuple[Node, Node, str, int]]]:
+    by_sort: dict[Any, list[tuple[Node, Node, str, int]]] = {}
+    for old, new, said, rank in RULES:
+        for sign in "+-" if "+-" in old else " ":
+            for by in "*/" if "*/" in old else " ":
+                texts = [text.replace("+-", sign).replace("*/", by) for text in (old, new)]
+                pattern, filled = map(_parsed, texts)
+                by_sort.setdefault(_sort(pattern), []).append((pattern, filled, said, rank))
+    return by_sort
+
+
+def _patterns(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    rules = _rules()
+    for pattern, filled, said, rank in (*rules.get(_sort(node) or ast.Name, ()), *rules[None]):
+        found: dict[str, Node] = {}
+        if _bound(pattern, node, found):
+            new = _filled(filled, found)
+            if not same(new, node):
+                text = re.sub(r"\{([a-dt])\}", lambda match: shown(found[match[1]]), said)  # noqa: B023
+                yield Change(new, text, rank)
+
+
+# ------------------------------------------------------------------------------------------ other changes
+def _is(node: Node, *operators: Any) -> bool:
+    return _kind(node, ast.BinOp) and _kind(node.op, operators)
+
+
+def _exchanged(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    if _kind(node, ast.Name):
+        for other in names:
+            if akin(node.id, other):
+                yield Change(ast.Name(other, ast.Load()))
+        for other in _HABITS.get(node.id, ()):
+            yield Change(_parsed(other), "", 2)
+
+
+def akin(one: str, other: str) -> bool:
+    """Whether one name is easily mistaken for the other."""
+    if one == other:
+        return False
+    if any(one in group and other in group for group in _KIN):
+        return True
+    first, second = re.split("[_ ]", one), re.split("[_ ]", other)
+    if len(first) == len(second) > 1:
+        return sum(bool(a != b) for a, b in zip(first, second, strict=True)) == 1
+    short, long = sorted((one, other), key=len)
+    return len(short) > 2 and long.startswith(short + "_") and long != short
+
+
+def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    if _kind(node, ast.Constant) and type(node.value) in (int, float):
+        others = [node.value + 1, node.value - 1, 2 * node.value, node.value / 2, -node.value, node.value + 2, 1, 3]
+        if _kind(node.value, int):
+            others = [int(one) if one == int(one) else one for one in others]
+        for other in dict.fromkeys(others):
+            if other != node.value:
+                yield Change(ast.Constant(other), "", 1)
+
+
+def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    """A factor of a product of several lost or twice, two elements exchanged."""
+    if _kind(node, ast.Call) and len(node.args) > 1 and _kind(node.func, ast.Name):
+        for place, argument in enumerate(node.args):
+            fewer, more = node.args[:place] + node.args[place + 1 :], [*node.args[:place], *node.args[place:]]
+            if len(fewer) > 1:
+                text = f"the factor {shown(argument)} is missing in {{old}}"
+                yield Change(ast.Call(node.func, fewer, node.keywords), text)
+            yield Change(
+                ast.Call(node.func, [argument, *more], []), f"the factor {shown(argument)} twice in {{old}}", 1
+            )
+    if _kind(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
+        for first, one in enumerate(node.elts):
+            for second, other in enumerate(node.elts[:first]):
+                if not same(one, other):
+                    elements = list(node.elts)
+                    elements[first], elements[second] = other, one
+                    text = f"{shown(other)} and {shown(one)} exchanged in {{old}}"
+                    yield Change(type(node)(elements, node.ctx), text, 1)
+
+
+def _brackets(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    """A product of several factors without the brackets around a sum among them."""
+    rest: list[Node] = []
+    while _is(node, ast.Mult):
+        left, factor = node.left, node.right
+        if rest and _is(factor, ast.Add, ast.Sub):
+            last = factor.right
+            for one in rest:
+                last = ast.BinOp(last, ast.Mult(), one)
+            yield Change(ast.BinOp(ast.BinOp(left, ast.Mult(), factor.left), factor.op, last), "", 1)
+        node, rest = left, [factor, *rest]
+
+
+def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    if _is(node, ast.Add, ast.Sub, ast.Mult):
+        used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
+        for one in used:
+            for other in used:
+                if one < other and akin(one, other):
+                    yield Change(renamed(node, {one: other, other: one}), f"{one} and {other} exchanged in {{old}}", 1)
+
+
+def renamed(node: Node, names: Mapping[str, str]) -> Node:
+    """The same with other names; what has none of them is shared."""
+    if _kind(node, ast.Name):
+        known = node.id in names and _kind(node.ctx, ast.Load)
+        return ast.copy_location(ast.Name(names[node.id], ast.Load()), node) if known else node
+    changed: dict[str, Any] = {}
+    for field, value in ast.iter_fields(node):
+        if _kind(value, ast.AST):
+            new: Any = renamed(value, names)
+        elif _kind(value, list):
+            new = [renamed(part, names) if _kind(part, ast.AST) else part for part in value]
+            new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
+        else:
+            continue
+        if new is not value:
+            changed[field] = new
+    if not changed:
+        return node
+    upper = copy.copy(node)
+    for field, value in changed.items():
+        setattr(upper, field, value)
+    return upper
+
+
+def _extra(node: Node, names: Sequence[str]) -> Iterator[Change]:
+    if _kind(node, ast.Name | ast.Call | ast.Attribute) or _is(node, ast.Mult, ast.Div, ast.Pow):
+        for other in names:
+            if other in _EXTRA and not (_kind(node, ast.Name) and node.id == other):
+                name = ast.Name(other, ast.Load())
+                yield Change(ast.BinOp(name, ast.Mult(), node), f"the extra factor {other} in {{term}}", 2)
+                yield Change(ast.BinOp(node, ast.Div(), name), f"{{term}} divided by {other}", 2)
+
+
+Operator = Callable[[Node, Sequence[str]], Iterator[Change]]
+OPERATORS: dict[str, Operator] = {
+    "rule": _patterns,
+    "names": _exchanged,
+    "number": _numbers,
+    "arguments": _arguments,
+    "brackets": _brackets,
+    "swapped": _swapped,
+    "extra": _extra,
+}
+
+
+def changes(place: Place, names: Sequence[str], whole: bool = False) -> Iterator[Change]:
+    """What may stand there by mistake, by all operators; ``whole`` says that it is all that a statement computes."""
+    if whole and not _kind(place.node, ast.Constant):
+        yield Change(ast.BinOp(ast.Constant(0), ast.Mult(), place.node), "{old} is left out")
+        for d in range(1, 7):
+            rounded = _filled(_parsed(f"np.round(a, {d})"), {"a": place.node})
+            yield Change(rounded, f"{{old}} rounded to {d} decimals", 2, "rounded")
+    for name, operator in OPERATORS.items():
+        for change in operator(place.node, names):
+            yield replace(change, operator=name)
+
+
+def throughout(function: ast.FunctionDef, names: Sequence[str]) -> Iterator[tuple[str, ast.FunctionDef]]:
+    """One name for another in the whole function, after it has its value, or the two exchanged: (phrase, function)."""
+    used = [node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)]
+    for name in dict.fromkeys(used):
+        for other in names:
+            if akin(name, other):
+                if used.count(name) > 1:
+                    yield f"{other} for {name} throughout", renamed(function, {name: other})
+                if other in used and name < other:
+                    yield f"{name} and {other} exchanged throughout", renamed(function, {name: other, other: name})
