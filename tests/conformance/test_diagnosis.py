@@ -10,10 +10,12 @@ import pytest
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
 from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS
-from tippedisk_verify.conformance.diagnosis.operators import changes, places, statements
-from tippedisk_verify.conformance.diagnosis.search import Search, values
+from tippedisk_verify.conformance.diagnosis.operators import changes
+from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import Program, Specimen, specimen
 from tippedisk_verify.conformance.diagnosis.statement import diagnosed
+from tippedisk_verify.conformance.diagnosis.suspects import values
+from tippedisk_verify.conformance.diagnosis.trees import places, statements
 from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers

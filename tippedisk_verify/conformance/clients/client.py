@@ -353,7 +353,8 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
         rho, three_sines, cos_beta, cos_gamma
     )
     force_2 = m * series_product(rho_squared, sin_beta, cos_beta)
-    friction_1 = mu * m * g * series_product(rho_squared, sin_beta, sin_beta)
+    w_y = series_product(rho, sin_beta)
+    friction_1 = mu * m * g * series_product(w_y, w_y)
     h = [e * Omega * series_quotient(series_product(sin_beta, cos_gamma), rho)]
     for n in range(1, last + 1):
         squares = sum(series_product(h[i], h[n - 1 - i]) for i in range(n))

@@ -224,7 +224,7 @@ def _others(flights: list[Any], parts: list[Any]) -> Said:
         )
         now, by = probe.missed[:, :8], (probe.missed[:, 8:] - probe.missed[:, :8]) / (1e-6 * factor)
         factor = factor - np.clip((by * now).sum(axis=0) / (by * by).sum(axis=0), -0.3, 0.3)
-    for k in np.flatnonzero((np.abs(now).max(axis=0) < near) & (np.abs(factor - 1) > 1e-7))[:3]:
+    for k in np.flatnonzero((np.abs(now).max(axis=0) < near) & (np.abs(factor - 1) > 1e-4))[:3]:
         made = [f and replace(f, p=tuple(x * (factor[k] if j == k else 1) for j, x in enumerate(f.p))) for f in flights]
         right = float(flight.p[k][middle])
         says = f"the cycles are those with {SYMBOLS[k]} = {factor[k] * right:.7g} in place of {right:.7g}"

@@ -15,7 +15,8 @@ from tippedisk_verify.conformance.diagnosis.cycle_slips import answered, differe
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.halfmap import RINGS
 from tippedisk_verify.conformance.diagnosis.saddles import connections, near
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Search
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
 __all__ = ["cycle_causes"]
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, right
-from tippedisk_verify.conformance.diagnosis.operators import statements
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search, Suspect, candidates, values
+from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, specimen
+from tippedisk_verify.conformance.diagnosis.suspects import Cause, Suspect, candidates, values
+from tippedisk_verify.conformance.diagnosis.trees import statements
 
 __all__ = ["Equations"]
 

@@ -42,7 +42,7 @@ EARLY = 0.01  # s, in which crossings do not count
 EXACT = 1e-7  # s, of times that are read exactly
 ROUND = sorted((f * 10.0**-k for k in range(1, 6) for f in (5, 4, 2.5, 2, 1.25, 1)), reverse=True)  # s, of steps
 _TOLERANCE = 1e-11
-_END = 12.0  # s
+_END = 25.0  # s
 _SCALAR: dict[str, Any] = {"sin": math.sin, "cos": math.cos, "abs": abs}
 _BEYOND = 0.6  # s, that orbits go on after what is asked
 

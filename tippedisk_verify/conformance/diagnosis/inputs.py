@@ -105,7 +105,8 @@ INPUTS: tuple[Input, ...] = (
             ("turned", "shifted by pi", lambda x: x + np.pi),
         )
     ),
-    *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative)) for name in (*SYMBOLS, *_STATE)),
+    *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative)) for name in _STATE),
+    *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative), 2) for name in SYMBOLS),
     *(Input(f"{name}-modulus", f"the modulus of {name}", _all((name,), np.abs), 1) for name in _STATE),
     *(Input(f"{name}-zero", f"{name} = 0", _all((name,), lambda x: 0 * x), 1) for name in (*SYMBOLS, *_STATE)),
     *(

@@ -14,7 +14,8 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array
 from tippedisk_verify.conformance.diagnosis.flights import ROUND, STATE, Flights, Rates, State
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Search
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
 __all__ = ["Integrators"]
 

@@ -10,14 +10,24 @@ import ast
 import copy
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
-__all__ = ["Change", "Place", "changes", "places", "shown", "statements", "throughout"]
+from tippedisk_verify.conformance.diagnosis.trees import (
+    Change,
+    Node,
+    Place,
+    is_binary,
+    kind,
+    renamed,
+    same,
+    shown,
+    sort_of,
+)
 
-Node = Any  # nodes of the syntax tree, whose classes have no common attributes
-Path = tuple[tuple[Node, str, int | None], ...]  #: from the function down: node, field, index
+__all__ = ["changes", "throughout"]
+
 
 #: Names of one kind, which are mistaken for each other; so are names that differ in one part only, as A_31 and A_32.
 _KIN = (
@@ -29,11 +39,12 @@ _KIN = (
 )  # fmt: skip
 #: What stands for a name by habit.
 _HABITS = {
-    "Omega": ("critical_speed(p)", "30.92", "1"), "rho": ("(r - e)", "(r + e)"), "Bbar": ("(B + m * e**2)",),
+    "Omega": ("critical_speed(p)", "30.92", "1"),
+    "rho": ("(r - e)", "(r + e)", "(r + e * cos(gamma))", "(r - e * sin(gamma))", "(r + e * sin(beta))"),
+    "Bbar": ("(B + m * e**2)",),
     "A": ("(A - m * e**2)", "(A + m * e**2)"), "g": ("9.8",), "pi": ("3.14", "3.1416", "180"),
 }  # fmt: skip
 _EXTRA = ("r", "e", "m", "g", "mu", "epsilon", "Omega", "omega", "rho", "M", "Bbar", "v")
-_LONG = 80  # characters, after which it is no longer said what something is missing in
 _INDICES = ("i", "j", "k", "n", "size", "last")
 _NORMS = ("a[0]", "sum(abs(a))", "np.max(abs(a), axis=0)", "sqrt(sum(abs(a[:2]) ** 2))", "1")
 #: What stands there and what may stand there by mistake, what is said of it ("" for "NEW for OLD"), and its rank. In a
@@ -72,7 +83,8 @@ RULES: tuple[tuple[str, str, str, int], ...] = (
     ("a * b", "a + b", "", 2), ("a / b", "a * b", "", 1), ("a / b", "b / a", "", 1),
     ("(a +- b) ** c", "a +- b ** c", "", 1), ("(a */ b) ** c", "a */ b ** c", "", 1),
     ("c +- a */ b", "(c +- a) */ b", "", 2), ("a * b +- c", "a * (b +- c)", "", 2),
-    ("a +- b - c", "a +- (b - c)", "", 2), ("f(a +- b)", "f(a) +- b", "", 2), ("f(a */ b)", "f(a) */ b", "", 2),
+    ("a +- b - c", "a +- (b - c)", "", 2), ("c * a +- b", "b * a +- c", "{c} and {b} exchanged in {old}", 2),
+    ("f(a +- b)", "f(a) +- b", "", 2), ("f(a */ b)", "f(a) */ b", "", 2),
     ("a * b / (abs(b) + c)", "a * np.tanh(b / c)", "", 1), ("a * b / (abs(b) + c)", "a * np.arctan(b / c)", "", 1),
     ("a * b / (abs(b) + c)", "a * b / sqrt(b ** 2 + c ** 2)", "", 1),
     ("a * b / (abs(b) + c)", "a * np.clip(b / c, -1, 1)", "", 1),
@@ -84,134 +96,6 @@ RULES: tuple[tuple[str, str, str, int], ...] = (
     ("a +- b", "np.float32(a +- b)", "{old} in single precision", 3), ("t", "abs(t)", "the modulus of {old}", 2),
     ("a +- b", "abs(a +- b)", "the modulus of {old}", 2),
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Change:
-    """What may stand in place of a node."""
-
-    node: Node
-    said: str = ""  #: of the term around it; "" for "NEW for OLD"
-    rank: int = 0
-    operator: str = "left out"
-
-
-@dataclass(frozen=True)
-class Place:
-    """An expression in a function, with the way down to it."""
-
-    function: ast.FunctionDef | ast.Assign
-    statement: Node
-    path: Path
-
-    @property
-    def node(self) -> Node:
-        return _child(*self.path[-1])
-
-    def replaced(self, new: Node) -> Any:
-        """The function with ``new`` there; what is not on the way is shared."""
-        for parent, field, index in reversed(self.path):
-            upper = copy.copy(parent)
-            if index is None:
-                setattr(upper, field, new)
-            else:
-                items = list(getattr(upper, field))
-                items[index : index + 1] = [new] if new is not None else []
-                setattr(upper, field, items)
-            new = upper
-        return new
-
-    def within(self, outer: Place, new: Node) -> Node:
-        """The expression of a place around this one, with ``new`` here."""
-        inner = Place(self.function, None, self.path[len(outer.path) :])
-        return inner.replaced(new) if inner.path else new
-
-    def term(self) -> Place:
-        """The term of a sum, the argument or the whole right side that the expression is a part of."""
-        path = self.path
-        while len(path) > 1 and _kind(path[-1][0], ast.BinOp | ast.UnaryOp):
-            if _kind(path[-1][0], ast.BinOp) and _kind(path[-1][0].op, ast.Add | ast.Sub):
-                break
-            path = path[:-1]
-        return Place(self.function, self.statement, path)
-
-    def wider(self) -> Place:
-        """The expression around this one."""
-        return Place(self.function, self.statement, self.path[:-1])
-
-    def lines(self, new: Node) -> tuple[str, str]:
-        """The statement's first line as it is, and as it is with ``new`` here."""
-        start = next((n for n, (parent, _, _) in enumerate(self.path) if parent is self.statement), 0)
-        changed = Place(self.statement, None, self.path[start:]).replaced(new)
-        before, after = (
-            ast.unparse(ast.fix_missing_locations(copy.deepcopy(one))) for one in (self.statement, changed)
-        )
-        return before.partition("\n")[0], after.partition("\n")[0]
-
-    def says(self, change: Change) -> str:
-        """What is wrong, in the symbols of the formula."""
-        around = self.term()
-        if change.said:
-            old = shown(self.node)
-            said = change.said if len(old) < _LONG else change.said.replace(" in {old}", "")
-            return said.replace("{old}", old).replace("{term}", shown(around.node))
-        inner = Place(around.node, None, self.path[len(around.path) :])
-        new = inner.replaced(change.node) if inner.path else change.node
-        return f"{shown(new)} for {shown(around.node)}"
-
-
-def _child(parent: Node, field: str, index: int | None) -> Node:
-    child = getattr(parent, field)
-    return child if index is None else child[index]
-
-
-def shown(node: Node) -> str:
-    """An expression as one writes it: powers with ^, products with a space."""
-    text = ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)) if not _kind(node, ast.expr) else node)
-    text = re.sub(r"\bnp\.", "", text).replace(" ** ", "^").replace(" * ", " ")
-    return text if len(text) < 160 else text[:150] + " ..."
-
-
-def statements(function: ast.FunctionDef | ast.Assign) -> Iterator[tuple[Node, Path]]:
-    """The statements of a function with a value, at any depth."""
-    if _kind(function, ast.Assign):
-        yield function, ()
-        return
-
-    def inside(parent: Node, path: Path) -> Iterator[tuple[Node, Path]]:
-        for field in ("body", "orelse"):
-            for index, child in enumerate(getattr(parent, field, ())):
-                down = (*path, (parent, field, index))
-                if not (_kind(child, ast.Expr) and _kind(child.value, ast.Constant)):
-                    yield child, down
-                if _kind(child, ast.For | ast.If | ast.While | ast.With):
-                    yield from inside(child, down)
-
-    yield from inside(function, ())
-
-
-def places(function: ast.FunctionDef | ast.Assign, statement: Node, path: Path) -> Iterator[Place]:
-    """All expressions of a statement, but not those of the statements inside it."""
-
-    def inside(node: Node, path: Path) -> Iterator[Place]:
-        for field, value in ast.iter_fields(node):
-            many = value if _kind(value, list) else [value]
-            hidden = field in ("body", "orelse") and _kind(node, ast.stmt)
-            hidden = hidden or (field == "func" and not _kind(value, ast.Attribute))
-            hidden = hidden or (field in ("targets", "target") and not _kind(many[0], ast.Subscript))
-            for index, child in enumerate(() if hidden else many):
-                if _kind(child, ast.expr | ast.comprehension):
-                    down = (*path, (node, field, index if _kind(value, list) else None))
-                    if _kind(child, ast.expr):
-                        yield Place(function, statement, down)
-                    yield from inside(child, down)
-
-    yield from inside(statement, path)
-
-
-def _kind(node: Node, kinds: Any) -> bool:
-    """isinstance, without a narrower type: nodes are told apart by their fields."""
-    return isinstance(node, kinds)
 
 
 # ------------------------------------------------------------------------------------------ patterns
@@ -226,12 +110,12 @@ def _parsed(text: str) -> Node:
 
 def _bound(pattern: Node, node: Node, found: dict[str, Node]) -> bool:
     """Whether a node is as a pattern says; ``found`` is what the pattern's variables are then."""
-    if _kind(pattern, ast.Name) and len(pattern.id) == 1:
+    if kind(pattern, ast.Name) and len(pattern.id) == 1:
         name = pattern.id
         if (
-            (name == "x" and not _kind(node, _VALUES))
-            or (name == "t" and not (_kind(node, _VALUES) or _is(node, *_PRODUCTS)))
-            or (name == "i" and not (_kind(node, ast.Name) and node.id in _INDICES))
+            (name == "x" and not kind(node, _VALUES))
+            or (name == "t" and not (kind(node, _VALUES) or is_binary(node, *_PRODUCTS)))
+            or (name == "i" and not (kind(node, ast.Name) and node.id in _INDICES))
         ):
             return False
         return same(found.setdefault(name, node), node)
@@ -239,40 +123,29 @@ def _bound(pattern: Node, node: Node, found: dict[str, Node]) -> bool:
         return False
     for field in pattern._fields:
         wanted, given = getattr(pattern, field), getattr(node, field)
-        parts = wanted if _kind(wanted, list) else [wanted]
-        here = given if _kind(given, list) else [given]
+        parts = wanted if kind(wanted, list) else [wanted]
+        here = given if kind(given, list) else [given]
         if field != "ctx" and len(parts) != len(here):
             return False
         for one, other in zip(parts, here, strict=True) if field != "ctx" else ():
-            if not (_bound(one, other, found) if _kind(one, ast.AST) else one == other):
+            if not (_bound(one, other, found) if kind(one, ast.AST) else one == other):
                 return False
     return True
 
 
-def same(one: Node, other: Node) -> bool:
-    return one is other or (_sort(one) == _sort(other) and ast.dump(one) == ast.dump(other))
-
-
 def _filled(pattern: Node, found: Mapping[str, Node]) -> Node:
     """A pattern with what its variables are."""
-    if _kind(pattern, ast.Name):
+    if kind(pattern, ast.Name):
         return found.get(pattern.id, pattern)
     new = copy.copy(pattern)
     for field, value in ast.iter_fields(pattern):
-        if _kind(value, ast.AST):
+        if kind(value, ast.AST):
             setattr(new, field, _filled(value, found))
-        elif _kind(value, list):
+        elif kind(value, list):
             setattr(new, field, [_filled(part, found) for part in value])
     for name in ("lineno", "end_lineno", "col_offset", "end_col_offset"):
         new.__dict__.pop(name, None)
     return new
-
-
-def _sort(node: Node) -> Any:
-    """What a pattern and a node that it fits have in common; None for a variable, which fits more."""
-    if _kind(node, ast.BinOp | ast.UnaryOp):
-        return type(node.op)
-    return None if _kind(node, ast.Name) and len(node.id) == 1 else type(node)
 
 
 @cache
@@ -283,13 +156,13 @@ def _rules() -> Mapping[Any, list[tuple[Node, Node, str, int]]]:
             for by in "*/" if "*/" in old else " ":
                 texts = [text.replace("+-", sign).replace("*/", by) for text in (old, new)]
                 pattern, filled = map(_parsed, texts)
-                by_sort.setdefault(_sort(pattern), []).append((pattern, filled, said, rank))
+                by_sort.setdefault(sort_of(pattern), []).append((pattern, filled, said, rank))
     return by_sort
 
 
 def _patterns(node: Node, names: Sequence[str]) -> Iterator[Change]:
     rules = _rules()
-    for pattern, filled, said, rank in (*rules.get(_sort(node) or ast.Name, ()), *rules[None]):
+    for pattern, filled, said, rank in (*rules.get(sort_of(node) or ast.Name, ()), *rules[None]):
         found: dict[str, Node] = {}
         if _bound(pattern, node, found):
             new = _filled(filled, found)
@@ -299,12 +172,10 @@ def _patterns(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 
 # ------------------------------------------------------------------------------------------ other changes
-def _is(node: Node, *operators: Any) -> bool:
-    return _kind(node, ast.BinOp) and _kind(node.op, operators)
 
 
 def _exchanged(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if _kind(node, ast.Name):
+    if kind(node, ast.Name):
         for other in names:
             if akin(node.id, other):
                 yield Change(ast.Name(other, ast.Load()))
@@ -326,9 +197,9 @@ def akin(one: str, other: str) -> bool:
 
 
 def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if _kind(node, ast.Constant) and type(node.value) in (int, float):
+    if kind(node, ast.Constant) and type(node.value) in (int, float):
         others = [node.value + 1, node.value - 1, 2 * node.value, node.value / 2, -node.value, node.value + 2, 1, 3]
-        if _kind(node.value, int):
+        if kind(node.value, int):
             others = [int(one) if one == int(one) else one for one in others]
         for other in dict.fromkeys(others):
             if other != node.value:
@@ -337,7 +208,7 @@ def _numbers(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
     """A factor of a product of several lost or twice, two elements exchanged."""
-    if _kind(node, ast.Call) and len(node.args) > 1 and _kind(node.func, ast.Name):
+    if kind(node, ast.Call) and len(node.args) > 1 and kind(node.func, ast.Name):
         for place, argument in enumerate(node.args):
             fewer, more = node.args[:place] + node.args[place + 1 :], [*node.args[:place], *node.args[place:]]
             if len(fewer) > 1:
@@ -346,7 +217,7 @@ def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
             yield Change(
                 ast.Call(node.func, [argument, *more], []), f"the factor {shown(argument)} twice in {{old}}", 1
             )
-    if _kind(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
+    if kind(node, ast.Tuple | ast.List) and 2 <= len(node.elts) <= 9:
         for first, one in enumerate(node.elts):
             for second, other in enumerate(node.elts[:first]):
                 if not same(one, other):
@@ -359,9 +230,9 @@ def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
 def _brackets(node: Node, names: Sequence[str]) -> Iterator[Change]:
     """A product of several factors without the brackets around a sum among them."""
     rest: list[Node] = []
-    while _is(node, ast.Mult):
+    while is_binary(node, ast.Mult):
         left, factor = node.left, node.right
-        if rest and _is(factor, ast.Add, ast.Sub):
+        if rest and is_binary(factor, ast.Add, ast.Sub):
             last = factor.right
             for one in rest:
                 last = ast.BinOp(last, ast.Mult(), one)
@@ -370,7 +241,7 @@ def _brackets(node: Node, names: Sequence[str]) -> Iterator[Change]:
 
 
 def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if _is(node, ast.Add, ast.Sub, ast.Mult):
+    if is_binary(node, ast.Add, ast.Sub, ast.Mult):
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
         for one in used:
             for other in used:
@@ -378,34 +249,10 @@ def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
                     yield Change(renamed(node, {one: other, other: one}), f"{one} and {other} exchanged in {{old}}", 1)
 
 
-def renamed(node: Node, names: Mapping[str, str]) -> Node:
-    """The same with other names; what has none of them is shared."""
-    if _kind(node, ast.Name):
-        known = node.id in names and _kind(node.ctx, ast.Load)
-        return ast.copy_location(ast.Name(names[node.id], ast.Load()), node) if known else node
-    changed: dict[str, Any] = {}
-    for field, value in ast.iter_fields(node):
-        if _kind(value, ast.AST):
-            new: Any = renamed(value, names)
-        elif _kind(value, list):
-            new = [renamed(part, names) if _kind(part, ast.AST) else part for part in value]
-            new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
-        else:
-            continue
-        if new is not value:
-            changed[field] = new
-    if not changed:
-        return node
-    upper = copy.copy(node)
-    for field, value in changed.items():
-        setattr(upper, field, value)
-    return upper
-
-
 def _extra(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    if _kind(node, ast.Name | ast.Call | ast.Attribute) or _is(node, ast.Mult, ast.Div, ast.Pow):
+    if kind(node, ast.Name | ast.Call | ast.Attribute) or is_binary(node, ast.Mult, ast.Div, ast.Pow):
         for other in names:
-            if other in _EXTRA and not (_kind(node, ast.Name) and node.id == other):
+            if other in _EXTRA and not (kind(node, ast.Name) and node.id == other):
                 name = ast.Name(other, ast.Load())
                 yield Change(ast.BinOp(name, ast.Mult(), node), f"the extra factor {other} in {{term}}", 2)
                 yield Change(ast.BinOp(node, ast.Div(), name), f"{{term}} divided by {other}", 2)
@@ -423,10 +270,21 @@ OPERATORS: dict[str, Operator] = {
 }
 
 
+def _passed_on(place: Place) -> bool:
+    """Whether a value has its name from another statement of the function, which is where it may be wrong."""
+    name = getattr(place.node, "id", "")
+    stored = (
+        node for node in ast.walk(place.function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    )
+    return any(node.id == name for node in stored)
+
+
 def changes(place: Place, names: Sequence[str], whole: bool = False) -> Iterator[Change]:
     """What may stand there by mistake, by all operators; ``whole`` says that it is all that a statement computes."""
-    if whole and not _kind(place.node, ast.Constant):
+    if whole and not kind(place.node, ast.Constant) and not _passed_on(place):
         yield Change(ast.BinOp(ast.Constant(0), ast.Mult(), place.node), "{old} is left out")
+        if not kind(place.node, ast.UnaryOp):
+            yield Change(ast.UnaryOp(ast.USub(), place.node), "the wrong sign of {old}")
         for d in range(1, 7):
             rounded = _filled(_parsed(f"np.round(a, {d})"), {"a": place.node})
             yield Change(rounded, f"{{old}} rounded to {d} decimals", 2, "rounded")

@@ -18,7 +18,8 @@ from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, State
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, changed
 from tippedisk_verify.conformance.diagnosis.integrators import Integrators
 from tippedisk_verify.conformance.diagnosis.readings import Readings
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Search
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["orbit_causes"]
@@ -185,7 +186,9 @@ class Inputs:
         order = np.argsort(-np.bincount(flights.entry, sheet.wrong), kind="stable").tolist()
         for entries in (order[:1], order[:3], order):
             predicted = flights.read(entries)
-            missed = np.isin(flights.entry, entries) & ~sheet.fitted(predicted)
+            ends = np.array([flights.lies(k) if k in entries else math.inf for k in range(len(flights.spots))])
+            late = np.isin(flights.stem, STATE) & (flights.place > ends[flights.entry])  # after the disk lies flat
+            missed = np.isin(flights.entry, entries) & ~late & ~sheet.fitted(predicted)
             if missed.mean() > _ILL:
                 return False
             if missed.any():  # from next to an unstable equilibrium orbits go where rounding sends them

@@ -22,7 +22,8 @@ from tippedisk_verify.conformance.diagnosis.flights import (
     short,
     tilt,
 )
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Search
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
 __all__ = ["Readings"]
 
@@ -109,7 +110,8 @@ class Readings:
     def given(self, predicted: Array, part: Array, digits: float = 1.0) -> bool:
         """Whether a prediction gives a part of the answers, better than asked, as what is read exactly does."""
         few = int((part & self.search.sheet.wrong).sum()) < _FEW
-        return bool(part.any() and self.search.sheet.fitted(predicted, digits + few)[part].all())
+        tried = part & ~(np.isnan(predicted) & (self.flights.place >= self.flights.place[part].max()))
+        return bool(tried.any() and self.search.sheet.fitted(predicted, digits + few)[tried].all())
 
     def wrong(self, stems: Sequence[str]) -> Array:
         """The answers to those of these quantities that have wrong ones."""
@@ -140,6 +142,10 @@ class Readings:
         return lambda chosen: self.picked(instants(self.flights.place[chosen]), chosen)
 
     def picked(self, times: Array, chosen: Array) -> Array:
+        past = times > self.flights.place[chosen].max() + EXACT  # where the orbits may end
+        return np.where(past, np.nan, self.at(times, chosen))
+
+    def at(self, times: Array, chosen: Array) -> Array:
         which = [STATE.index(stem) for stem in self.flights.stem[chosen].tolist()]
         return np.asarray(np.choose(which, self.flights.at(times, chosen)))
 
@@ -178,7 +184,7 @@ class Readings:
         """By how much the times are off at which the right orbit comes nearest to these samples."""
 
         def off(by: float) -> Array:
-            states = self.picked(self.flights.place[chosen] + by, chosen)
+            states = self.at(self.flights.place[chosen] + by, chosen)
             return np.asarray(np.nan_to_num(states - self.search.sheet.answer[chosen], nan=10.0))
 
         by = min(np.linspace(-_FAR, _FAR, 251).tolist(), key=lambda by: np.minimum(np.abs(off(by)), 10.0).sum())

@@ -17,7 +17,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
 from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
-from tippedisk_verify.conformance.diagnosis.search import Cause
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
 __all__ = ["related"]
 
@@ -51,12 +51,15 @@ _PI = math.pi
 _FACTORS = {
     "2": 2.0, "3": 3.0, "4": 4.0, "6": 6.0, "8": 8.0, "3/2": 1.5, "4/3": 4 / 3, "pi": _PI, "2 pi": 2 * _PI,
     "180/pi (degrees)": 180 / _PI, "30/pi (turns per minute)": 30 / _PI, "60": 60.0, "sqrt 2": math.sqrt(2),
-    "ln 10": math.log(10), "ln 2": math.log(2), "1000": 1e3, **{f"10^{k}": 10.0**k for k in range(1, 13) if k != 3},
+    "ln 10": math.log(10), "ln 2": math.log(2), "1000": 1e3,
 }  # fmt: skip
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
 _FACTORS |= {"-2": -2.0, "-1/2": -0.5}
+_TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3)}
 #: Numbers beside a product of powers, with how many powers are as simple.
-_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {text: (x, 0.6) for text, x in _FACTORS.items()}
+_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {
+    text: (x, 0.6) for text, x in (_FACTORS | _TENS).items()
+}
 _SHORT |= {"1": (1.0, 0.0)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
@@ -67,6 +70,7 @@ _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
         "{is} rounded to single precision": lambda x: x.astype("f4").astype("f8"),
     },
     ("factor", 1): {f"{{has}} the factor {text}": partial(np.multiply, x) for text, x in _FACTORS.items()},
+    ("factor", 2): {f"{{has}} the factor {text}": partial(np.multiply, x) for text, x in _TENS.items()},
     ("offset", 2): {f"{{is}} {text} too large": partial(np.add, x) for text, x in _OFFSETS.items()}
     | {f"{{is}} {text} too small": partial(np.add, -x) for text, x in _OFFSETS.items()},
     ("offset", 3): {f"{{is}} {text} minus the right value": partial(np.subtract, x) for text, x in _OFFSETS.items()},
@@ -249,7 +253,7 @@ def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
         middle = np.median(answer[cells])
         yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
         for word, start, unit in (("factor", 0 * x, x), ("summand", x, np.ones_like(x))):
-            for text, law in _power_laws(grid, cells, (answer - start) / unit):
+            for text, law in _power_laws(grid, cells, (answer - start) / unit, word == "factor"):
                 says = f"{{q}} {{has}} the {word} {text}"
                 yield f"solved {word}", 4, says, np.where(mine, start + law * unit, np.nan)
 
@@ -265,14 +269,19 @@ def _exponents(count: int) -> Array:
     return np.concatenate([whole, whole[1:] / 2])
 
 
-def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
-    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
+def _power_laws(grid: _Grid, cells: Array, ratio: Array, constants: bool) -> Iterator[tuple[str, Array]]:
+    """The simplest number times powers that a ratio is at some answers: in words, and at all answers.
+
+    Without ``constants`` no power of what is the same at all of them, which would only be another way to say a number.
+    """
     some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
     some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
     if len(some) < _FREE:
         return
     here = grid.logs[:, some]
-    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
+    varies = np.ptp(grid.logs[:, cells], axis=1) > 0 if not constants else True
+    known = np.isfinite(here) & np.reshape(varies, (-1, 1))
+    here = np.where(known, here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
     exponents = _exponents(len(here))
     left = np.log(np.abs(ratio[some])) - np.einsum("eb,bc->ec", exponents, here)  # einsum starts no threads
     close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)

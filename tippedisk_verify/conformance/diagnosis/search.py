@@ -8,76 +8,43 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.operators import (
-    Change,
-    Place,
-    changes,
-    places,
-    shown,
-    statements,
-    throughout,
-)
+from tippedisk_verify.conformance.diagnosis.operators import throughout
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
+from tippedisk_verify.conformance.diagnosis.suspects import (
+    STIRRED,
+    Cause,
+    Stir,
+    Suspect,
+    candidates,
+    fixed,
+    plain,
+    scope,
+    terms,
+    values,
+)
+from tippedisk_verify.conformance.diagnosis.trees import Place, places, shown, statements
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Cause", "Search"]
+__all__ = ["Search"]
 
-_STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
 _ALLOWED_GAIN = 1e-3
 _TURNS = 60  # of a loop, which take as long as the shortest formula
+_SHARE = 0.4  # of the work, that one way of writing the program may take
 _FREE = ast.Name("_free", ast.Load())
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A change that gives all answers."""
-
-    says: str
-    rank: float
-    name: str = ""
-    function: str = ""  #: of the specimen that is changed
-    before: str = ""  #: its line as it is
-    after: str = ""  #: and as it would be
-    program: Program | None = None
-
-    @property
-    def where(self) -> str:
-        return self.says.partition(": ")[0]
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """A statement, or one element of it, that moves what is wrong."""
-
-    function: str
-    place: Place  #: of its value
-    label: str  #: what it computes
-    also: int  #: how many of the quantities without a wrong answer it moves
-
-    @property
-    def where(self) -> str:
-        known = self.function in ("equations", "derivatives")
-        return self.label if known else f"{self.label or 'the result'} ({self.function})"
-
-    def cause(self, spot: Place, change: Change, program: Program) -> Cause:
-        """What is said of a change in this statement."""
-        says, lines = f"in {self.where}: {spot.says(change)}", spot.lines(change.node)
-        return Cause(says, change.rank, change.operator, self.function, *lines, program)
 
 
 @dataclass
@@ -154,30 +121,32 @@ class Search:
 
     def _moves(self, right: Specimen, name: str, place: Place, base: Array, known: Array) -> float:
         """How many right quantities slightly another value there moves; infinite if not all that is wrong may move."""
-        stirred = _fixed(place.replaced(_fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
+        stirred = fixed(place.replaced(fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
         moved: set[str] = set()
         program, also = Program(right, {name: stirred}), 0
-        for share in _STIRRED:
-            program.space["_stirred"] = stir = _Stir(share)
+        for share in STIRRED:
+            program.space["_stirred"] = stir = Stir(share)
             answers = self.run(program, self.few)
             if not stir.touched:
                 return 0 if isinstance(place.statement, ast.For | ast.If | ast.Assign | ast.AugAssign) else math.inf
             with np.errstate(all="ignore"):
                 away = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
             moved |= set(self.few.stems[away])
-            also = also if share != _STIRRED[0] else len(moved & self.right_stems)
+            also = also if share != STIRRED[0] else len(moved & self.right_stems)
         return also if self.mostly_wrong & set(self.few.stems) <= moved else math.inf
 
     def fits(self, program: Program) -> bool:
-        self.work += 1  # for making it
+        self.work += 2  # for making it
         return all(sheet.fits(self.run(program, sheet)) for sheet in (self.tiny, self.few, self.sheet))
 
     def causes(self, rights: Sequence[Specimen], ranks: Sequence[int]) -> list[Cause]:
         """The changes of these ranks that give all answers."""
         found: dict[str, Cause] = {}
+        begin, end = self.work, self.limit
         for right in rights:
-            if found or self.late():
+            if found or self.work > end:
                 break
+            self.limit = min(end, self.work + _SHARE * (end - begin))
             suspects = self.suspects_of(right)
             for suspect in suspects:
                 place = suspect.place
@@ -195,10 +164,11 @@ class Search:
                 if function is None:
                     continue
                 for phrase, tree in throughout(function, scope(function)):
-                    program = Program(right, {name: _fixed(tree)})
+                    program = Program(right, {name: fixed(tree)})
                     if not self.late() and self.fits(program):
                         says = f"in {name}: {phrase}"
                         found.setdefault(says, Cause(says, 1, "throughout", name, program=program))
+        self.limit = end
         return list(found.values())
 
     def inputs(self, ranks: Sequence[int]) -> list[Cause]:
@@ -212,8 +182,8 @@ class Search:
         ]
 
     def solved(self, rights: Sequence[Specimen]) -> list[Cause]:
-        """One free factor at one place, solved for; the inputs first, then results before what they are made of."""
-        found = list(self._solved_inputs())
+        """One free factor at one place, solved for: in inputs that nothing has proved, then in results before terms."""
+        found = [] if self.passed else list(self._solved_inputs())
         for right in rights:
             for suspect in () if found else reversed(self.suspects_of(right)):
                 place = suspect.place
@@ -221,7 +191,7 @@ class Search:
                 for spot in (place, *places(place.function, place.node, place.path)):
                     if found or isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
                         break
-                    program.computes(spot.within(place, _fixed(ast.BinOp(_FREE, ast.Mult(), spot.node))))
+                    program.computes(spot.within(place, fixed(ast.BinOp(_FREE, ast.Mult(), spot.node))))
                     number = self.number(partial(self._with_free, program))
                     if number is not None:
                         says = f"in {suspect.where}: {plain(number)} times {shown(spot.node)}"
@@ -279,11 +249,11 @@ class Search:
         """Those of a way; of a way that changes nothing in reach there are none but the specimen's."""
         kept: dict[str, list[Suspect]] = self.__dict__.setdefault("_suspects", {})
         if right.way not in kept:
-            kept[right.way] = self.suspects(right) if self.own(right) or not right.way else []
+            new = self.own(right) - self.passed
+            kept[right.way] = self.suspects(right) if new or not right.way else []
         if self.clean:
             return [suspect for suspect in kept[right.way] if not suspect.also]
-        unclean = sorted((suspect for suspect in kept[right.way] if suspect.also), key=lambda suspect: suspect.also)
-        return [suspect for suspect in unclean if suspect.also <= unclean[0].also + 1]
+        return sorted((suspect for suspect in kept[right.way] if suspect.also), key=lambda suspect: suspect.also)
 
 
 def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet) -> Array:
@@ -293,110 +263,7 @@ def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet)
     return right.answers(changed)
 
 
-class _Stir:
-    """Changes the numbers that pass through it, each by another share."""
-
-    def __init__(self, share: float) -> None:
-        self.share = share
-        self.draws = np.random.default_rng(7)
-        self.touched = False
-
-    def __call__(self, value: Any) -> Any:
-        if isinstance(value, tuple | list):
-            return type(value)(self(part) for part in value)
-        if isinstance(value, Mapping):
-            return {name: self(part) for name, part in value.items()}
-        array = np.asarray(value)
-        if array.dtype.kind not in "fc":
-            return value
-        self.touched = True
-        shape = array.shape if self.share > _STIRRED[0] else ()  # a slight change leaves directions as they are
-        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, shape))
-        return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
-
-
 def _orders(table: Table, more: int) -> Table:
     """Of a series the orders up to the first wrong one, and ``more``: what follows is wrong by it, and dear."""
     orders = np.array([int(placed(name)[1].get("order", 0)) for name in table.names])
     return table.without(orders > min(orders[table.wrong], default=99) + more)
-
-
-def plain(number: float) -> str:
-    """A number as one says it: a fraction where it is one."""
-    fraction = Fraction(number).limit_denominator(24)
-    if fraction and abs(number / float(fraction) - 1) < 1e-8:
-        return str(fraction)
-    return f"{number:.6g}"
-
-
-def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, str]]:
-    """The values that a statement computes, each with what it is called: of a tuple or dictionary each element."""
-    value = getattr(statement, "value", None)
-    if value is None:
-        for name in ("iter", "test"):
-            if hasattr(statement, name):
-                yield Place(function, statement, (*path, (statement, name, None))), name
-        return
-    if isinstance(statement, ast.Assign):
-        label = ", ".join(map(shown, statement.targets))
-    elif isinstance(statement, ast.AugAssign):
-        label = shown(statement.target)
-    else:
-        label = ""
-    whole = Place(function, statement, (*path, (statement, "value", None)))
-    if isinstance(statement, ast.Expr) and isinstance(value, ast.Call):
-        for index in range(len(value.args)):
-            yield Place(function, statement, (*whole.path, (value, "args", index))), shown(value.func)
-        return
-    if isinstance(value, ast.Dict):
-        for index, key in enumerate(value.keys):
-            yield Place(function, statement, (*whole.path, (value, "values", index))), shown(key).strip("'")
-    elif (
-        isinstance(value, ast.Tuple)
-        and isinstance(statement, ast.Assign)
-        and isinstance(statement.targets[0], ast.Tuple)
-    ):
-        for index, target in enumerate(statement.targets[0].elts):
-            yield Place(function, statement, (*whole.path, (value, "elts", index))), shown(target)
-    else:
-        if isinstance(value, ast.Tuple) and isinstance(statement, ast.Return):
-            for index, element in enumerate(value.elts):
-                yield Place(function, statement, (*whole.path, (value, "elts", index))), shown(element)
-        yield whole, label
-
-
-def terms(place: Place) -> Iterator[Place]:
-    """An expression and the terms of its sum: a mistake in one of them may leave what follows from another as it is."""
-    yield place
-    if isinstance(place.node, ast.BinOp) and isinstance(place.node.op, ast.Add | ast.Sub):
-        for side in ("left", "right"):
-            yield from terms(Place(place.function, place.statement, (*place.path, (place.node, side, None))))
-
-
-@lru_cache(maxsize=64)
-def scope(function: Any) -> list[str]:
-    """The names that a function knows."""
-    own = [node.arg for node in ast.walk(function) if isinstance(node, ast.arg)]
-    own += [node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)]
-    return list(dict.fromkeys(own))
-
-
-def candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
-    """What may be changed in a statement, and how."""
-    place = suspect.place
-    names = scope(place.function)
-    for spot in (place, *places(place.function, place.node, place.path)):
-        for change in changes(spot, names, spot is place):
-            if change.rank in ranks:
-                _fixed(change.node)
-                yield spot, change
-
-
-def _fixed(node: Any) -> Any:
-    """With line numbers where nodes are new; below old ones there are none."""
-    if isinstance(node, ast.expr | ast.stmt | ast.keyword) and not hasattr(node, "lineno"):
-        node.lineno = node.end_lineno = 1
-        node.col_offset = node.end_col_offset = 0
-        for child in ast.iter_child_nodes(node):
-            _fixed(child)
-    return node

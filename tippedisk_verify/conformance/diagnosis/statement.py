@@ -14,15 +14,16 @@ from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table, 
 from tippedisk_verify.conformance.diagnosis.orbits import orbit_causes
 from tippedisk_verify.conformance.diagnosis.places import derived, lost, quotients, where
 from tippedisk_verify.conformance.diagnosis.relations import related
-from tippedisk_verify.conformance.diagnosis.search import Cause, Search
+from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
+from tippedisk_verify.conformance.diagnosis.suspects import Cause
 from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
-_WORK = 20_000.0  # runs of a short formula, some five seconds, for each rank of changes, and for solved numbers
+_WORK = 30_000.0  # runs of a short formula, some five seconds, for each rank of changes, and for solved numbers
 _THEORY = range(2, 6)  # levels whose derivatives are formulas
 _ORBITS = 6  # the first level whose answers are flown
 _PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
@@ -156,7 +157,7 @@ def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[
         return [], digits
     slopes = sheet.wrong & derived(sheet)
     if sheet.level not in _THEORY and slopes.any() and (sheet.wrong & ~slopes).any():
-        for cause in causes_of(sheet.without(slopes), passed, advance):
+        for cause in causes_of(sheet.without(slopes), passed, advance, thorough=False):
             errors = sheet.answer - cause.program.answers(sheet) if cause.program else np.full(len(slopes), np.nan)
             if quotients(errors[slopes] / sheet.answer[slopes]):
                 text = "errors of the size of a difference quotient, in the derivatives, beside another mistake"
@@ -164,32 +165,34 @@ def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[
     return [], None
 
 
-def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[Cause]:
+def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance, thorough: bool = True) -> list[Cause]:
     """From what is simple to say to what is less so; ``passed`` are functions that are beyond doubt."""
     search = Search(sheet, advance, passed)
     if sheet.level >= _ORBITS:
         return _named(related(sheet) or (orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
-    search.allow(_WORK)
     outputs = related(sheet)
+    search.allow(_WORK)
     found = search.inputs((0,)) or [one for one in outputs if one.rank <= 1]
     found = found or search.causes(ways(), (0,)) or search.inputs((1,)) or outputs
-    for rank, clean in ((1, True), (0, False), (1, False), (2, True), (3, True)):
+    for ranks, clean in (((1,), True), ((0,), False), ((1,), False), ((2, 3), True))[: 4 if thorough else 1]:
         search.allow(_WORK)
         search.clean = clean
-        found = found or (search.inputs((rank,)) if rank > 1 else []) + search.causes(ways(), (rank,))
+        found = found or (search.inputs(ranks) if 1 not in ranks and clean else []) + search.causes(ways(), ranks)
     search.allow(_WORK)
-    return _named(found or search.solved(ways()))
+    return _named(found or (search.solved(ways()) if thorough else []))
 
 
 def _named(found: list[Cause]) -> list[Cause]:
-    """Those of the lowest rank, of a statement's equivalent changes the shortest; of many what they have in common."""
+    """Those of the lowest rank, of a statement's equivalent changes one; of many what they have in common."""
     lowest = [cause for cause in found if cause.rank == min(one.rank for one in found)]
     places: dict[tuple[str, str], Cause] = {}
-    for cause in sorted(lowest, key=lambda cause: len(cause.says)):
+    for cause in sorted(lowest, key=lambda cause: ("missing" not in cause.says, len(cause.says))):
         places.setdefault((cause.where, cause.before or cause.says), cause)
     named = list(places.values())
     if len(named) <= _MOST:
         return named
+    if not named[0].function:
+        return [replace(named[0], says=f"{named[0].says}, or one of {len(named) - 1} relations as simple")]
     common = " or ".join(dict.fromkeys(cause.where.removeprefix("in ") for cause in named[:_MOST]))
     common += " or elsewhere" * (len({cause.where for cause in named}) > _MOST)
     return [replace(named[0], says=f"in {common}: one of {len(named)} changes that give the same answers")]

@@ -85,14 +85,14 @@ _ONE_LAW = """
 def one_harmonic_law(p, Omega, form):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
-    chi_printed = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
-    chi = chi_printed + np.where(form == "printed", 0, Bbar * e**2 / (2 * (r + e)))
+    added = np.where(form == "printed", 0, e**2)
+    chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e) - added) / (2 * (r + e))
     stiffness = np.where(form == "printed", r - e, r)
-    delta = -1 / 8 * Omega**2 * stiffness / (r + e)
+    delta = -1 / 8 * stiffness / (r + e)
     numerator = Bbar * r * Omega**2 - m * g * (r + e) ** 2
     denominator = chi * Omega**2 + m * g * e * (r + e)
     C = sqrt(-4 * e / (r + e) * numerator / denominator)
-    omega = sqrt(e / (r + e) * Omega**2 + delta * C**2)
+    omega = Omega * sqrt(e / (r + e) + delta * C**2)
     return C, omega
 """
 _NAMED_TERMS = """
@@ -175,7 +175,8 @@ def manifold_forces(p, Omega, beta, gamma, size):
     inertia = A * series_product(cos_gamma, cos_gamma) + Bbar * series_product(sin_gamma, sin_gamma)
     M = inertia + m * series_product(rho_squared, cos_beta, cos_beta)
     gyroscopic = Omega**2 * series_product(inertia, sin_beta, cos_beta)
-    eccentric = m * e * Omega**2 * series_product(rho, sin_beta, cos_beta, cos_beta, cos_beta, sin_gamma)
+    cos_beta_cubed = series_product(cos_beta, cos_beta, cos_beta)
+    eccentric = m * e * Omega**2 * series_product(rho, sin_beta, cos_beta_cubed, sin_gamma)
     gravity = -m * g * series_product(rho, cos_beta)
     free = gyroscopic + eccentric + gravity
     three_sines = 3 * series_product(sin_beta, sin_beta)

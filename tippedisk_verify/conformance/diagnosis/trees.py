@@ -1,0 +1,195 @@
+"""Expressions of a syntax tree: where they are in a function, how they are shown, and functions with others there."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = [
+    "Change",
+    "Node",
+    "Place",
+    "is_binary",
+    "kind",
+    "places",
+    "renamed",
+    "same",
+    "shown",
+    "sort_of",
+    "statements",
+]
+
+Node = Any  # nodes of the syntax tree, whose classes have no common attributes
+Path = tuple[tuple[Node, str, int | None], ...]  #: from the function down: node, field, index
+_LONG = 80  # characters, after which it is no longer said what something is missing in
+
+
+@dataclass(frozen=True)
+class Change:
+    """What may stand in place of a node."""
+
+    node: Node
+    said: str = ""  #: of the term around it; "" for "NEW for OLD"
+    rank: int = 0
+    operator: str = "left out"
+
+
+@dataclass(frozen=True)
+class Place:
+    """An expression in a function, with the way down to it."""
+
+    function: ast.FunctionDef | ast.Assign
+    statement: Node
+    path: Path
+
+    @property
+    def node(self) -> Node:
+        return _child(*self.path[-1])
+
+    def replaced(self, new: Node) -> Any:
+        """The function with ``new`` there; what is not on the way is shared."""
+        for parent, field, index in reversed(self.path):
+            upper = copy.copy(parent)
+            if index is None:
+                setattr(upper, field, new)
+            else:
+                items = list(getattr(upper, field))
+                items[index : index + 1] = [new] if new is not None else []
+                setattr(upper, field, items)
+            new = upper
+        return new
+
+    def within(self, outer: Place, new: Node) -> Node:
+        """The expression of a place around this one, with ``new`` here."""
+        inner = Place(self.function, None, self.path[len(outer.path) :])
+        return inner.replaced(new) if inner.path else new
+
+    def term(self) -> Place:
+        """The term of a sum, the argument or the whole right side that the expression is a part of."""
+        path = self.path
+        while len(path) > 1 and kind(path[-1][0], ast.BinOp | ast.UnaryOp):
+            if kind(path[-1][0], ast.BinOp) and kind(path[-1][0].op, ast.Add | ast.Sub):
+                break
+            path = path[:-1]
+        return Place(self.function, self.statement, path)
+
+    def wider(self) -> Place:
+        """The expression around this one."""
+        return Place(self.function, self.statement, self.path[:-1])
+
+    def lines(self, new: Node) -> tuple[str, str]:
+        """The statement's first line as it is, and as it is with ``new`` here."""
+        start = next((n for n, (parent, _, _) in enumerate(self.path) if parent is self.statement), 0)
+        changed = Place(self.statement, None, self.path[start:]).replaced(new)
+        before, after = (
+            ast.unparse(ast.fix_missing_locations(copy.deepcopy(one))) for one in (self.statement, changed)
+        )
+        return before.partition("\n")[0], after.partition("\n")[0]
+
+    def says(self, change: Change) -> str:
+        """What is wrong, in the symbols of the formula."""
+        around = self.term()
+        if change.said:
+            old = shown(self.node)
+            said = change.said if len(old) < _LONG else change.said.replace(" in {old}", "")
+            return said.replace("{old}", old).replace("{term}", shown(around.node))
+        inner = Place(around.node, None, self.path[len(around.path) :])
+        new = inner.replaced(change.node) if inner.path else change.node
+        return f"{shown(new)} for {shown(around.node)}"
+
+
+def _child(parent: Node, field: str, index: int | None) -> Node:
+    child = getattr(parent, field)
+    return child if index is None else child[index]
+
+
+def shown(node: Node) -> str:
+    """An expression as one writes it: powers with ^, products with a space."""
+    text = ast.unparse(ast.fix_missing_locations(copy.deepcopy(node)) if not kind(node, ast.expr) else node)
+    text = re.sub(r"\bnp\.", "", text).replace(" ** ", "^").replace(" * ", " ")
+    return text if len(text) < 160 else text[:150] + " ..."
+
+
+def statements(function: ast.FunctionDef | ast.Assign) -> Iterator[tuple[Node, Path]]:
+    """The statements of a function with a value, at any depth."""
+    if kind(function, ast.Assign):
+        yield function, ()
+        return
+
+    def inside(parent: Node, path: Path) -> Iterator[tuple[Node, Path]]:
+        for field in ("body", "orelse"):
+            for index, child in enumerate(getattr(parent, field, ())):
+                down = (*path, (parent, field, index))
+                if not (kind(child, ast.Expr) and kind(child.value, ast.Constant)):
+                    yield child, down
+                if kind(child, ast.For | ast.If | ast.While | ast.With):
+                    yield from inside(child, down)
+
+    yield from inside(function, ())
+
+
+def places(function: ast.FunctionDef | ast.Assign, statement: Node, path: Path) -> Iterator[Place]:
+    """All expressions of a statement, but not those of the statements inside it."""
+
+    def inside(node: Node, path: Path) -> Iterator[Place]:
+        for field, value in ast.iter_fields(node):
+            many = value if kind(value, list) else [value]
+            hidden = field in ("body", "orelse") and kind(node, ast.stmt)
+            hidden = hidden or (field == "func" and not kind(value, ast.Attribute))
+            hidden = hidden or (field in ("targets", "target") and not kind(many[0], ast.Subscript))
+            for index, child in enumerate(() if hidden else many):
+                if kind(child, ast.expr | ast.comprehension):
+                    down = (*path, (node, field, index if kind(value, list) else None))
+                    if kind(child, ast.expr):
+                        yield Place(function, statement, down)
+                    yield from inside(child, down)
+
+    yield from inside(statement, path)
+
+
+def kind(node: Node, kinds: Any) -> bool:
+    """isinstance, without a narrower type: nodes are told apart by their fields."""
+    return isinstance(node, kinds)
+
+
+def is_binary(node: Node, *operators: Any) -> bool:
+    return kind(node, ast.BinOp) and kind(node.op, operators)
+
+
+def sort_of(node: Node) -> Any:
+    """What a pattern and a node that it fits have in common; None for a variable, which fits more."""
+    if kind(node, ast.BinOp | ast.UnaryOp):
+        return type(node.op)
+    return None if kind(node, ast.Name) and len(node.id) == 1 else type(node)
+
+
+def same(one: Node, other: Node) -> bool:
+    return one is other or (sort_of(one) == sort_of(other) and ast.dump(one) == ast.dump(other))
+
+
+def renamed(node: Node, names: Mapping[str, str]) -> Node:
+    """The same with other names; what has none of them is shared."""
+    if kind(node, ast.Name):
+        known = node.id in names and kind(node.ctx, ast.Load)
+        return ast.copy_location(ast.Name(names[node.id], ast.Load()), node) if known else node
+    changed: dict[str, Any] = {}
+    for field, value in ast.iter_fields(node):
+        if kind(value, ast.AST):
+            new: Any = renamed(value, names)
+        elif kind(value, list):
+            new = [renamed(part, names) if kind(part, ast.AST) else part for part in value]
+            new = value if all(one is other for one, other in zip(new, value, strict=True)) else new
+        else:
+            continue
+        if new is not value:
+            changed[field] = new
+    if not changed:
+        return node
+    upper = copy.copy(node)
+    for field, value in changed.items():
+        setattr(upper, field, value)
+    return upper
