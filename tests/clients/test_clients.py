@@ -30,7 +30,7 @@ FAULTS = (
     "in h: +2 (A - Bbar) Omega v", "in h: -m rho^2 v^2", "in h: -m e rho Omega^2", "in h: +m e rho (3 sin(beta)^2 - 2)",
     "in gamma_y: sin(beta) for sin(beta)^2", "in Bbar: the term -m e^2 is missing", "the angles taken as degrees",
     "beta and gamma shifted by pi/2", "the parameters in single precision", "A and B exchanged",
-    "in gamma_rate: the minus sign", "in h: cos(beta) for cos(beta)^3",
+    "gamma_rate has the wrong sign", "in h: cos(beta) for cos(beta)^3",
 )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ import pytest
 
 from tests.conformance.faults import CASES, JUDGED, STATUSES, Graders, planted
 
-BY_NAME = {case["name"]: case for case in CASES}
+BY_NAME = {case["name"]: case for case in reversed(CASES)}  # of the earliest list that has the name
 PASSING = [case for case in CASES if case["first"] is None]
 #: Some that take no orbit, and the level that fails first.
 QUICK = (
@@ -43,9 +43,9 @@ def graders(tmp_path_factory: pytest.TempPathFactory) -> Graders:
 
 
 def test_each_patch_fits() -> None:
-    assert len(BY_NAME) == len(CASES)
+    assert len({(case["list"], case["name"]) for case in CASES}) == len(CASES)
     assert Counter(case["list"] for case in CASES) == {
-        1: 160, 2: 150, 3: 150, 4: 150, 5: 150, 6: 150, 7: 139, 8: 150, 9: 150, 10: 130
+        1: 160, 2: 150, 3: 150, 4: 150, 5: 150, 6: 150, 7: 139, 8: 150, 9: 150, 10: 130, 11: 100
     }  # fmt: skip
     for case in CASES:
         planted(case)

@@ -72,7 +72,7 @@ def _fine(done: Ran) -> None:
 
 def _sheet(folder: Path, name: str) -> bytes:
     path = folder / name
-    assert ran(["conformance", "questions", str(path), "--set", "printed", "--levels", "3"]).status == 0
+    assert ran(["conformance", "questions", str(path), "--set", "printed", "--levels", "4"]).status == 0
     text = path.read_text(encoding="utf-8")
     filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(', "answer": ""', ', "answer": "30.9"')
     if name.endswith(".csv"):

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from itertools import permutations, product
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
+from tippedisk_verify.conformance.diagnosis.joined import Found, joined
 from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
 from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
@@ -26,22 +26,11 @@ _FREE = 3  # wrong answers of different entries that bear out a number that was 
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
 _BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
-_STATEMENTS = 3  # different relations; more are several mistakes
 _CONDITION = 5  # rank of a condition
 _AT_STATES = 5  # the last level whose inputs are those of the formula
 _LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """What wrong answers are instead of right."""
-
-    name: str  #: a short word for the kind of relation
-    says: str
-    cells: Array  #: which answers of the sheet it explains
-    rank: float  #: lower is simpler
 
 
 #: Name, rank, what is said (with {q} for the quantities, and {has}, {is} for verbs), and what is predicted for each
@@ -252,10 +241,10 @@ def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
             continue
         middle = np.median(answer[cells])
         yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
-        for word, start, unit in (("factor", 0 * x, x), ("summand", x, np.ones_like(x))):
-            for text, law in _power_laws(grid, cells, (answer - start) / unit, word == "factor"):
-                says = f"{{q}} {{has}} the {word} {text}"
-                yield f"solved {word}", 4, says, np.where(mine, start + law * unit, np.nan)
+        for text, law in _power_laws(grid, cells, answer / x):
+            yield "solved factor", 4, f"{{q}} {{has}} the factor {text}", np.where(mine, law * x, np.nan)
+        more = np.median((answer - x)[cells])
+        yield "solved summand", 4, f"{{q}} {{has}} the summand {more:.9g}", np.where(mine, x + more, np.nan)
 
 
 @cache
@@ -269,19 +258,14 @@ def _exponents(count: int) -> Array:
     return np.concatenate([whole, whole[1:] / 2])
 
 
-def _power_laws(grid: _Grid, cells: Array, ratio: Array, constants: bool) -> Iterator[tuple[str, Array]]:
-    """The simplest number times powers that a ratio is at some answers: in words, and at all answers.
-
-    Without ``constants`` no power of what is the same at all of them, which would only be another way to say a number.
-    """
+def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
+    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
     some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
     some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
     if len(some) < _FREE:
         return
     here = grid.logs[:, some]
-    varies = np.ptp(grid.logs[:, cells], axis=1) > 0 if not constants else True
-    known = np.isfinite(here) & np.reshape(varies, (-1, 1))
-    here = np.where(known, here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
+    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
     exponents = _exponents(len(here))
     left = np.log(np.abs(ratio[some])) - np.einsum("eb,bc->ec", exponents, here)  # einsum starts no threads
     close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)
@@ -307,7 +291,7 @@ def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
     if not sheet.wrong.any():
         return []
-    grid, found = _Grid(sheet), dict[str, _Found]()
+    grid, found = _Grid(sheet), dict[str, Found]()
     group = np.unique(sheet.stems, return_inverse=True)[1]
     wrong = np.bincount(group, sheet.wrong)
     sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
@@ -325,44 +309,6 @@ def related(sheet: Sheet) -> list[Cause]:
             held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
         common = [text for text, _ in sides if all(text in some for some in held.values())]
         for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):
-            cause = _Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+            cause = Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
             found.setdefault(cause.says, cause).cells[mine & (group == n)] = True
-    return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
-
-
-def _joined(sheet: Sheet, found: Sequence[_Found]) -> list[Cause]:
-    """Relations that hold for all wrong quantities, or the simplest one for each."""
-    blamed, parts = set(sheet.stems[sheet.wrong]), list[tuple[_Found, set[str]]]()
-    whole = [cause for cause in found if blamed == set(sheet.stems[cause.cells])]
-    if whole:
-        return [Cause(_said(sheet, one.says, blamed), one.rank, one.name) for one in whole]
-    for cause in found:
-        mine = blamed & set(sheet.stems[cause.cells])
-        parts += [(cause, mine)] if mine else []
-        blamed -= mine
-    texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
-    # Two quantities that have each other's values are exchanged.
-    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
-    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
-        old = f"{one} has the values of {two}"
-        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
-    texts = list(dict.fromkeys(texts))
-    if blamed or len(texts) > _STATEMENTS:
-        return []
-    rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
-    return [Cause("; ".join(texts), rank, "-".join(dict.fromkeys(cause.name for cause, _ in parts)))]
-
-
-def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
-    """A relation of some quantities, in words."""
-    asked, laws = set(sheet.stems), sorted({stem.split(" ")[0] for stem in stems})
-    names = sorted({stem.split(" ")[1] for stem in stems})
-    one_law = {f"{law} {name}" for law in _LAWS for name in names} & asked != stems
-    for kind, whole, least in ((r"^(lambda_\w+)_(re|im)$", r"\1", 2), (r"^(h|residual)_\d+$", r"\1_n", 3)):
-        parts = [re.sub(kind, whole, name) for name in names]
-        names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
-    names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
-    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
-    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
-    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
-    return text + (f" under the {' and '.join(laws)} law" if one_law else "")
+    return joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))

@@ -41,7 +41,7 @@ _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
 _ALLOWED_GAIN = 1e-3
-_TURNS = 60  # of a loop, which take as long as the shortest formula
+_TURNS, _CALLS = 100, 5  # of a loop and of functions, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
 _FREE = ast.Name("_free", ast.Load())
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
@@ -93,7 +93,9 @@ class Search:
         self.limit = self.work + work
 
     def run(self, program: Program, sheet: Sheet) -> Array:
-        self.work += sum(1 + program.right.turns(table) / _TURNS for table in sheet.tables)
+        for table in sheet.tables:
+            turns, calls = program.right.effort(table)
+            self.work += 1 + turns / _TURNS + calls / _CALLS
         return program.answers(sheet)
 
     def suspects(self, right: Specimen) -> list[Suspect]:

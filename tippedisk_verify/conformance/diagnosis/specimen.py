@@ -12,7 +12,7 @@ import types
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -37,7 +37,7 @@ class Specimen:
     functions: Mapping[str, ast.FunctionDef]
     constants: Mapping[str, ast.Assign]  #: of the module
     space: Mapping[str, Any]  #: the module as it ran
-    counts: dict[Any, float] = field(default_factory=dict, compare=False)
+    counts: dict[Any, tuple[int, int]] = field(default_factory=dict, compare=False)
 
     @cached_property
     def codes(self) -> dict[str, types.CodeType]:
@@ -58,14 +58,14 @@ class Specimen:
                     names |= reached[name]
         return {name: frozenset(names) for name, names in reached.items()}
 
-    def turns(self, table: Table) -> float:
-        """How many turns of loops the answers to a table take."""
+    def effort(self, table: Table) -> tuple[int, int]:
+        """How many turns of loops, and calls of functions, the answers to a table take."""
         key = table.kind, table.friction, len(table.entries), table.asked
         if key not in self.counts:
             program = Program(self)
-            program.space["range"] = program.counted
+            program.count()
             program.results(table)
-            self.counts[key] = program.turns
+            self.counts[key] = program.turns, program.calls
         return self.counts[key]
 
     def text(self, name: str) -> str:
@@ -104,7 +104,7 @@ class Program:
 
     def __init__(self, right: Specimen, changes: Mapping[str, ast.stmt] = NOTHING, **space: Any) -> None:
         self.right, self.trees = right, changes
-        self.turns, self.left = 0, math.inf  # of loops, so far and still allowed
+        self.turns, self.calls, self.left = 0, 0, math.inf  # turns of loops so far, and still allowed
         self.space = {**right.space, **space, "range": self._range}
         for function, code in right.codes.items():
             tree = changes.get(function)
@@ -126,7 +126,7 @@ class Program:
     def results(self, table: Table) -> Results:
         """The answers to a table's questions; nothing where the program fails."""
         function = self.space[self.right.starts(table.kind)]
-        self.left = _LONGER * self.right.turns(table) if self.trees else math.inf
+        self.left = _LONGER * self.right.effort(table)[0] if self.trees else math.inf
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
@@ -135,9 +135,20 @@ class Program:
                 return {}
         return found
 
-    def counted(self, *bounds: int) -> range:
-        self.turns += len(range(*bounds))
-        return range(*bounds)
+    def count(self) -> None:
+        """Count turns of loops and calls of functions from now on."""
+
+        def turned(*bounds: int) -> range:
+            self.turns += len(range(*bounds))
+            return range(*bounds)
+
+        def called(function: Any, *given: Any, **named: Any) -> Any:
+            self.calls += 1
+            return function(*given, **named)
+
+        self.space["range"] = turned
+        for name in self.right.functions:
+            self.space[name] = partial(called, self.space[name])
 
     def _range(self, *bounds: int) -> range:
         """A range that ends a program whose loops a change has made too long."""

@@ -27,6 +27,7 @@ _WORK = 30_000.0  # runs of a short formula, some five seconds, for each rank of
 _THEORY = range(2, 6)  # levels whose derivatives are formulas
 _ORBITS = 6  # the first level whose answers are flown
 _PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
+_SELDOM = 0.2  # of the answers to a quantity: a change of a formula makes more of them wrong
 _MOST = 3  # causes that are named together
 _Advance = Callable[[str, int], None]
 
@@ -149,12 +150,11 @@ def _proved(tables: Sequence[Table], level: int) -> frozenset[str]:
 
 def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[list[Cause], tuple[str, Array] | None]:
     """The mistakes that give all answers and cannot be told apart, and what digits are lost, with the answers."""
-    found = causes_of(sheet, passed, advance)
-    if found:
-        return found, None
     digits = lost(sheet)
-    if digits is not None:
-        return [], digits
+    told = digits is not None and "a step of" in digits[0]  # by the rounding of many answers
+    found = [] if told else causes_of(sheet, passed, advance)
+    if found or digits is not None:
+        return found, None if found else digits
     slopes = sheet.wrong & derived(sheet)
     if sheet.level not in _THEORY and slopes.any() and (sheet.wrong & ~slopes).any():
         for cause in causes_of(sheet.without(slopes), passed, advance, thorough=False):
@@ -168,6 +168,9 @@ def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[
 def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance, thorough: bool = True) -> list[Cause]:
     """From what is simple to say to what is less so; ``passed`` are functions that are beyond doubt."""
     search = Search(sheet, advance, passed)
+    shares = (sheet.wrong[sheet.stems == stem].mean() for stem in np.unique(sheet.stems[sheet.wrong]))
+    if sheet.level < _ORBITS and max(shares) < _SELDOM:
+        return _named(related(sheet))
     if sheet.level >= _ORBITS:
         return _named(related(sheet) or (orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
     outputs = related(sheet)

@@ -83,11 +83,10 @@ class Place:
 
     def lines(self, new: Node) -> tuple[str, str]:
         """The statement's first line as it is, and as it is with ``new`` here."""
-        start = next((n for n, (parent, _, _) in enumerate(self.path) if parent is self.statement), 0)
-        changed = Place(self.statement, None, self.path[start:]).replaced(new)
-        before, after = (
-            ast.unparse(ast.fix_missing_locations(copy.deepcopy(one))) for one in (self.statement, changed)
-        )
+        start = max(n for n, (parent, _, _) in enumerate(self.path) if kind(parent, ast.stmt) or n == 0)
+        statement = self.path[start][0]
+        changed = Place(self.function, None, self.path[start:]).replaced(new)
+        before, after = map(ast.unparse, map(ast.fix_missing_locations, copy.deepcopy((statement, changed))))
         return before.partition("\n")[0], after.partition("\n")[0]
 
     def says(self, change: Change) -> str:

@@ -85,8 +85,8 @@ _ONE_LAW = """
 def one_harmonic_law(p, Omega, form):
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
-    added = np.where(form == "printed", 0, e**2)
-    chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e) - added) / (2 * (r + e))
+    chi_printed = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
+    chi = chi_printed + np.where(form == "printed", 0, Bbar * e**2 / (2 * (r + e)))
     stiffness = np.where(form == "printed", r - e, r)
     delta = -1 / 8 * stiffness / (r + e)
     numerator = Bbar * r * Omega**2 - m * g * (r + e) ** 2
@@ -95,6 +95,12 @@ def one_harmonic_law(p, Omega, form):
     omega = Omega * sqrt(e / (r + e) + delta * C**2)
     return C, omega
 """
+_ONE_FRACTION = _ONE_LAW.replace(
+    _ONE_LAW[_ONE_LAW.index("    chi_printed") : _ONE_LAW.index("    stiffness")],
+    """    added = np.where(form == "printed", 0, e**2)
+    chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e) - added) / (2 * (r + e))
+""",
+)
 _NAMED_TERMS = """
 def equations(p, Omega, smooth, beta, gamma, v):
     r, e, m, A, B, g, mu, epsilon = p
@@ -262,6 +268,7 @@ def ways() -> tuple[Specimen, ...]:
         general.patched("Routh's condition", hopf + _ROUTH),
         plain.patched("implicit derivative", _IMPLICIT_RATE),
         plain.patched("one law", _ONE_LAW),
+        plain.patched("one law, one fraction", _ONE_FRACTION),
         plain.patched("one law, roots of moduli", _ONE_LAW + _ROOTS_OF_MODULI),
         plain.patched(
             "period written out",
