@@ -90,6 +90,47 @@ def test_a_planted_change_is_found_again(
             given[f"{entry.id}/{table.names[cell]}"] = ("doubles", repr(float(value)))
     (first, *_) = diagnosed(graded(Answers(given), store), store)
     assert says in first.says()
+    cause = first.to_dict()["causes"][0]
+    if cause["function"]:  # not what a relation of outputs says as simply
+        assert cause["function"] == name
+        assert cause["before"] in text
+        assert cause["after"] not in text
+
+
+def test_digits_of_differences_hide_no_other_mistake(tables: list[Table], store: Store) -> None:
+    """Derivatives by central differences, and a sign in h: both are said."""
+    change = specimen().text("equations").replace("- 2 * (A - Bbar)", "+ 2 * (A - Bbar)")
+    program = Program(specimen().patched("differences", _DIFFERENCES), {"equations": ast.parse(change).body[0]})
+    given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/") if q.level in _LEVELS}
+    for table in tables:
+        if table.level == 1:
+            found = table.picked(program.results(table))
+            given |= {id_: ("doubles", repr(float(x))) for id_, x in zip(table.ids, found, strict=True)}
+    one, two = diagnosed(graded(Answers(given), store), store)
+    assert "difference quotient with a step of 2e-5" in one.says()
+    assert "in h: +2 (A - Bbar) Omega v cos(beta)" in two.says()
+
+
+_DIFFERENCES = """
+def derivatives(p, Omega, smooth, beta, gamma, v):
+    h, rates = 1e-5, []
+    for moves in ((0, h, 0, 0), (0, 0, h, 0), (0, 0, 0, h), (h, 0, 0, 0)):
+        ends = []
+        for sign in (1, -1):
+            speed, *state = [x + sign * move for x, move in zip((Omega, beta, gamma, v), moves)]
+            ends.append(equations(p, speed, smooth, *state)[7])
+        rates.append((ends[0] - ends[1]) / (2 * h))
+    return (*rates, equations(p, Omega, smooth, beta, gamma, v)[7])
+"""
+
+
+def test_cycles_on_the_equilibrium_are_said_to_be_that(store: Store) -> None:
+    given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/linear/limit-cycle/")}
+    for id_ in given:
+        if any(f"/crit-{shift}/" in id_ for shift in ("0.05", "0.1", "0.3")):
+            given[id_] = "doubles", "1e-12" if id_.endswith(("/gamma_bar_0", "/v_0", "/beta_max")) else "1.01"
+    (found,) = diagnosed(graded(Answers(given), store), store)
+    assert "are the equilibrium: a shooting that fell onto it" in found.says()
 
 
 def _cycles(store: Store, power: float) -> Sheet:

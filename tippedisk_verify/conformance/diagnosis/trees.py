@@ -92,7 +92,8 @@ class Place:
     def says(self, change: Change) -> str:
         """What is wrong, in the symbols of the formula."""
         around = self.term()
-        if change.said:
+        powers = any(is_binary(parent, ast.Pow) for parent, _, _ in self.path[len(around.path) :])
+        if change.said and not (powers and "{term}" in change.said):  # what is in a power is no factor of the term
             old = shown(self.node)
             said = change.said if len(old) < _LONG else change.said.replace(" in {old}", "")
             return said.replace("{old}", old).replace("{term}", shown(around.node))

@@ -88,19 +88,26 @@ def one_harmonic_law(p, Omega, form):
     chi_printed = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e)) / (2 * (r + e))
     chi = chi_printed + np.where(form == "printed", 0, Bbar * e**2 / (2 * (r + e)))
     stiffness = np.where(form == "printed", r - e, r)
-    delta = -1 / 8 * stiffness / (r + e)
+    delta = -1 / 8 * Omega**2 * stiffness / (r + e)
     numerator = Bbar * r * Omega**2 - m * g * (r + e) ** 2
     denominator = chi * Omega**2 + m * g * e * (r + e)
     C = sqrt(-4 * e / (r + e) * numerator / denominator)
-    omega = Omega * sqrt(e / (r + e) + delta * C**2)
+    omega = sqrt(e / (r + e) * Omega**2 + delta * C**2)
     return C, omega
 """
-_ONE_FRACTION = _ONE_LAW.replace(
-    _ONE_LAW[_ONE_LAW.index("    chi_printed") : _ONE_LAW.index("    stiffness")],
-    """    added = np.where(form == "printed", 0, e**2)
+_ONE_FRACTION = """
+def one_harmonic_law(p, Omega, form):
+    r, e, m, A, B, g, mu, epsilon = p
+    Bbar = B - m * e**2
+    added = np.where(form == "printed", 0, e**2)
     chi = A * (r - 2 * e) - Bbar * (2 * r**2 + e * (r + e) - added) / (2 * (r + e))
-""",
-)
+    stiffness = np.where(form == "printed", r - e, r)
+    numerator = Bbar * r * Omega**2 - m * g * (r + e) ** 2
+    denominator = chi * Omega**2 + m * g * e * (r + e)
+    C = sqrt(-4 * e / (r + e) * numerator / denominator)
+    omega = Omega * sqrt(e / (r + e) - stiffness / (r + e) * C**2 / 8)
+    return C, omega
+"""
 _NAMED_TERMS = """
 def equations(p, Omega, smooth, beta, gamma, v):
     r, e, m, A, B, g, mu, epsilon = p
