@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Sheet, Table
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
-from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 
 __all__ = ["INPUTS", "Input", "changed"]
 
@@ -86,6 +86,11 @@ def _precisions() -> Iterator[Input]:
             yield Input(f"{slug}-{n}-decimals", f"{text} rounded to {n} decimals", cut, 2)
 
 
+def _table_1(values: Values, names: Sequence[str]) -> Values:
+    return {name: _TABLE_1[name] + 0 * values[name] for name in names}
+
+
+_TABLE_1 = {name: float(value) for name, value in PRINTED.decimals().items()}
 _ANGLES = ("beta", "gamma")
 INPUTS: tuple[Input, ...] = (
     Input("degrees", "the angles taken as degrees", _all(_ANGLES, np.radians)),
@@ -104,6 +109,11 @@ INPUTS: tuple[Input, ...] = (
             ("supplement", "measured from pi the other way", lambda x: np.pi - x),
             ("turned", "shifted by pi", lambda x: x + np.pi),
         )
+    ),
+    Input("table-1", "Table 1's parameters where others are asked", lambda values: _table_1(values, SYMBOLS)),
+    *(
+        Input(f"{name}-of-table-1", f"{name} = {_TABLE_1[name]:g} of Table 1", partial(_table_1, names=(name,)), 1)
+        for name in SYMBOLS
     ),
     *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative)) for name in _STATE),
     *(Input(f"{name}-sign", f"the sign of {name}", _all((name,), np.negative), 2) for name in SYMBOLS),
