@@ -41,7 +41,7 @@ _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
 _ALLOWED_GAIN = 1e-3
-_TURNS, _CALLS = 100, 5  # of a loop and of functions, which take as long as the shortest formula
+_TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
 _FREE = ast.Name("_free", ast.Load())
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
@@ -105,7 +105,7 @@ class Search:
         own = self.own(right)
         mine = own | frozenset().union(*(right.calls[name] for name in own)) if right.way else frozenset(right.calls)
         found = []
-        for name in right.reach(self.few):
+        for name in reversed(right.reach(self.few)):  # what is for one quantity before what is for many
             if name not in mine or (name in self.passed and name not in own):
                 continue
             function: Any = right.functions.get(name) or right.constants[name]

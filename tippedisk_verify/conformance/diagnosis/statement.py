@@ -23,7 +23,7 @@ from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
-_WORK = 30_000.0  # runs of a short formula, some five seconds, for each rank of changes, and for solved numbers
+_WORK = 40_000.0  # runs of a short formula, some eight seconds, for each rank of changes, and for solved numbers
 _THEORY = range(2, 6)  # levels whose derivatives are formulas
 _ORBITS = 6  # the first level whose answers are flown
 _PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
