@@ -4,7 +4,7 @@ import sys
 
 import tippedisk_verify as tv
 from tippedisk_verify.figures.state_space import draw_scenes_3d
-from tippedisk_verify.orbits.scenes import compute
+from tippedisk_verify.motion.scenes import compute
 
 target = sys.argv[1] if len(sys.argv) > 1 else "scenes.png"
 panels = [compute(tv.scene_named(name), tv.PRINTED, tv.Taylor()) for name in "df"]

@@ -67,7 +67,8 @@ def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
         "before = code_version()\n"
         "for path in sys.argv[1:]: Path(path).write_text('raise SystemExit(9)')\n"
         "assert code_version() == before\n"
-        "import tippedisk_verify.orbits.heteroclinic, tippedisk_verify.certified.cover\n"  # loaded before the change
+        # Loaded before the change.
+        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.certified.cover\n"
         "print(before)"
     )
 
@@ -80,7 +81,7 @@ def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
     package = other / "tippedisk_verify"
     mine, first = code_version(), told()
     second = told(
-        package / "theory" / "hopf.py", package / "orbits" / "heteroclinic.py", package / "certified" / "cover.py"
+        package / "theory" / "hopf.py", package / "connection" / "heteroclinic.py", package / "certified" / "cover.py"
     )
     assert first == second != mine + "\n"
     assert [part.partition(" ")[0] for part in mine.split(", ")] == ["tippedisk_verify", *NUMERICAL]

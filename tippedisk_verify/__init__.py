@@ -6,7 +6,9 @@ only from those before it:
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.theory`: what follows in closed form, and
   `tippedisk_verify.flow`: how states move (neither knows the other: that they agree is evidence);
-- `tippedisk_verify.orbits`: scenes, limit cycles, connections;
+- `tippedisk_verify.cycles`: limit cycles, their families and folds, and
+  `tippedisk_verify.connection`: the heteroclinic connection and its speed Omega_h;
+- `tippedisk_verify.atlas`: which cycles there are, and `tippedisk_verify.motion`: solutions, scenes, basins;
 - `tippedisk_verify.certified`: enclosures with proofs, in ball arithmetic; it knows `model` only;
 - `tippedisk_verify.audit`: the paper's claims, and how each is examined;
 - `tippedisk_verify.reference_values`: how they are made, checked and read, and
@@ -46,6 +48,12 @@ if TYPE_CHECKING:
     from tippedisk_verify.answers import grade
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
+    from tippedisk_verify.connection.bisection import bisect_omega_h
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
+    from tippedisk_verify.connection.near_connection import cycle_above
+    from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
+    from tippedisk_verify.cycles.shooting import limit_cycle
+    from tippedisk_verify.cycles.spectral_balance import balanced_cycle
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
@@ -56,25 +64,19 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, Parameters
     from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits
-    from tippedisk_verify.motion import Solution
-    from tippedisk_verify.orbits.basins import basins
-    from tippedisk_verify.orbits.bisection import bisect_omega_h
-    from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
-    from tippedisk_verify.orbits.near_connection import cycle_above
-    from tippedisk_verify.orbits.periodic import limit_cycle
-    from tippedisk_verify.orbits.scenes import SCENES, scene_named
+    from tippedisk_verify.motion.basins import basins
+    from tippedisk_verify.motion.scenes import SCENES, scene_named
+    from tippedisk_verify.motion.solution import Solution
     from tippedisk_verify.reference_values.lookup import reference, references
     from tippedisk_verify.theory.equilibria import equilibrium
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
     from tippedisk_verify.theory.melnikov import limit_period, limit_speed
     from tippedisk_verify.theory.slow_manifold import study
-    from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 _HOMES = {
     "disk": ("Disk",),
-    "motion": ("Solution",),
+    "motion.solution": ("Solution",),
     "answers": ("grade",),
     "errors": ("InputError", "Shortfall"),
     "audit.claims": ("Audit", "Verdict"),
@@ -88,19 +90,19 @@ _HOMES = {
     "model.exact": ("Exact", "exact"),
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
-    "orbits.branch_interpolant": ("BranchInterpolant",),
-    "orbits.basins": ("basins",),
-    "orbits.bisection": ("bisect_omega_h",),
-    "orbits.heteroclinic": ("heteroclinic",),
-    "orbits.near_connection": ("cycle_above",),
-    "orbits.periodic": ("limit_cycle",),
-    "orbits.scenes": ("SCENES", "scene_named"),
+    "cycles.branch_interpolant": ("BranchInterpolant",),
+    "motion.basins": ("basins",),
+    "connection.bisection": ("bisect_omega_h",),
+    "connection.heteroclinic": ("heteroclinic",),
+    "connection.near_connection": ("cycle_above",),
+    "cycles.shooting": ("limit_cycle",),
+    "motion.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),
     "theory.harmonic_balance": ("one_harmonic",),
     "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
     "theory.slow_manifold": ("study",),
-    "theory.spectral_balance": ("balanced_cycle",),
+    "cycles.spectral_balance": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

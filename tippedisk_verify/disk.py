@@ -19,15 +19,15 @@ from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.progress import progress_of, watched
 
 if TYPE_CHECKING:
+    from tippedisk_verify.atlas.branch import Branch
+    from tippedisk_verify.connection.heteroclinic import Heteroclinic
+    from tippedisk_verify.cycles.folds import LibrationFold, RotationFold
+    from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
-    from tippedisk_verify.motion import Solution
-    from tippedisk_verify.orbits.basin_boundary import BasinBoundary
-    from tippedisk_verify.orbits.basins import Basins
-    from tippedisk_verify.orbits.branches import Branch
-    from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
-    from tippedisk_verify.orbits.folds import LibrationFold, RotationFold
-    from tippedisk_verify.orbits.heteroclinic import Heteroclinic
+    from tippedisk_verify.motion.basin_boundary import BasinBoundary
+    from tippedisk_verify.motion.basins import Basins
+    from tippedisk_verify.motion.solution import Solution
     from tippedisk_verify.theory.codimension_two import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
@@ -129,7 +129,7 @@ class Disk(Parameters):
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
-        from tippedisk_verify.motion import integrated
+        from tippedisk_verify.motion.solution import integrated
 
         if unknown:
             raise UnknownKeywordError(
@@ -158,7 +158,7 @@ class Disk(Parameters):
 
     def basins(self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any) -> Basins:
         """What each of ``count`` initial states ends on. Options as those of `basins`, progress as that of `branch`."""
-        from tippedisk_verify.orbits.basins import basins
+        from tippedisk_verify.motion.basins import basins
 
         with progress_of(count if isinstance(count, int) else 0, progress) as advance:
             return basins(self, omega, count=count, advance=advance, **options)
@@ -180,7 +180,7 @@ class Disk(Parameters):
         one of the three is given, NoSuchCycleError where there is no such cycle, Shortfall if the digits are not
         reached.
         """
-        from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
+        from tippedisk_verify.connection.near_connection import cycle_above, cycle_at
         from tippedisk_verify.theory.hopf import speed_below_crit
 
         if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
@@ -198,7 +198,7 @@ class Disk(Parameters):
 
         Raises NoSuchCycleError where the family cannot be followed, Shortfall if the digits are not reached.
         """
-        from tippedisk_verify.orbits.folds import libration_folds
+        from tippedisk_verify.cycles.folds import libration_folds
 
         return libration_folds(self, self._engine(engine), digits=digits)
 
@@ -216,7 +216,7 @@ class Disk(Parameters):
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.
         """
-        from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
+        from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_cycle
 
         if (omega is None) == (below_het is None):
             raise InputError("give the speed with either omega or below_het")
@@ -234,7 +234,7 @@ class Disk(Parameters):
         Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds
         and progress as those of `branch`.
         """
-        from tippedisk_verify.orbits.rotating import DEFAULT_COUNT, rotating_branch
+        from tippedisk_verify.atlas.rotating_cycle import DEFAULT_COUNT, rotating_branch
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds)
@@ -242,13 +242,13 @@ class Disk(Parameters):
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.orbits.folds import rotation_fold
+        from tippedisk_verify.cycles.folds import rotation_fold
 
         return rotation_fold(self, self._engine(engine), digits=digits)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
         """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.orbits.basin_boundary import BasinBoundary
+        from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
         return BasinBoundary(self, omega, self._engine(engine))
 
@@ -262,7 +262,7 @@ class Disk(Parameters):
         takes longer than two seconds shows its progress on standard error, unless ``progress`` is False. Raises
         NoSuchCycleError where there is no cycle.
         """
-        from tippedisk_verify.orbits.branches import DEFAULT_COUNT, Branch, family
+        from tippedisk_verify.atlas.branch import DEFAULT_COUNT, Branch, family
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = family(self, self._engine(engine), omegas=speeds)
@@ -272,7 +272,7 @@ class Disk(Parameters):
         self, *, digits: int = 12, method: str = "manifolds", engine: Engine | None = None
     ) -> Heteroclinic:
         """Omega_h, where the saddles are connected. Raises NoConnectionError where there is no connection."""
-        from tippedisk_verify.orbits.heteroclinic import heteroclinic
+        from tippedisk_verify.connection.heteroclinic import heteroclinic
 
         return heteroclinic(self, self._engine(engine), digits=digits, method=method)
 

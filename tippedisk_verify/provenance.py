@@ -14,7 +14,19 @@ from pkgutil import iter_modules
 __all__ = ["DRAWING", "NUMERICAL", "code_version", "digest", "fingerprint", "processor", "versions"]
 
 _ROOT = Path(__file__).parent
-_COMPUTING = ("model", "theory", "flow", "orbits", "checker", "certified", "reference_values", "sweep")
+_COMPUTING = (
+    "model",
+    "theory",
+    "flow",
+    "cycles",
+    "connection",
+    "atlas",
+    "motion",
+    "checker",
+    "certified",
+    "reference_values",
+    "sweep",
+)
 #: The packages that numbers come from.
 NUMERICAL = ("heyoka", "numpy", "mpmath", "gmpy2", "scipy", "python-flint")
 #: And those that pictures come from.

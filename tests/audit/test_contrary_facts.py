@@ -26,6 +26,8 @@ from tippedisk_verify.audit import (
 )
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
 from tippedisk_verify.audit.claims import Audit, Claim, Verdict, examined
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.spectral_fold import spectral_fold
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import baseline
 from tippedisk_verify.flow.contract import Request, Status
@@ -34,12 +36,10 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
-from tippedisk_verify.orbits.basins import OUTCOMES
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
+from tippedisk_verify.motion.basins import OUTCOMES
 from tippedisk_verify.theory import expansion, harmonic_balance
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_equilibrium, reduced_omega_crit
-from tippedisk_verify.theory.spectral_fold import spectral_fold
 
 # Long computations that plants stand on, each done once.
 true_connection = cache(heteroclinic)

@@ -16,7 +16,7 @@ from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.orbits.reduced_flow import ReducedFlow
+from tippedisk_verify.motion.reduced_flow import ReducedFlow
 
 TRANSIENT = problem_named("transient")
 

@@ -17,6 +17,7 @@ import mpmath
 import pytest
 
 from tests.certified.cases import speed_below
+from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.certified import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
@@ -36,6 +37,7 @@ from tippedisk_verify.certified.scaled_sine import scaled_sine
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import certify_family
+from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.proved_family import draw_proved_family
 from tippedisk_verify.figures.style import pyplot
@@ -43,8 +45,6 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
-from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.continuation import followed_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")

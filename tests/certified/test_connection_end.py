@@ -23,12 +23,12 @@ from tippedisk_verify.certified.heteroclinic import Status as ConnectionStatus
 from tippedisk_verify.certified.local_manifolds import Frame
 from tippedisk_verify.certified.passage import EXTENTS
 from tippedisk_verify.certified.proved_end import ProvedEnd, Status
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
 

@@ -16,11 +16,11 @@ from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.half_map import half_map
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED
-from tippedisk_verify.orbits.half_map import half_map
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import stored
 

@@ -8,14 +8,14 @@ from fractions import Fraction
 import pytest
 
 from tests.certified.test_statements import is_about
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
 from tippedisk_verify.certified.balls import arb
 from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, _extremum, prove_fold
+from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
-from tippedisk_verify.orbits.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
-from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.rotating import rotating_cycle
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")  # cycles are born above Omega_crit and turn round
 SUBCRITICAL_FOLD = ("1.67348480076360242633639025", "-1.737725448903898", "30.956905829891930640498087550")

@@ -20,12 +20,12 @@ from tippedisk_verify.certified.flow import Model, carry
 from tippedisk_verify.certified.flow import Status as FlowStatus
 from tippedisk_verify.certified.heteroclinic import ProvedConnection, Status, prove_connection
 from tippedisk_verify.certified.local_manifolds import UNSTABLE, Curve
+from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}

@@ -19,10 +19,10 @@ from tippedisk_verify.certified.frame import Frame
 from tippedisk_verify.certified.lane_flight import HalfFlights, half_flights, lane_of
 from tippedisk_verify.certified.lanes import Lanes
 from tippedisk_verify.certified.section import HalfFlight, Status, half_flight
+from tippedisk_verify.cycles.half_map import HalfFlights as OrdinaryFlights
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.half_map import HalfFlights as OrdinaryFlights
 
 CYCLE = (1.7162868, -1.7100022, 30.3865927)  # gamma_bar, v and Omega of a cycle half a rad/s below Omega_crit
 

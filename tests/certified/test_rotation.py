@@ -7,18 +7,18 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.certified.cycle import Status
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.rotation import prove_rotation, turn_flight
 from tippedisk_verify.certified.section import Status as FlightStatus
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.turn_map import TurnFlights
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.rotating import rotating_cycle
-from tippedisk_verify.orbits.turn_map import TurnFlights
-from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 

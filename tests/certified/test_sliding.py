@@ -11,6 +11,7 @@ import mpmath
 import pytest
 
 from tests.certified.cases import NUMBERS, speed_below
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
 from tippedisk_verify.certified import sliding
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, positive, working_precision
 from tippedisk_verify.certified.cycle import Status, prove_cycle
@@ -25,10 +26,9 @@ from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.certified.sliding import Crossing, SlidingPath, SmoothModel, model_of, sliding_velocity
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
-from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 

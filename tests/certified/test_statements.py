@@ -11,9 +11,9 @@ import pytest
 
 from tippedisk_verify.certified.heteroclinic import prove_connection
 from tippedisk_verify.cli import main
+from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Parameters
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.reference_values.store import data_folder
 
 SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")

@@ -13,7 +13,7 @@ from tippedisk_verify.figures.disk import animated, points_of
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.scenes import compute, scene_named
+from tippedisk_verify.motion.scenes import compute, scene_named
 
 _OMEGA = 30.4
 

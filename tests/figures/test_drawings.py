@@ -18,7 +18,7 @@ from tippedisk_verify.figures.state_space import last_turn
 from tippedisk_verify.figures.style import encoded, pyplot
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.orbits.scenes import compute, scene_named
+from tippedisk_verify.motion.scenes import compute, scene_named
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.hopf import omega_crit
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tippedisk_verify.cycles.half_map import half_map
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
@@ -20,7 +21,6 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
-from tippedisk_verify.orbits.half_map import half_map
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)

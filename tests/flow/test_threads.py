@@ -14,6 +14,7 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
+from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
 from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
@@ -21,9 +22,8 @@ from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.orbits.basins import basins
-from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
-from tippedisk_verify.orbits.reduced_flow import ReducedFlow
+from tippedisk_verify.motion.basins import basins
+from tippedisk_verify.motion.reduced_flow import ReducedFlow
 from tippedisk_verify.sweep.plan import Plan, axis
 from tippedisk_verify.sweep.running import swept
 from tippedisk_verify.theory.equilibria import equilibrium

@@ -16,6 +16,12 @@ from tippedisk_verify.certified.closed_forms import proved_equilibrium, proved_h
 from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.krawczyk import inclusion
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
+from tippedisk_verify.cycles.half_map import RETURNS, VARIATIONS
+from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
@@ -25,18 +31,12 @@ from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
-from tippedisk_verify.orbits.bisection import bisect_omega_h
-from tippedisk_verify.orbits.branch_interpolant import BranchInterpolant
-from tippedisk_verify.orbits.half_map import RETURNS, VARIATIONS
-from tippedisk_verify.orbits.periodic import LimitCycle, limit_cycle
 from tippedisk_verify.reference_values.entries import Case, Item
 from tippedisk_verify.reference_values.local_roads import HOPF, RHS
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.melnikov import limit_period, limit_speed
-from tippedisk_verify.theory.spectral_balance import balanced_cycle
-from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 
 __all__ = ["KINDS", "kind_named"]
 

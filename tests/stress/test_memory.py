@@ -16,11 +16,11 @@ import heyoka
 import numpy
 import pytest
 
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.flow.contract import SECTION, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
-from tippedisk_verify.orbits.periodic import limit_cycle
 
 _LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(not hasattr(_LIBRARY, "mallinfo2"), reason="needs glibc to count its memory")

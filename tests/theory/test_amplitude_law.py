@@ -11,10 +11,10 @@ from hypothesis import given, settings
 
 from tests.problems import physical_parameters
 from tests.theory.formal_cycles import formal_cycles
+from tippedisk_verify.cycles.amplitude_family import one_at_a_time
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.orbits.amplitude_family import one_at_a_time
 from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.hopf import critical_frequency_squared, hopf_point, omega_crit
 

@@ -8,13 +8,13 @@ import mpmath
 import pytest
 
 from tests.problems import SETS
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 from tippedisk_verify.theory.melnikov import limit_period, limit_speed
 from tippedisk_verify.theory.slow_manifold import first_correction
-from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)

@@ -15,18 +15,18 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
+from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.cycles.folds import fold_in_double
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Friction, Parameters
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.folds import fold_in_double
-from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
-from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.orbits.rotating_family import RotatingFamily
-from tippedisk_verify.orbits.scenes import Panel, compute, scene_named
+from tippedisk_verify.motion.scenes import Panel, compute, scene_named
 
 __all__ = [
     "EXACT",

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
+from tippedisk_verify.connection.bisection import unstable_branch
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -13,10 +17,6 @@ from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.orbits.bisection import unstable_branch
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.limit_of_cycles import PeriodContinuation
-from tippedisk_verify.orbits.rotating import rotating_cycle
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS"]

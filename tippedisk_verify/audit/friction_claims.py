@@ -7,18 +7,18 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, per_set
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine, Request
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.parameters import Friction, Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.basin_boundary import BasinBoundary
-from tippedisk_verify.orbits.basins import basins
-from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.periodic import LimitCycle
-from tippedisk_verify.orbits.relaxation import relaxation
+from tippedisk_verify.motion.basin_boundary import BasinBoundary
+from tippedisk_verify.motion.basins import basins
+from tippedisk_verify.motion.relaxation import relaxation
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["FRICTION_CLAIMS"]

@@ -7,12 +7,12 @@ from fractions import Fraction
 from itertools import pairwise
 
 from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, ProofOffer, compared, per_set
+from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.orbits.periodic import limit_cycle
-from tippedisk_verify.orbits.scenes import INITIAL_STATES, Ending, Panel
+from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending, Panel
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]

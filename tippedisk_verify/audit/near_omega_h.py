@@ -12,14 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
+from tippedisk_verify.cycles.period_continuation import cycle_at_half_period, lengthened
+from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
-from tippedisk_verify.orbits.heteroclinic import Heteroclinic, heteroclinic
-from tippedisk_verify.orbits.period_continuation import cycle_at_half_period, lengthened
-from tippedisk_verify.orbits.periodic import limit_cycle, shoot
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["Sight", "limit_of_powers", "near_omega_h"]

@@ -201,7 +201,7 @@ def _reduced(problem: Problem, order: int) -> Prepared:
     """beta and gamma only; v is what the manifold has there."""
     import numpy
 
-    from tippedisk_verify.orbits.reduced_flow import ReducedFlow
+    from tippedisk_verify.motion.reduced_flow import ReducedFlow
     from tippedisk_verify.theory.slow_manifold import orders
 
     flow = ReducedFlow(order)

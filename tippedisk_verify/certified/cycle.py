@@ -184,7 +184,7 @@ class OrbitProof(ABC):
 
 @dataclass(frozen=True)
 class CycleProof(OrbitProof):
-    """What is proved of a limit cycle that S maps to itself. Names are those of `orbits.cycles.LimitCycle`."""
+    """What is proved of a limit cycle that S maps to itself. Names are those of `cycles.limit_cycle.LimitCycle`."""
 
     unknowns = ("gamma_bar_0", "v_0")
     main = ("period", "gamma_bar_0", "v_0", "beta_max")

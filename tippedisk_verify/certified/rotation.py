@@ -31,7 +31,7 @@ _MOST_CUTS = 40
 
 @dataclass(frozen=True)
 class RotationProof(OrbitProof):
-    """What is proved of a rotating limit cycle. Names are those of `orbits.cycles.RotatingCycle`."""
+    """What is proved of a rotating limit cycle. Names are those of `cycles.limit_cycle.RotatingCycle`."""
 
     unknowns = ("beta_bar_top", "v_top")
     main = ("period", "beta_bar_top", "v_top")

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from fractions import Fraction
 
-    from tippedisk_verify.orbits.atlas import Atlas, CurvePoint
-    from tippedisk_verify.orbits.connection_curve import SpecialPoint
+    from tippedisk_verify.atlas.connection_curve import SpecialPoint
+    from tippedisk_verify.atlas.plane import Atlas, CurvePoint
 
 __all__ = ["COMMANDS"]
 
@@ -55,8 +55,8 @@ def atlas(
     value vanishes: curves of folds end there) and hopf-heteroclinic (where Omega_h = Omega_crit). A limit cycle is
     here one about inverted spinning, not a rotating one.
     """
-    from tippedisk_verify.orbits.atlas import atlas as found_in
-    from tippedisk_verify.orbits.atlas import checked_atlas, plane_of
+    from tippedisk_verify.atlas.plane import atlas as found_in
+    from tippedisk_verify.atlas.plane import checked_atlas, plane_of
 
     plane = plane_of(common.parameters, axes, ends)
     checked_atlas(plane, points, common.digits)

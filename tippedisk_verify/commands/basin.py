@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fractions import Fraction
 
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.orbits.basin_boundary import BasinBoundary
+    from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
 __all__ = ["COMMANDS"]
 
@@ -51,7 +51,7 @@ def basin(
     out: str | None,
 ) -> int:
     """What each of many initial states ends on: picture, and fractions with their sampling error."""
-    from tippedisk_verify.orbits.basins import basins
+    from tippedisk_verify.motion.basins import basins
 
     value = speed(common, omega, below_crit)
     if margin is not None:
@@ -82,7 +82,7 @@ def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:
     """How far a start is from the boundary of the basins, as JSON."""
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.model.precision import DOUBLE
-    from tippedisk_verify.orbits.basin_boundary import BasinBoundary
+    from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
     state = [DOUBLE.number(part) for part in start.split(",")]
     if len(state) != 3:
@@ -94,7 +94,7 @@ def _margin(common: Common, omega: Fraction, start: str) -> dict[str, object]:
 def _boundary(parameters: Parameters, omega: Fraction) -> BasinBoundary | None:
     """What separates the basins, if there is anything: below the rotating cycles' fold everything lies flat."""
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.basin_boundary import BasinBoundary
+    from tippedisk_verify.motion.basin_boundary import BasinBoundary
 
     with suppress(InputError, Shortfall):
         return BasinBoundary(parameters, omega, default_engine())

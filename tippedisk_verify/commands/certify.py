@@ -151,8 +151,8 @@ def _connection(common: Common, parameters: Parameters, digits: int, near: str |
     with progress(common, 2) as advance:
         try:
             if near is None:
+                from tippedisk_verify.connection.heteroclinic import heteroclinic as connection
                 from tippedisk_verify.flow import default_engine
-                from tippedisk_verify.orbits.heteroclinic import heteroclinic as connection
 
                 advance("an approximation", 0)
                 guess: object = connection(parameters, default_engine(), digits=digits + 5).omega_h.value

@@ -25,8 +25,8 @@ from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
     from tippedisk_verify.certified.cycle import CycleProof
+    from tippedisk_verify.cycles.shooting import LimitCycle
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.orbits.periodic import LimitCycle
 
 __all__ = ["MOST_DIGITS", "branch", "proofs_of"]
 
@@ -111,8 +111,8 @@ def _proved(parameters: Parameters, digits: int, job: _Job) -> list[Told]:
 
 def _cycles(parameters: Parameters, where: str) -> list[LimitCycle]:
     """The ordinary road's cycles at these speeds."""
+    from tippedisk_verify.atlas.branch import family
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.branches import family
 
     if where in _SETS:
         cycles = list(family(parameters, default_engine(), paper_sets=True))

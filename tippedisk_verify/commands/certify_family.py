@@ -156,8 +156,8 @@ def _amplitude(text: str) -> Fraction:
 def _connection(parameters: Parameters) -> ProvedConnection | None:
     """Omega_h, proved; None where the ordinary road finds none."""
     from tippedisk_verify.certified.heteroclinic import prove_connection
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
     try:
         near = heteroclinic(parameters, default_engine(), digits=_CONNECTION_DIGITS + 5).omega_h.value
@@ -168,8 +168,8 @@ def _connection(parameters: Parameters) -> ProvedConnection | None:
 
 def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[Known]:
     """Cycles of the ordinary road from the Hopf point to the connection, to make guesses of."""
+    from tippedisk_verify.atlas.branch import family
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.branches import family
 
     speeds: list[Fraction] | None = None
     if connection is not None and connection.omega_h is not None:

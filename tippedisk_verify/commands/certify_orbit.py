@@ -78,8 +78,8 @@ def orbit(
     unguessed = None if radius is None else failed_interval(parameters, value, radius)
     start: tuple[object, object] | None = guess
     if start is None:
+        from tippedisk_verify.cycles.continuation import followed_cycle
         from tippedisk_verify.flow import default_engine
-        from tippedisk_verify.orbits.continuation import followed_cycle
 
         try:
             stable = False if unstable else None
@@ -112,8 +112,8 @@ def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | No
 def _fold(common: Common, rotating: bool, number: int | None, certificate: Path | None) -> int:
     """Prove a fold of the rotating or the librating family."""
     from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
+    from tippedisk_verify.cycles.folds import Fold, libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.folds import Fold, libration_folds, rotation_fold
 
     parameters, digits = common.parameters, common.digits
     parameters.refuse_smooth("folds of limit cycles are proved")
@@ -150,10 +150,10 @@ def _rotating(
     certificate: Path | None,
 ) -> int:
     """Prove a rotating cycle."""
+    from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
     from tippedisk_verify.certified.cycle import Status
     from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.rotating import rotating_cycle
 
     parameters, digits = common.parameters, common.digits
     value = speed(common, omega, below_crit)

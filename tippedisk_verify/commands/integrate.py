@@ -13,7 +13,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
-    from tippedisk_verify.motion import Solution
+    from tippedisk_verify.motion.solution import Solution
 
 __all__ = ["COMMANDS"]
 
@@ -47,7 +47,7 @@ def integrate(
     """One motion, with half-widths of states and events; 201 even times if none are given."""
     from tippedisk_verify.files import table_file
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.motion import integrated
+    from tippedisk_verify.motion.solution import integrated
 
     value, ends = speed(common, omega, below_crit), span.split(",")
     target = None if out is None else table_file(out, ".png")

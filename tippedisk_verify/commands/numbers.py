@@ -14,8 +14,8 @@ from tippedisk_verify.model.results import result_lines
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
-    from tippedisk_verify.orbits.folds import Fold
+    from tippedisk_verify.cycles.folds import Fold
+    from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 
 __all__ = ["COMMANDS"]
 
@@ -142,9 +142,9 @@ def orbit(common: Common, rotating: bool, **asked: Any) -> int:
 
 def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
     """The fold of the rotating cycles, or all of the librating ones' family as far as it is followed."""
+    from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
-    from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
 
     asked.refuse_unless_one("omega", "below_crit", "below_het" if rotating else "above_het", "at_fold")
     parameters, engine, digits = common.parameters, default_engine(), common.digits
@@ -167,8 +167,8 @@ def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
 
 def _librating(common: Common, asked: _Asked) -> dict[str, object]:
     """A cycle about inverted spinning, as JSON."""
+    from tippedisk_verify.connection.near_connection import cycle_above, cycle_at
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.near_connection import cycle_above, cycle_at
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if asked.below_het is not None:
@@ -182,8 +182,8 @@ def _librating(common: Common, asked: _Asked) -> dict[str, object]:
 
 def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
     """A rotating cycle, as JSON."""
+    from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_cycle
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.rotating import rotating_below, rotating_cycle
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if asked.above_het is not None:
@@ -207,10 +207,10 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
     """The family of limit cycles from Omega_crit towards Omega_h, through any folds, or of the rotating ones."""
+    from tippedisk_verify.atlas import branch as librating
+    from tippedisk_verify.atlas import rotating_cycle as rotations
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits import branches
-    from tippedisk_verify.orbits import rotating as rotations
     from tippedisk_verify.progress import watched
     from tippedisk_verify.report.tables import write_branch
 
@@ -233,8 +233,8 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
         total = 2 * len(speeds) if speeds else rotations.DEFAULT_COUNT
         family = rotations.rotating_branch(common.parameters, engine, speeds)
     else:
-        total = 801 if paper_sets else len(speeds) if speeds else branches.DEFAULT_COUNT
-        family = branches.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
+        total = 801 if paper_sets else len(speeds) if speeds else librating.DEFAULT_COUNT
+        family = librating.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
     cycles: list[LimitCycle | RotatingCycle] = list(watched(family, "limit cycles", total, not common.quiet))
     if target is not None:
         write_branch(cycles, target)
@@ -246,7 +246,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     orbits: list[dict[str, object]] = [cycle.to_dict() for cycle in cycles]
     if proved:
         from tippedisk_verify.commands.certify_branch import proofs_of
-        from tippedisk_verify.orbits.cycles import LimitCycle
+        from tippedisk_verify.cycles.limit_cycle import LimitCycle
 
         proofs = proofs_of(common, [c for c in cycles if isinstance(c, LimitCycle)], None)
         # What is not proved keeps its measured half-widths, and says so.
@@ -255,7 +255,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
             f"{line}  {'proved' if entries['proved'] else 'half-widths measured, not proved'}"
             for line, (entries, _) in zip(list(lines), proofs, strict=True)
         )
-    folds = _folds(common, rotating, total >= branches.MANY and common.parameters.friction == "linear")
+    folds = _folds(common, rotating, total >= librating.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
     entries: list[object] = [fold.to_dict() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
@@ -265,10 +265,10 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
 
 def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
     """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled."""
+    from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.cycles.branch_interpolant import all_at_once
+    from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine, default_lanes
-    from tippedisk_verify.orbits.amplitude_family import AmplitudeFamily
-    from tippedisk_verify.orbits.branch_interpolant import all_at_once
-    from tippedisk_verify.orbits.folds import libration_folds, rotation_fold
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
@@ -293,9 +293,9 @@ def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
 @common_options
 def heteroclinic(common: Common, method: str, out: str | None) -> int:
     """Omega_h, where the saddles are connected, by one of several roads."""
+    from tippedisk_verify.connection.heteroclinic import heteroclinic as connection
     from tippedisk_verify.files import output_file, write_csv
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic as connection
 
     target = None if out is None else output_file(out)
     engine = default_engine()
@@ -315,7 +315,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
 @common_options
 def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, harmonics: int | None) -> int:
     """A limit cycle by harmonic balance of the full equations, without an integrator."""
-    from tippedisk_verify.theory.spectral_balance import balanced_cycle
+    from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 
     common.parameters.refuse_smooth("harmonic balance is")
     omega_value = speed(common, omega, below_crit)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from tippedisk_verify.audit.claims import Claim, Finding
     from tippedisk_verify.flow.contract import Build
-    from tippedisk_verify.orbits.scenes import Panel
+    from tippedisk_verify.motion.scenes import Panel
     from tippedisk_verify.report.work import AuditJob
 
 __all__ = ["COMMANDS"]
@@ -120,7 +120,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, 
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.model.equations import checked_speed
     from tippedisk_verify.model.measured import Measured
-    from tippedisk_verify.orbits.scenes import SCENES, compute, scene_named
+    from tippedisk_verify.motion.scenes import SCENES, compute, scene_named
 
     chosen = list(SCENES) if "all" in names else list(dict.fromkeys(scene_named(name) for name in names))
     if common.digits > 12:
@@ -133,7 +133,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, animate: bool, 
     with progress(common, len(chosen)) as advance:
         builds: tuple[Build, ...] = ()
         if given is None and any(panel.base == "Omega_h" for panel in chosen):
-            from tippedisk_verify.orbits.heteroclinic import heteroclinic
+            from tippedisk_verify.connection.heteroclinic import heteroclinic
 
             advance("Omega_h", 0)
             given = heteroclinic(common.parameters, engine).omega_h

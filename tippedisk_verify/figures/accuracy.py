@@ -9,9 +9,9 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.audit.near_omega_h import Sight, near_omega_h
 from tippedisk_verify.audit.switching_order import OrderPoint, switching_order
+from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, Table
 from tippedisk_verify.figures.style import BLACK, GREEN, grid
-from tippedisk_verify.orbits.heteroclinic import Heteroclinic
 
 __all__ = ["EXHIBITS", "draw_near_omega_h", "draw_switching_order"]
 

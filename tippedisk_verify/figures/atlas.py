@@ -6,9 +6,9 @@ import math
 from dataclasses import fields
 from typing import Any
 
+from tippedisk_verify.atlas.plane import Atlas
 from tippedisk_verify.figures.style import BLACK, BLUE, ORANGE, PURPLE, pyplot
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.atlas import Atlas
 
 __all__ = ["draw_atlas"]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, pyplot
-from tippedisk_verify.orbits.basin_boundary import BasinBoundary
-from tippedisk_verify.orbits.basins import Basins
-from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.orbits.rotating import rotating_cycle
+from tippedisk_verify.motion.basin_boundary import BasinBoundary
+from tippedisk_verify.motion.basins import Basins
 
 __all__ = ["draw_basins", "draw_boundary"]
 

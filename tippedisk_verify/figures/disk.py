@@ -16,7 +16,7 @@ from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.state_space import draw_plane
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.scenes import Panel
+from tippedisk_verify.motion.scenes import Panel
 
 __all__ = ["EXHIBITS", "animated", "points_of"]
 

@@ -7,15 +7,15 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
+from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.rotating_cycle import rotating_branch
 from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.orbits.branches import family
-from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
-from tippedisk_verify.orbits.rotating import rotating_branch
-from tippedisk_verify.orbits.scenes import SCENES
+from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, grid
@@ -15,7 +16,6 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
-from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 __all__ = ["EXHIBITS", "draw_eigenvalues", "draw_harmonic_balance", "eigenvalue_rows", "harmonic_balance_rows"]
 

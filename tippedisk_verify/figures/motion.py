@@ -8,7 +8,7 @@ import numpy
 
 from tippedisk_verify.figures.style import BLUE, ORANGE, pyplot
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.motion import Solution
+from tippedisk_verify.motion.solution import Solution
 
 __all__ = ["draw_motion"]
 

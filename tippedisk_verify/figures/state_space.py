@@ -11,7 +11,7 @@ from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.scenes import SCENES, Panel
+from tippedisk_verify.motion.scenes import SCENES, Panel
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 

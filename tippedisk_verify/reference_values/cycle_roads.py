@@ -6,6 +6,13 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.near_connection import cycle_near
+from tippedisk_verify.connection.omega_h_slopes import omega_h_slopes
+from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.half_map import newton_step
+from tippedisk_verify.cycles.shooting import LimitCycle, cycle_numbers, shoot
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
@@ -15,16 +22,9 @@ from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits
-from tippedisk_verify.orbits.continuation import followed_cycle
-from tippedisk_verify.orbits.half_map import newton_step
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.near_connection import cycle_near
-from tippedisk_verify.orbits.omega_h_slopes import omega_h_slopes
-from tippedisk_verify.orbits.periodic import LimitCycle, cycle_numbers, shoot
 from tippedisk_verify.reference_values.entries import Case, Item, Method, Values
 from tippedisk_verify.reference_values.local_roads import by_differences
 from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.spectral_balance import balanced_cycle
 
 __all__ = [
     "CYCLE",

@@ -14,13 +14,13 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.reference_values.cycle_roads import named_numbers
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk, parameters_of
 from tippedisk_verify.reference_values.entries import Case, Item, Kind, Method, Values, answered

@@ -107,7 +107,7 @@ def slow_manifolds(set_name: str) -> list[Item]:
 
 def trajectories(set_name: str) -> list[Item]:
     """The two orbits of each of the six scenes."""
-    from tippedisk_verify.orbits.scenes import SCENES
+    from tippedisk_verify.motion.scenes import SCENES
 
     starts = (
         (_QUARTER, f"-{_QUARTER}", "2"),
@@ -170,8 +170,8 @@ def rotation_folds(set_name: str) -> list[Item]:
 
 @lru_cache(maxsize=16)
 def _omega_h(set_name: str, law: Friction, digits: int = 14) -> Measured:
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
     return heteroclinic(Parameters.named(set_name).with_friction(law), default_engine(), digits=digits).omega_h
 

@@ -93,8 +93,8 @@ def _hopf(parameters: Parameters, names: Sequence[str]) -> Proof:
 
 def _connection(parameters: Parameters) -> Proof:
     from tippedisk_verify.certified.heteroclinic import prove_connection
+    from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.flow import default_engine
-    from tippedisk_verify.orbits.heteroclinic import heteroclinic
 
     # As the command does it: the stored value has too few digits for so short an interval.
     near = heteroclinic(parameters, default_engine(), digits=_OMEGA_H_DIGITS + 5).omega_h.value

@@ -7,6 +7,15 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.cycles.cycle_budget import numbers_at
+from tippedisk_verify.cycles.folds import fold_near, rotation_fold
+from tippedisk_verify.cycles.half_map import EXTREME
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.shooting import converged
+from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.turn_map import ROUND, TurnFlights
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Result
@@ -15,18 +24,9 @@ from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.orbits.cycle_budget import numbers_at
-from tippedisk_verify.orbits.folds import fold_near, rotation_fold
-from tippedisk_verify.orbits.half_map import EXTREME
-from tippedisk_verify.orbits.periodic import converged
-from tippedisk_verify.orbits.rotating import rotating_cycle
-from tippedisk_verify.orbits.rotating_family import RotatingFamily
-from tippedisk_verify.orbits.turn_map import ROUND, TurnFlights
 from tippedisk_verify.reference_values.cycle_roads import period_from, period_multipliers
 from tippedisk_verify.reference_values.entries import Case, Method, Values
 from tippedisk_verify.reference_values.local_roads import by_differences
-from tippedisk_verify.theory.spectral_fold import spectral_fold
-from tippedisk_verify.theory.spectral_rotation import spectral_rotation
 
 __all__ = ["FOLD", "ROTATION", "fold_condition", "rotation_condition", "rotation_unit"]
 

@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.bench.race import Score
+from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.orbits.basins import Basins
-from tippedisk_verify.orbits.cycles import LimitCycle, RotatingCycle
+from tippedisk_verify.motion.basins import Basins
 
 __all__ = ["write_basins", "write_bench", "write_branch"]
 
 
 def write_basins(plane: Basins, folder: Path) -> None:
     """``basins.csv``: every initial state and what it ended on."""
-    from tippedisk_verify.orbits.basins import OUTCOMES
+    from tippedisk_verify.motion.basins import OUTCOMES
 
     cells = zip(
         plane.beta.ravel().tolist(),

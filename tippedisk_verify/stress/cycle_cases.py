@@ -7,14 +7,14 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.near_connection import cycle_above, cycle_near
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.orbits.bisection import bisect_omega_h
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.near_connection import cycle_above, cycle_near
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.stress.case import Case, Found, cycle_digits, refused
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit
 

@@ -8,13 +8,13 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.orbits.bisection import bisect_omega_h
-from tippedisk_verify.orbits.periodic import limit_cycle
 from tippedisk_verify.stress.case import Case, Found, digits_between, flown
 
 __all__ = ["CASES"]

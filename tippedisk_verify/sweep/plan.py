@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, get_args
 
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.near_connection import cycle_at
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.equations import checked_speed
@@ -22,9 +24,7 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.motion import integrated
-from tippedisk_verify.orbits.heteroclinic import heteroclinic
-from tippedisk_verify.orbits.near_connection import cycle_at
+from tippedisk_verify.motion.solution import integrated
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 

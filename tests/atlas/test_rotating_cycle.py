@@ -1,0 +1,220 @@
+"""Rotating limit cycles: two roads, both laws, both sides of the fold, and up to Omega_h."""
+
+from __future__ import annotations
+
+import json
+import math
+from fractions import Fraction
+
+import numpy
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_branch, rotating_cycle
+from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.flow.contract import Request, Status
+from tippedisk_verify.model.equations import field, normal_force_over_weight
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.theory.equilibria import equilibrium
+
+LAWS = ("linear", "smooth")
+#: Stable and unstable ones on both sides of Omega_h, and above Omega_crit.
+POINTS = (
+    ("30.0388", True),
+    ("30.0388", False),
+    ("30.02", True),
+    ("30.386592688643567", False),
+    ("31.386592688643567", False),
+)
+SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
+
+
+def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
+    """Whether the half-widths overlap, and are below so many digits."""
+    apart = abs(one.value - other.value)
+    width = one.uncertainty + other.uncertainty
+    return apart <= width <= abs(one.value) / 10**digits
+
+
+@pytest.mark.parametrize(("omega", "stable"), POINTS[1:2])
+def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
+    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
+    other = spectral_rotation(PRINTED, omega, stable=stable, digits=16)
+    for name in SHARED:
+        assert agree(getattr(shot, name), getattr(other, name), 11), name
+    both = shot.log_multiplier_slow + shot.log_multiplier_fast
+    assert agree(both, other.log_multipliers, 11)
+    assert shot.stable is stable
+
+
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize(("omega", "stable"), POINTS)
+def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> None:
+    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=30)
+    other = spectral_rotation(PRINTED, omega, stable=stable, digits=40)
+    for name in SHARED:
+        assert agree(getattr(shot, name), getattr(other, name), 30), name
+
+
+@pytest.mark.slow
+def test_the_fold_by_two_roads(taylor) -> None:
+    shot, other = rotation_fold(PRINTED, taylor), spectral_fold(PRINTED, digits=16)
+    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
+        assert agree(getattr(shot, name), getattr(other, name), 11), name
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
+def test_the_fold_to_30_digits(taylor, disk) -> None:
+    shot, other = rotation_fold(disk, taylor, digits=30), spectral_fold(disk, digits=40)
+    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
+        assert agree(getattr(shot, name), getattr(other, name), 30), name
+
+
+@pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])
+def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
+    """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
+    disk = PRINTED.with_friction(friction)
+    fold = rotation_fold(disk, taylor)
+    apart = []
+    for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
+        ends = [rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable) for stable in (True, False)]
+        multipliers = [float(end.multiplier_slow) - 1 for end in ends]
+        assert multipliers[0] < 0 < multipliers[1]
+        assert sum(multipliers) == pytest.approx(0, abs=0.05 * multipliers[1])
+        middle = sum(float(end.beta_bar_top) for end in ends) / 2
+        assert middle == pytest.approx(float(fold.beta_bar_top), abs=2 * float(distance))
+        apart.append(float(ends[1].beta_bar_top - ends[0].beta_bar_top))
+        slope = float((ends[1].v_top - ends[0].v_top) / (ends[1].beta_bar_top - ends[0].beta_bar_top))
+        assert slope == pytest.approx(float(fold.null_vector), rel=1e-2)  # the next order, sqrt(1e-4)
+    assert apart[0] / apart[1] == pytest.approx(10, rel=1e-2)  # the same
+    with pytest.raises(tv.InputError, match="fold near"):
+        rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
+
+
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None:
+    disk = PRINTED.with_friction(friction)
+    omega = {"linear": "30.03", "smooth": "30.06"}[friction]
+    cycle = rotating_cycle(disk, omega, taylor)
+    times, (beta, gamma, v) = cycle.orbit(301)
+    assert times[-1] == pytest.approx(float(cycle.period), rel=1e-15)  # a rounding of T to double
+    assert gamma[-1] - gamma[0] == pytest.approx(2 * math.pi, abs=1e-12)  # of a flight in double
+    assert (numpy.diff(gamma) > 0).all()
+    assert beta.min() > math.pi / 2
+    assert beta.max() - math.pi / 2 <= float(cycle.beta_max)
+    assert (beta[-1], v[-1]) == pytest.approx((beta[0], v[0]), abs=1e-11)  # the flight amplifies rounding
+    lowest = numpy.abs(gamma - 3 * math.pi / 2).argmin()
+    assert beta[lowest] - math.pi / 2 == pytest.approx(float(cycle.beta_bar_0), abs=1e-2)  # a sample beside
+    # The image under the point symmetry, flown in a wider arithmetic: gamma falls by a whole turn.
+    start = (-cycle.beta_bar_top.value, 0, -cycle.v_top.value)
+    image = taylor(Request(disk, omega, start, cycle.period.value, shifted=True, precision=QUADRUPLE))
+    assert image.status is Status.REACHED
+    assert [float(part) for part in image.state] == pytest.approx(
+        [float(start[0]), -2 * math.pi, float(start[2])],
+        abs=1e-9,  # the start is known to some 1e-12, and a turn amplifies it
+    )
+
+
+@pytest.mark.slow
+def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
+    """T = -ln(Omega_h - Omega) / lambda_u + const on this side: one passage a period, two on the other side."""
+    growth = float(
+        equilibrium(PRINTED, tv.Disk("printed").heteroclinic().omega_h.value, "noninverted").eigenvalues[0].re
+    )
+    constants = []
+    for zeros in (3, 5, 7):
+        cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
+        assert cycle.stable
+        constants.append(float(cycle.period) - zeros * math.log(10) / growth)
+        assert float(cycle.dperiod_domega) * 10.0**-zeros * growth == pytest.approx(1, abs=0.3 * 10 ** (-0.15 * zeros))
+    assert abs(constants[2] - constants[1]) < abs(constants[1] - constants[0]) / 2
+
+
+@pytest.mark.slow(minutes=2)
+@pytest.mark.parametrize("friction", LAWS)
+def test_the_law_of_the_period_to_ten_digits(taylor, friction) -> None:
+    disk = PRINTED.with_friction(friction)
+    omega_h = tv.Disk("printed", friction=friction).heteroclinic(digits=30).omega_h.value
+    growth = equilibrium(disk, omega_h, "noninverted", digits=30).eigenvalues[0].re.value
+    cycle = rotating_below(disk, "1e-60", taylor)
+    assert abs(cycle.dperiod_domega.value / 10**60 * growth - 1) < Fraction(1, 10**10)
+    nearer = rotating_below(disk, "1e-61", taylor)
+    next_term = 1e-10  # of the law, (1e-60)^0.2, by a factor of 100 at most
+    assert float(nearer.period - cycle.period) * float(growth) == pytest.approx(math.log(10), abs=next_term)
+
+
+@pytest.mark.slow
+def test_the_branch_goes_through_the_fold(taylor) -> None:
+    cycles = list(rotating_branch(PRINTED, taylor))
+    stable = [cycle.stable for cycle in cycles]
+    assert stable == [True] * 20 + [False] * 20
+    speeds = [float(cycle.omega) for cycle in cycles]
+    assert speeds[:20] == sorted(speeds[:20], reverse=True)
+    assert speeds[20:] == sorted(speeds[20:])
+    leans = [float(cycle.beta_bar_0) for cycle in cycles]
+    assert leans == sorted(leans)  # the lean next to the saddle orders the whole family
+    at_speeds = list(rotating_branch(PRINTED, taylor, ["30.02", "30.5"]))
+    assert [(float(cycle.omega), cycle.stable) for cycle in at_speeds] == [(30.02, True), (30.02, False), (30.5, False)]
+    # Next to Omega_h, on either side, where doubles do not see which side it is.
+    omega_h = tv.Disk("printed").heteroclinic(digits=20, engine=taylor).omega_h.value
+    sides = [omega_h - Fraction(1, 10**12), omega_h + Fraction(1, 10**12)]
+    assert [cycle.stable for cycle in rotating_branch(PRINTED, taylor, sides)] == [True, False, False]
+
+
+@pytest.mark.parametrize("omega", [30.4, 33.0, 60.0])
+def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
+    """At higher speeds too the disk does not lie flat, and the contact, which only pushes, does not open."""
+    cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
+    assert cycle.beta_max < 1.5
+    constants = PRINTED.at(DOUBLE)
+    rates = field(math, constants, omega, "linear")
+    forces = [
+        normal_force_over_weight(math, constants, omega, state, rates(*state)[2])
+        for state in cycle.orbit(201)[1].T.tolist()
+    ]
+    assert 0.8 < min(forces) < 1 < max(forces) < 1.1
+
+
+@pytest.mark.slow
+def test_other_disks(taylor) -> None:
+    for changes in ({"e": "0.003", "mu": "0.4"}, {"epsilon": "0.05", "A": "0.26e-3"}):
+        numbers = {name: str(getattr(PRINTED, name)) for name in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")}
+        disk = tv.Disk(**numbers | changes)
+        fold = disk.rotation_fold(engine=taylor)
+        assert fold.omega < disk.heteroclinic(engine=taylor).omega_h
+        other = spectral_fold(disk, digits=14)
+        assert agree(fold.omega, other.omega, 11)
+
+
+@pytest.mark.slow
+def test_the_command(capsys) -> None:
+    assert main(["orbit", "--rotating", "--omega", "30.02", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["stable"] is True
+    period = spectral_rotation(PRINTED, "30.02", digits=14).period
+    assert agree(tv.Measured.of(*shown["period"].values()), period, 11)
+    assert main(["branch", "--rotating", "--omegas", "30.02", "--json"]) == 0
+    assert [entry["stable"] for entry in json.loads(capsys.readouterr().out)["orbits"]] == [True, False]
+    for words, told in (
+        (["--rotating"], "give the speed of the cycle with one of --omega, --below-crit, --below-het and --at-fold"),
+        (["--rotating", "--omega", "30.02", "--at-fold"], "give the speed of the cycle with one of"),
+        (["--rotating", "--unstable", "--at-fold"], "--unstable goes with"),
+        (["--rotating", "--above-het", "1e-3"], "do not rotate"),
+        (["--below-het", "1e-3"], "belongs to --rotating"),
+        (["--rotating", "--omega", "30.07"], "below Omega_h"),
+        (["--rotating", "--omega", "29"], "fold near"),
+        (["--rotating", "--below-het", "0.05"], "rad/s below Omega_h"),
+        (["--rotating", "--below-het", "-1"], "positive decimal"),
+    ):
+        assert main(["orbit", *words]) == 2
+        captured = capsys.readouterr()
+        assert told in captured.err, words
+        assert captured.err.count("\n") == 1
+
+
+# ----------------------------------------------------------------------------------------------- disks of every kind

@@ -1,0 +1,130 @@
+"""Limit cycles close to Omega_h: closed, on the laws, and refused where there are none."""
+
+from __future__ import annotations
+
+import json
+import math
+from fractions import Fraction
+
+import pytest
+
+from tests.connection.passages import passage_times
+from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
+from tippedisk_verify.cli import main
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.near_connection import cycle_above, cycle_near, with_speed
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.reference_values.lookup import reference
+from tippedisk_verify.theory.hopf import omega_crit
+
+
+def check_closed(taylor, parameters, distance: str) -> None:
+    """Re-integrated at higher precision, half a period maps the state onto its image to what its half-width allows."""
+    cycle = cycle_above(parameters, distance, taylor, digits=15)
+    assert cycle.period.uncertainty <= cycle.period.value / 10**15
+    zeros = -math.log10(float(Fraction(distance)))
+    precision = bits(int((60 + 1.8 * zeros) * math.log2(10)))
+    start = (0, cycle.gamma_bar_0.value, cycle.v_0.value)
+    half = cycle.period.value / 2
+    end = taylor(
+        Request(parameters, cycle.omega.value, start, half, shifted=True, precision=precision, domain="none")
+    ).state
+    # An error of the state or of Omega grows like 1 / D on the way; that of T moves the end by the speed there.
+    grown = (cycle.gamma_bar_0.uncertainty + cycle.v_0.uncertainty + cycle.omega.uncertainty) / Fraction(distance)
+    moved = cycle.period.uncertainty * (1 + abs(cycle.v_0.value) * 100)
+    for there, here in zip(end, start, strict=True):
+        assert abs(fraction(there) + fraction(here)) <= 100 * grown + moved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("distance", ["1e-3", pytest.param("1e-10", marks=pytest.mark.slow)])
+def test_cycles_close(taylor, distance) -> None:
+    check_closed(taylor, PRINTED, distance)
+
+
+@pytest.mark.parametrize("above", ["1e-4", "0.01", "0.3", "0.8"])
+def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
+    """Against the cycle at a speed that is off by so much, near Omega_h, between, and near Omega_crit."""
+    omega_h = heteroclinic(PRINTED, taylor).omega_h
+    distance = Fraction(above)
+    room = omega_crit(PRINTED, 20).value - omega_h.value
+    off = min(distance, room - distance) / 1000
+    here, there = (
+        cycle_near(PRINTED, omega_h.value + distance + change, omega_h.value, taylor, digits=9) for change in (0, off)
+    )
+    widened = with_speed(here, Measured(omega_h.value, off), distance, room)
+    over = []
+    for name in widened.__dataclass_fields__:
+        number = getattr(widened, name)
+        if isinstance(number, Measured) and name != "trivial_multiplier_defect":
+            change = abs(getattr(there, name).value - number.value)
+            assert change <= number.uncertainty, name
+            over.append(float(number.uncertainty / change))
+    assert sorted(over)[len(over) // 2] < 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("distance", ["1e-30", "1e-60", "1e-100"])
+def test_cycles_close_very_near(taylor, distance) -> None:
+    check_closed(taylor, CALIBRATED if distance == "1e-30" else PRINTED, distance)
+
+
+@pytest.mark.slow
+def test_laws_near_omega_h(taylor) -> None:
+    """Slopes of T and log mu_slow against log D, and the power that the remainder falls with."""
+    unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
+    cycles = {power: cycle_above(PRINTED, f"1e-{power}", taylor, digits=15) for power in (10, 15, 30, 50)}
+    log_distance = math.log(10) * 20
+    period = (float(cycles[50].period) - float(cycles[30].period)) / log_distance
+    multiplier = (float(cycles[50].log_multiplier_slow) - float(cycles[30].log_multiplier_slow)) / -log_distance
+    assert abs(period * unstable / 2 - 1) < 1e-6
+    assert abs(multiplier / (2 * (-slow / unstable - 1)) - 1) < 1e-6
+    constant = float(cycles[50].period) - 2 / unstable * 50 * math.log(10)
+    left = [float(cycles[power].period) - 2 / unstable * power * math.log(10) - constant for power in (10, 15)]
+    # The remainder's next power is twice the first: at 1e-10 it is a hundredth of it.
+    assert abs(math.log(left[0] / left[1]) / (5 * math.log(10)) / (-slow / unstable - 1) - 1) < 0.05
+
+
+@pytest.mark.slow
+def test_passages_take_all_the_growth(taylor) -> None:
+    """The flight outside the saddles' neighbourhoods hardly changes; the passage grows by (1 / lambda_u) log(1 / D)."""
+    times = [
+        passage_times(cycle_above(PRINTED, distance, taylor), taylor, Fraction("0.1")) for distance in ("1e-6", "1e-9")
+    ]
+    assert abs(times[0][1] - times[1][1]) < 1e-3
+    assert abs((times[1][0] - times[0][0]) / (math.log(1e3) / 6.647) - 1) < 0.01
+
+
+def test_the_limit_of_powers() -> None:
+    points = [(x, 3 + 2 * x**0.2 - 5 * x**0.4 + x**0.6) for x in (1e-3, 1e-5, 1e-8, 1e-10)]
+    assert abs(limit_of_powers(points, 0.2) - 3) < 1e-13
+
+
+@pytest.mark.slow
+def test_what_a_double_sees(taylor) -> None:
+    connection, constant, sights = near_omega_h(PRINTED, taylor)
+    unstable, slow, _ = map(float, connection.saddle_eigenvalues)
+    # Sixteen powers of ten closer, by another road: what the law leaves there follows from the closest one here.
+    far = float(reference("printed/linear/near-heteroclinic/het+1e-30/period")) + 2 / unstable * math.log(1e-30)
+    left = sights[-1].remainder * (1e-30 / sights[-1].distance) ** (-slow / unstable - 1)
+    assert abs(far - left - constant) < 1e-9
+    assert sights[0].period_error < 1e-14
+    for sight in sights:
+        if sight.period_error is not None:
+            # Rounding of the other inputs and of the flow adds a few roundings to that of Omega.
+            assert sight.period_error < 20 * sight.expected_error + 1e-15
+    assert min(sight.distance for sight in sights) < 1e-12
+
+
+def test_command(capsys) -> None:
+    assert main(["orbit", "--above-het", "1e-4", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert Fraction(result["period"]["uncertainty"]) < Fraction(result["period"]["value"]) / 10**12
+    for wrong in ("0", "-1e-3", "0.9", "1e400", "1e-900", "pi", "", "x"):
+        assert main(["orbit", "--above-het", wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert main(["orbit", "--above-het", "1e-3", "--omega", "30.2"]) == 2

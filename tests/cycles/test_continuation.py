@@ -1,0 +1,52 @@
+"""The family of limit cycles: the paper's sets, predictors, and the table that is written."""
+
+from __future__ import annotations
+
+import csv
+import json
+from itertools import pairwise
+from pathlib import Path
+
+from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.cli import main
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.continuation import paper_sets
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.theory.hopf import omega_crit
+
+
+def test_paper_sets_follow_their_rule(taylor) -> None:
+    omega_h = bisect_omega_h(PRINTED, taylor).omega_h.value
+    sets = paper_sets(PRINTED, omega_h)
+    assert len(sets.increasing) == len(sets.decreasing) == 400
+    crit = float(omega_crit(PRINTED, 20))
+    for end, speeds in ((crit, sets.increasing), (float(omega_h), sets.decreasing)):
+        for before, after in pairwise((sets.start, *speeds)):
+            # The recursion in double: an ulp of Omega, 3.6e-15, per step.
+            assert abs(after - (before + (end - before) / 100)) < 1e-14
+
+
+def test_the_overview_is_monotone_and_stable(taylor) -> None:
+    cycles = list(family(CALIBRATED, taylor))
+    for slower, faster in pairwise(sorted(cycles, key=lambda cycle: cycle.omega.value)):
+        assert slower.period.value > faster.period.value
+        assert slower.beta_max.value > faster.beta_max.value
+    assert all(cycle.stable for cycle in cycles)
+
+
+def test_command(tmp_path: Path, capsys) -> None:
+    out = tmp_path / "branch.csv"
+    assert main(["branch", "--omegas", "30.6,30.4", "--json", "--out", str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert [float(orbit["omega"]["value"]) for orbit in result["orbits"]] == [30.6, 30.4]
+    rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
+    assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
+    for wrong in (
+        ["--omegas", "30.4,x"],
+        ["--omegas", "31.5"],
+        ["--omegas", "30.4", "--paper-sets"],
+        ["--digits", "20"],
+        ["--omegas", "30.4", "--out", str(tmp_path / "no" / "where.csv")],
+    ):
+        assert main(["branch", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1

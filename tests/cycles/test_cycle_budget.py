@@ -1,0 +1,105 @@
+"""The budget of limit cycles: its risk for normal errors, and what it says where rounding leaves nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy
+import pytest
+from scipy import integrate, stats
+
+from tippedisk_verify.cycles import branch_budget, cycle_budget
+from tippedisk_verify.cycles.cycle_budget import logarithms_bounded
+from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+
+
+def beyond(twins: int, factor: float) -> float:
+    """P(|x| > factor * range) for x and its twins, independent and normal."""
+    density, below = stats.norm.pdf, stats.norm.cdf
+
+    def all_within(x: float) -> float:
+        width = x / factor
+        lowest_is_a_twin = integrate.quad(
+            lambda a: twins * density(a) * (below(a + width) - below(a)) ** (twins - 1), x - width, x
+        )[0]
+        return 2 * density(x) * (lowest_is_a_twin + (below(x + width) - below(x)) ** twins)
+
+    return integrate.quad(all_within, 0, 10, epsabs=1e-14)[0]  # far below the probability
+
+
+def test_the_risk_is_what_the_budget_says() -> None:
+    assert 1.5e-6 < beyond(cycle_budget.TWINS, cycle_budget.TWIN_FACTOR) < 2e-6
+    errors = numpy.random.default_rng(1).standard_normal((200_000, cycle_budget.TWINS + 1))
+    ratio = cycle_budget.TWIN_FACTOR * numpy.ptp(errors, axis=1) / numpy.abs(errors[:, 0])
+    assert 13 < numpy.median(ratio) < 15  # 200,000 draws: the median is within a few hundredths
+
+
+def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
+    values, factor = cycle_budget.TWINS_OF_WIDER + 1, cycle_budget.TWIN_FACTOR
+    density, below = stats.norm.pdf, stats.norm.cdf
+
+    def spread_below(width: float) -> float:
+        return integrate.quad(lambda a: values * density(a) * (below(a + width) - below(a)) ** (values - 1), -10, 10)[0]
+
+    far_below = 1e-12  # the risk is 2e-6
+    risk = integrate.quad(lambda x: 2 * density(x) * spread_below(x / factor), 0, 10, epsabs=far_below)[0]
+    assert 2e-6 < risk < 2.6e-6
+    random = numpy.random.default_rng(3)
+    spreads = numpy.ptp(random.standard_normal((200_000, values)), axis=1)
+    assert 16 < numpy.median(factor * spreads / numpy.abs(random.standard_normal(200_000))) < 19
+
+
+def test_the_risk_on_the_branch_is_what_its_budget_says() -> None:
+    random = numpy.random.default_rng(2)
+    spreads = numpy.ptp(random.standard_normal((600_000, branch_budget.TWINS + 1)), axis=1).reshape(-1, 3).max(axis=1)
+    widths = branch_budget.TWIN_FACTOR * spreads
+    assert 1e-8 < numpy.mean(2 * stats.norm.sf(widths)) < 3e-8
+    assert numpy.mean(2 * stats.norm.sf(widths / 2)) < 1e-4
+    assert 16 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 18
+
+
+def test_truncation_is_a_small_part_of_a_rounding() -> None:
+    """Half a second of motion in quadruple at the tolerance of a double: all its error is truncation."""
+    taylor = Taylor()
+    request = Request(PRINTED, "30.4", (0, "1.68", "-1.71"), "0.5", shifted=True, precision=QUADRUPLE, domain="none")
+    truth = taylor(request).state
+    loose = taylor(replace(request, tolerance=float(DOUBLE.epsilon))).state
+    for mine, true in zip(loose, truth, strict=True):
+        # Twenty steps, each with a fiftieth of a rounding of the state, which is of order 1.
+        assert abs(float(mine - true)) < 20 / 50 * float(DOUBLE.epsilon) * 4
+
+
+def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
+    """exp(-104) beside a rounding of 1e-15: the logarithm is said to lie between half of the sum and that of 1e-15."""
+    measured = {
+        "multiplier_slow": Measured.of(1e-15, 2e-15),
+        "log_multiplier_slow": Measured.of(-34.5, 2),
+        "log_multiplier_fast": Measured.of(-265.5, 2),
+        "log_multipliers": Measured.of(-300, 1e-12),
+    }
+    logarithms_bounded(measured)
+    assert "log_multipliers" not in measured
+    for truth in (-149.9, -104.0, math.log(2.9e-15)):
+        assert measured["log_multiplier_slow"].holds(Fraction(truth))
+        assert measured["log_multiplier_fast"].holds(Fraction(-300 - truth))
+    assert not measured["log_multiplier_slow"].holds(-33)
+
+
+@pytest.mark.slow
+def test_a_cycle_without_a_slow_multiplier_is_honest() -> None:
+    """A disk with hardly any eccentricity: one period takes all that doubles see of a perturbation."""
+    disk = PRINTED.changed(
+        r="0.0184655", e="5.1322087425e-7", m="0.0387762", A="3.41246581555998e-6", B="2.76642977101357e-6",
+        g="15.5114", mu="0.3", epsilon="0.1",
+    )  # fmt: skip
+    rough = limit_cycle(disk, "62.880486993744", Taylor(), precision=DOUBLE)
+    sharp = limit_cycle(disk, "62.880486993744", Taylor(), digits=60)
+    for name in ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "period", "dperiod_domega"):
+        assert getattr(rough, name).holds(getattr(sharp, name).value), name

@@ -1,0 +1,256 @@
+"""Folds of librating cycles: the augmented system against the spectral branch and more digits."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mpmath import mp, mpf
+
+from tests.cycles.test_every_disk import steep_disks
+from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.cli import main
+from tippedisk_verify.connection.near_connection import cycle_at
+from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+from tippedisk_verify.cycles.continuation import cycles_at_speed
+from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.disk import Disk
+from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
+from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.hopf import criticality
+
+FOLDING = PRINTED.changed(A="0.229e-3")
+POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
+
+
+# ------------------------------------------------------------------------------------------------ two roads
+def extremum_of_the_balance(near: Fraction, reach: str, pairs: int, digits: int) -> tuple[Any, Any]:
+    """(Omega, gamma_bar_0) where Omega as a function of gamma_bar_0 is extreme, through balanced cycles only.
+
+    At each speed below the fold there are two. Omega is the polynomial in gamma_bar_0 through all of them, whose error
+    falls with the number of points: they lie closer to the fold than it does to gamma_bar_0 = 0 and pi.
+    """
+    points = []
+    for n in range(1, pairs + 1):
+        omega = near - Fraction(reach) * n**2 / pairs**2  # even steps in gamma_bar_0
+        for crossing in (1, 2):
+            cycle = balanced_cycle(FOLDING, omega, digits=digits, crossing=crossing)
+            points.append((cycle.gamma_bar_0.value, omega))
+    with mp.workdps(2 * digits):
+        middle = sum(a for a, _ in points) / len(points)
+        away = [mpf((a - middle).numerator) / (a - middle).denominator for a, _ in points]
+        above = [mpf((omega - near).numerator) / (omega - near).denominator for _, omega in points]
+        powers = mp.matrix([[a**k for k in range(len(points))] for a in away])
+        coefficients = list(mp.lu_solve(powers, mp.matrix(above)))
+        slope = [k * c for k, c in enumerate(coefficients)][1:]
+        at = mp.findroot(lambda a: mp.polyval(slope[::-1], a), 0)
+        return fraction(mp.polyval(coefficients[::-1], at)) + near, fraction(at) + middle
+
+
+def check_two_roads(taylor: Any, reach: str, pairs: int, digits: int, shown: int) -> None:
+    (fold,) = libration_folds(FOLDING, taylor, digits=digits)
+    near = Fraction(round(fold.omega.value * 10**9) - 1, 10**9)
+    omega, gamma_bar_0 = extremum_of_the_balance(near, reach, pairs, digits)
+    assert fold.omega.uncertainty < Fraction(1, 10**digits)
+    assert abs(fold.omega.value / omega - 1) < Fraction(1, 10**shown)
+    assert abs(fold.gamma_bar_0.value / gamma_bar_0 - 1) < Fraction(1, 10 ** (shown - 6))  # the derivative's zero
+
+
+@pytest.mark.slow
+def test_the_fold_is_the_spectral_branchs_extremum(taylor) -> None:
+    check_two_roads(taylor, "1e-6", 3, 20, 17)  # points at up to 3e-3 from the fold: (3e-3 / 1.4)**6 = 1e-16 of 0.07
+
+
+@pytest.mark.slow
+def test_the_fold_is_the_spectral_branchs_extremum_to_thirty_digits(taylor) -> None:
+    check_two_roads(taylor, "2e-4", 8, 40, 32)
+
+
+@pytest.mark.slow(minutes=0.3)
+@pytest.mark.parametrize("disk", [*steep_disks(40)][:5], ids=lambda disk: disk.name)
+def test_folds_hold_their_thirty_digits(disk, taylor) -> None:
+    (fold,) = libration_folds(disk, taylor)
+    (true,) = libration_folds(disk, taylor, digits=30)
+    for name in ("omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"):
+        assert getattr(fold, name).holds(getattr(true, name).value), name
+
+
+# ------------------------------------------------------------------------------------------------ what a fold is
+def test_cycles_meet_at_the_fold(taylor) -> None:
+    """Next to it both are there, at distances that go with the root of the speed's; beyond it none is."""
+    (fold,) = libration_folds(FOLDING, taylor)
+    known = AmplitudeFamily(FOLDING, taylor)
+    apart = []
+    for below in ("4e-8", "1e-8", "1e-12"):
+        unstable, stable = cycles_at_speed(known, fold.omega.value - Fraction(below))
+        assert (unstable.stable, stable.stable) == (False, True)
+        apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
+    assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
+    assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3  # the speed is that of the fold to twelve digits
+    with pytest.raises(NoSuchCycleError, match="a fold"):
+        cycles_at_speed(known, fold.omega.value + Fraction(1, 10**8))
+
+
+def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
+    """Cycles are born stable, and next to the connection they are unstable: in between the speed is smallest."""
+    (fold,) = libration_folds(POSITIVE_SADDLE_VALUE, taylor)
+    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    assert fold.omega.value < known.limit < known.omega_crit
+    halfway = (fold.omega.value + fraction(known.limit)) / 2
+    assert [cycle.stable for cycle in cycles_at_speed(known, halfway)] == [True, False]
+
+
+@pytest.mark.slow
+def test_next_to_omega_h_and_below_the_fold_it_is_said_which(taylor) -> None:
+    """The overview stays as far from Omega_h as doubles need, and a speed next to both ends is told the right one."""
+    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor))
+    assert {cycle.stable for cycle in cycles} == {True, False}
+    with pytest.raises(NoSuchCycleError, match=r"below the family, which lies between a fold at 25\.70764 rad/s"):
+        cycle_at(POSITIVE_SADDLE_VALUE, "25.7076", taylor)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("below", ["1e-11", "1e-16"])
+def test_next_to_the_bautin_point_folds_follow_the_closed_form(below, taylor) -> None:
+    """There doubles see their rounding only."""
+    (point,) = bautin_points(PRINTED, "A", 20)
+    disk = PRINTED.changed(A=point.value.value - Fraction(below))
+    (fold,) = libration_folds(disk, taylor)
+    square = -float(point.fold_amplitude_slope) * float(below)
+    # The next term is in proportion to the distance: a tenth at 1e-7 kg m^2.
+    assert abs(float(fold.gamma_bar_0) ** 2 / square - 1) < 1e-4
+    assert len(list(family(disk, taylor))) >= 41
+
+
+@pytest.mark.slow
+def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
+    """With little friction there are others close by: one of them among the nodes made one fold into five."""
+    first, second = libration_folds(PRINTED.changed(mu="0.015"), taylor)
+    assert second.omega.value - first.omega.value > Fraction(1, 10)
+
+
+@pytest.mark.slow
+def test_the_smooth_law_folds_too(taylor) -> None:
+    """Near the Bautin point cycles are small and the laws' differ little: the folds' speeds above Omega_crit too."""
+    near = PRINTED.changed(A="0.232e-3")
+    (linear,), (smooth,) = (libration_folds(disk, taylor) for disk in (near, near.with_friction("smooth")))
+    assert abs(float(smooth.omega) - float(linear.omega)) < 1e-3
+    assert smooth.omega.value != linear.omega.value
+
+
+# ------------------------------------------------------------------------------------------------ the page of documents
+def rows(heading: str) -> list[list[str]]:
+    """The table of docs/disks.md whose first column has this heading."""
+    text = (Path(__file__).parents[2] / "docs" / "disks.md").read_text(encoding="utf-8")
+    lines = text[text.index(f"| {heading} |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_table_of_widths(taylor) -> None:
+    for A, ratio, width, amplitude, down in rows("A [kg m^2]"):
+        disk = PRINTED.changed(A=A)
+        known = AmplitudeFamily(disk, taylor)
+        assert ratio == f"{float(disk.A / disk.Bbar):.4f}"
+        assert down == f"{known.omega_crit - known.limit:.4f}"
+        if known.folds:
+            fold = known.place(known.folds[0])
+            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.gamma_bar:.3f}")
+        else:
+            assert (width[:4], amplitude) == ("none", "")
+
+
+def test_the_table_of_holes() -> None:
+    radii = ("0.005", "0.010", "0.015", "0.020", "0.030")
+    for thickness, *offsets in rows("thickness"):
+        for radius, offset in zip(radii, offsets, strict=True):
+            limit = Fraction(offset.removesuffix(" mm"))
+            for away, kind in (("-0.01", "subcritical"), ("0.01", "supercritical")):
+                inertia = disk_with_hole(
+                    *(Fraction(text) for text in ("0.435", "0.045")),
+                    Fraction(thickness.removesuffix(" mm")) / 1000,
+                    Fraction(radius),
+                    (limit + Fraction(away)) / 1000,
+                )
+                assert criticality(PRINTED.changed(**inertia)) == kind
+
+
+# ------------------------------------------------------------------------------------------------ asked for
+@pytest.fixture
+def folding(tmp_path: Path) -> str:
+    path = tmp_path / "folding.toml"
+    path.write_text("".join(f'{name} = "{value}"\n' for name, value in FOLDING.decimals().items()))
+    return str(path)
+
+
+def test_a_disk_says_its_folds_and_both_cycles(folding, taylor) -> None:
+    disk = Disk.read(folding)
+    (fold,) = disk.folds(engine=taylor)
+    assert abs(float(fold.omega) - 30.95690583) < 1e-6
+    unstable = disk.limit_cycle("30.9", stable=False, engine=taylor)
+    stable = disk.limit_cycle("30.9", engine=taylor)
+    assert (unstable.stable, stable.stable) == (False, True)
+    assert unstable.gamma_bar_0 < stable.gamma_bar_0
+    assert Disk("printed").folds(engine=taylor) == ()
+    with pytest.raises(NoSuchCycleError, match="the one found is stable"):
+        disk.limit_cycle("30.8", stable=False, engine=taylor)
+    with pytest.raises(InputError, match="choose with stable at a speed omega"):
+        disk.limit_cycle(above_het="1e-3", stable=True, engine=taylor)
+
+
+def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
+    """One by one and in lanes alike."""
+    few = list(family(FOLDING, taylor, omegas=["30.9", "30.8"]))
+    many = list(family(FOLDING, taylor, omegas=["30.9"] * 60 + ["30.8"] * 60))
+    assert [cycle.stable for cycle in few] == [False, True, True]
+    assert len(many) == 180
+    for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
+        assert abs(one.period.value - other.period.value) <= one.period.uncertainty + other.period.uncertainty
+
+
+def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
+    """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
+    monkeypatch.setattr("tippedisk_verify.atlas.branch.MANY", 3)
+    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    close = float(known.limit) + 1e-4
+    cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
+    assert len(cycles) == 3
+    assert cycles[-1].stable
+    focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
+    cycles = list(family(focus, taylor, omegas=["29"] * 3))
+    assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
+    with pytest.raises(NoSuchCycleError, match=r"is followed to .* rad/s only, where gamma's amplitude is pi"):
+        list(family(focus, taylor, omegas=["28"]))
+
+
+@pytest.mark.slow
+def test_command(folding, capsys) -> None:
+    assert main(["orbit", "--at-fold", "--json", "--parameters", folding]) == 0
+    (fold,) = json.loads(capsys.readouterr().out)["folds"]
+    assert {"omega", "period", "gamma_bar_0", "v_0", "beta_max", "null_vector", "log_multiplier_fast"} <= set(fold)
+    assert main(["orbit", "--at-fold", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"folds": [], "followed_to": "Omega_h"}
+    assert main(["orbit", "--at-fold"]) == 0
+    assert capsys.readouterr().out.strip().endswith("has no fold from Omega_crit to Omega_h")
+    for words, stable in ((["--unstable"], False), ([], True)):
+        assert main(["orbit", "--omega", "30.9", *words, "--json", "--parameters", folding]) == 0
+        assert json.loads(capsys.readouterr().out)["stable"] is stable
+    for words, told in (
+        (
+            ["--omega", "31"],
+            "that is 0.043 rad/s above the family, which lies between Omega_h = 30.75413 rad/s and a fold at 30",
+        ),
+        (["--omega", "30.7"], "that is 0.054 rad/s below the family"),
+        (["--omega", "30.8", "--unstable"], "no unstable limit cycle found at 30.8 rad/s: the one found is stable"),
+        (["--at-fold", "--unstable"], "--unstable goes with"),
+        (["--at-fold", "--omega", "30.9"], "give the speed of the cycle with one of"),
+    ):
+        assert main(["orbit", *words, "--parameters", folding]) == 2
+        captured = capsys.readouterr().err
+        assert told in captured, captured
+        assert captured.count("\n") == 1

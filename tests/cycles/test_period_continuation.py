@@ -1,0 +1,62 @@
+"""The family by its period: the same cycles, and the way to Omega_h."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+import pytest
+
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.period_continuation import cycle_at_half_period, lengthened
+from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.theory.equilibria import equilibrium
+
+
+def first_of(parameters, taylor):
+    cycle = limit_cycle(parameters, "30.3", taylor, precision=DOUBLE)
+    guess = (float(cycle.gamma_bar_0), float(cycle.v_0), 30.3)
+    return cycle, cycle_at_half_period(parameters, float(cycle.period) / 2, guess, taylor)
+
+
+def test_a_cycle_and_its_slopes(taylor) -> None:
+    cycle, point = first_of(PRINTED, taylor)
+    assert abs(point.omega - 30.3) < 1e-13
+    assert abs(point.slopes[2] * float(cycle.dperiod_domega) / 2 - 1) < 1e-11
+    assert abs(point.slopes[0] / point.slopes[2] / float(cycle.dgamma_bar_0_domega) - 1) < 1e-11
+    assert abs(point.slopes[1] / point.slopes[2] / float(cycle.dv_0_domega) - 1) < 1e-11
+
+
+@pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
+def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
+    """Steps in the period reach Omega_h + 2e-10 in double; T grows like -2 / lambda_u log(Omega - Omega_h)."""
+    omega_h = bisect_omega_h(parameters, taylor).omega_h
+    points = list(lengthened(parameters, first_of(parameters, taylor)[1], taylor, longest=8.0))
+    assert len(points) < 25
+    above = [point.omega - float(omega_h) for point in points]
+    assert above[-1] < 2e-10
+    assert all(a > b for a, b in pairwise(above))
+    growth = max(
+        float(eigenvalue.re) for eigenvalue in equilibrium(parameters, omega_h.value, "noninverted").eigenvalues
+    )
+    slope = 2 * (points[-1].half_period - points[-2].half_period) / math.log(above[-1] / above[-2])
+    # The law's remainder falls like the power |lambda_s| / lambda_u - 1 = 0.22: at 2e-7 it is 0.03 of 7.6.
+    assert abs(slope * growth / -2 - 1) < 0.01
+    alone = limit_cycle(parameters, Fraction(float(points[-4].omega)), taylor, digits=20)
+    # T reacts to a rounding of Omega by 2 / (lambda_u (Omega - Omega_h)).
+    loss = 50 * 2**-53 * 30 * 2 / growth / above[-4]
+    assert abs(2 * points[-4].half_period - float(alone.period)) < loss
+
+
+def test_it_says_where_double_drowns(taylor) -> None:
+    with pytest.raises(NoSuchCycleError, match="drowns in rounding"):
+        list(lengthened(PRINTED, first_of(PRINTED, taylor)[1], taylor, longest=14.0))
+
+
+def test_a_bad_guess_is_refused(taylor) -> None:
+    with pytest.raises(NoSuchCycleError):
+        cycle_at_half_period(PRINTED, 0.6, (0.1, -5.0, 35.0), taylor)

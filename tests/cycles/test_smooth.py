@@ -1,0 +1,170 @@
+"""The smooth law through the same functions: cycles, branch, connection, basins, relaxation."""
+
+from __future__ import annotations
+
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from pathlib import Path
+
+import numpy
+import pytest
+
+from tests.cycles.full_period import shoot_full_period
+from tippedisk_verify.audit.switching_order import switching_order
+from tippedisk_verify.cli import main
+from tippedisk_verify.connection.heteroclinic import heteroclinic
+from tippedisk_verify.connection.near_connection import cycle_above
+from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.shooting import limit_cycle, shoot
+from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes
+from tippedisk_verify.motion.relaxation import relaxation
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.hopf import omega_crit
+
+MAIN = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_fast")
+
+
+def below(parameters, distance) -> Fraction:
+    return omega_crit(parameters, 60).value - Fraction(distance)
+
+
+@pytest.mark.slow
+def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
+    speed = below(PRINTED, "0.5")
+    smooth = PRINTED.with_friction("smooth")
+    rough = limit_cycle(smooth, speed, taylor)
+    sharp = limit_cycle(smooth, speed, taylor, digits=30)
+    for name in MAIN:
+        assert getattr(rough, name).holds(getattr(sharp, name).value), name
+    assert sharp.period.uncertainty < sharp.period.value / 10**30
+    guess = (0.0, float(sharp.gamma_bar_0), float(sharp.v_0))
+    state, period, _ = shoot_full_period(smooth, speed, guess, float(sharp.period), taylor)
+    assert abs(period - float(sharp.period)) < 1e-12
+    assert abs(state[1] - float(sharp.gamma_bar_0)) < 1e-12
+    other = shoot(smooth, speed, guess[1:], Baseline("DOP853"))
+    assert abs(2 * other.map.time - float(sharp.period)) < 1e-9
+
+
+@pytest.mark.slow
+def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
+    """gamma_y vanishes on the critical eigenspace: the relative difference falls like the distance's power 2.5."""
+    apart = []
+    for distance in ("0.004", "0.001"):
+        linear, smooth = (
+            limit_cycle(PRINTED.with_friction(law), below(PRINTED, distance), taylor, digits=20)
+            for law in ("linear", "smooth")
+        )
+        apart.append(float(abs(smooth.beta_max.value / linear.beta_max.value - 1)))
+    assert 2.3 < math.log(apart[0] / apart[1], 4) < 2.7
+
+
+def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
+    near = followed_cycle(PRINTED.with_friction("smooth"), Fraction("30.0855"), taylor)
+    assert near.stable
+    assert float(near.period) > 3
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_below_omega_h_it_says_so(taylor, friction) -> None:
+    with pytest.raises(NoSuchCycleError, match=r"between Omega_h = 30\.0\d+ rad/s and Omega_crit"):
+        followed_cycle(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
+
+
+@pytest.mark.slow
+def test_omega_h_of_the_smooth_law(taylor) -> None:
+    few, more = (heteroclinic(CALIBRATED.with_friction("smooth"), taylor, digits=digits) for digits in (12, 30))
+    assert few.omega_h.holds(more.omega_h.value)
+    assert few.splitting_derivative.holds(more.splitting_derivative.value)
+    side = heteroclinic(CALIBRATED.with_friction("smooth"), taylor, method="bisection").omega_h
+    assert abs(side.value - more.omega_h.value) <= side.uncertainty + more.omega_h.uncertainty
+    for mine, other in zip(
+        more.saddle_eigenvalues, equilibrium(CALIBRATED, more.omega_h.value, "noninverted", 20).eigenvalues, strict=True
+    ):
+        assert abs(mine.value - other.re.value) <= mine.uncertainty + other.re.uncertainty
+
+
+@pytest.mark.slow
+def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
+    manifolds, cycles = (
+        heteroclinic(PRINTED.with_friction("smooth"), taylor, digits=20, method=method).omega_h
+        for method in ("manifolds", "limit-cycles")
+    )
+    assert abs(manifolds.value - cycles.value) <= manifolds.uncertainty + cycles.uncertainty
+    near = cycle_above(PRINTED.with_friction("smooth"), "1e-9", taylor)
+    assert near.stable
+    start = (0, near.gamma_bar_0.value, near.v_0.value)
+    half = near.period.value / 2
+    request = Request(
+        PRINTED.with_friction("smooth"), near.omega.value, start, half, shifted=True, precision=bits(220), domain="none"
+    )
+    grown = (near.gamma_bar_0.uncertainty + near.v_0.uncertainty + near.omega.uncertainty) * 10**9
+    for there, here in zip(taylor(request).state, start, strict=True):
+        assert abs(fraction(there) + fraction(here)) <= 100 * grown + near.period.uncertainty
+
+
+def test_relaxation_follows_the_closed_form_near_rolling() -> None:
+    for law in ("linear", "smooth"):
+        found = relaxation(PRINTED.with_friction(law), below(PRINTED, "0.5"), BatchTaylor(), distance=0.1, margin=0.8)
+        ratio = found.measured / found.closed_form
+        # Of order epsilon: the other terms of v', whose rates are of the order of Omega.
+        assert numpy.abs(ratio - 1).max() < 0.25
+        assert abs(numpy.median(ratio) - 1) < 0.03
+
+
+def test_order_is_regained(tmp_path: Path) -> None:
+    points = {(p.method, p.friction, p.tolerance): p.error for p in switching_order(PRINTED)}
+    for tolerance in (1e-9, 1e-11, 1e-13):
+        assert points["taylor", "smooth", tolerance] < 30 * points["taylor", "linear", tolerance] + 1e-14
+    assert points["scipy-DOP853", "smooth", 1e-13] > 20 * points["scipy-DOP853", "linear", 1e-13]
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_basins(friction) -> None:
+    speed = below(PRINTED, "0.5")
+    alone = basins(PRINTED.with_friction(friction), speed, count=600)
+    with ThreadPoolExecutor(1) as pool:
+        pooled = basins(PRINTED.with_friction(friction), speed, count=600, executor=pool)
+    assert (alone.outcome == pooled.outcome).all()
+    shares = alone.fractions()
+    assert abs(sum(share for share, _ in shares.values()) - 1) < 1e-12
+    # Another sample of the same plane, within both sampling errors.
+    other = basins(PRINTED.with_friction(friction), speed, count=600, seed=2).fractions()
+    for name, (share, error) in shares.items():
+        assert abs(share - other[name][0]) <= 1.5 * (error + other[name][1])
+    assert shares["undecided"][0] < 0.01
+    assert shares["inverted spinning"][0] == 0
+
+
+def test_known_starts_end_where_they_must() -> None:
+    speed = omega_crit(PRINTED, 20).value + Fraction(1, 2)
+    states = numpy.array([[math.pi / 2, math.pi / 2 + 0.4, 0], [0.1, 1, -3], [-0.2, 1, 0]])
+    found = classified_lanes(states, PRINTED, speed, 20.0, Attractors.at(PRINTED, speed))
+    assert [OUTCOMES[k] for k in found] == ["inverted spinning", "lies flat", "lies flat"]
+
+
+@pytest.mark.slow(minutes=0.4)
+def test_commands(capsys, tmp_path: Path) -> None:
+    assert main(["orbit", "--friction", "smooth", "--below-crit", "0.5", "--digits", "20", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["stable"] is True
+    assert main(["branch", "--friction", "smooth", "--omegas", "30.6,30.3", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["orbits"]) == 2
+    out = tmp_path / "basins"
+    assert main(["basin", "--omega", "30.4", "--count", "500", "--json", "--out", str(out)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["states"] >= 500
+    assert (out / "basins.png").exists()
+    assert len((out / "basins.csv").read_text(encoding="utf-8").splitlines()) == result["states"] + 1
+    for wrong in (["--count", "0"], ["--seconds", "1"], ["--velocity", "1e9"], ["--jobs", "0"]):
+        assert main(["basin", "--omega", "30.4", *wrong]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    with pytest.raises(InputError):
+        basins(PRINTED, Fraction(30), count=10**9)

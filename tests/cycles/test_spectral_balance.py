@@ -1,0 +1,142 @@
+"""Harmonic balance against the laws at the Hopf point, against itself, and against the flow."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import pytest
+
+from tests.problems import SETS
+from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.theory.harmonic_balance import one_harmonic
+from tippedisk_verify.theory.hopf import criticality, hopf_point, omega_crit, period_crit
+
+
+def below(parameters: Parameters, distance: str | Fraction) -> Fraction:
+    return omega_crit(parameters, 60).value - Fraction(distance)
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_the_consistent_law_is_the_limit_and_the_printed_is_not(parameters) -> None:
+    speed = below(parameters, "1e-4")
+    cycle = balanced_cycle(parameters, speed, digits=15)
+    crit = period_crit(parameters, 30).value
+    ratios = {}
+    for form in ("consistent", "printed"):
+        law = one_harmonic(parameters, speed, form, 20)
+        ratios[form] = (
+            float(cycle.beta_max.value**2 / law.amplitude.value**2),
+            float((cycle.period.value - crit) / (law.period.value - crit)),
+        )
+    assert all(abs(ratio - 1) < 1e-4 for ratio in ratios["consistent"])
+    # Two to three per cent, as the normal form says (claims amplitude_law and period_law).
+    assert 0.015 < 1 - ratios["printed"][0] < 0.03
+    assert 0.02 < ratios["printed"][1] - 1 < 0.04
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_slopes_from_the_balance_to_ten_digits(parameters) -> None:
+    """Richardson extrapolation of beta_max^2 / D and (T - T_crit) / D to D = 0, three points, errors O(D^3)."""
+    crit = period_crit(parameters, 60).value
+    steps = [Fraction(1, 10**5), Fraction(1, 2 * 10**5), Fraction(1, 4 * 10**5)]
+    rows = []
+    for step in steps:
+        cycle = balanced_cycle(parameters, below(parameters, step), digits=30)
+        rows.append((cycle.beta_max.value**2 / step, (cycle.period.value - crit) / step))
+    truth = hopf_point(parameters, 15)
+    for column, slope in enumerate((truth.amplitude_squared_slope, truth.period_slope)):
+        a, b, c = (row[column] for row in rows)
+        first, second = 2 * b - a, 2 * c - b
+        assert abs((4 * second - first) / 3 / slope.value - 1) < Fraction(1, 10**10)
+
+
+@pytest.mark.parametrize("distance", ["0.5", "0.7"])
+def test_cycles_close_under_the_flow(taylor, distance) -> None:
+    """The defining property, by an integrator: after T the state is back, to the digits claimed."""
+    speed = below(PRINTED, distance)
+    cycle = balanced_cycle(PRINTED, speed, digits=25)
+    half = Fraction(1, 2)
+    start = [Exact(Fraction(0), half), Exact(cycle.gamma_bar_0.value, half), cycle.v_0.value]
+    end = taylor(Request(PRINTED, speed, start, cycle.period.value, precision=bits(160))).state
+    precision = bits(160)
+    # Over one period errors transverse to the attracting cycle shrink; along it they stay, times speeds below 50.
+    for mine, origin in zip(end, start, strict=True):
+        assert abs(fraction(mine) - fraction(precision.number(origin))) < Fraction(1, 10**22)
+
+
+def test_digits_hold_and_coefficients_decay_geometrically() -> None:
+    speed = below(PRINTED, "0.5")
+    coarse, fine = balanced_cycle(PRINTED, speed, digits=12), balanced_cycle(PRINTED, speed, digits=40)
+    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
+        assert getattr(coarse, name).holds(getattr(fine, name).value)
+    assert coarse.period.uncertainty < Fraction(1, 10**13)
+    assert fine.period.uncertainty < Fraction(1, 10**40)
+    factors = [b / a for a, b in zip(fine.amplitudes, fine.amplitudes[1:], strict=False)][2:-2]
+    assert max(factors) < 0.25
+    assert max(factors) / min(factors) < 2
+
+
+@pytest.mark.parametrize("harmonics", [3, 4, 6, 8, 12])
+def test_few_harmonics_are_honest(harmonics) -> None:
+    """The estimate bounds the true error also where it is large."""
+    speed = below(PRINTED, "0.5")
+    truth = balanced_cycle(PRINTED, speed, digits=30)
+    rough = balanced_cycle(PRINTED, speed, harmonics=harmonics)
+    for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
+        assert getattr(rough, name).holds(getattr(truth, name).value), name
+
+
+def test_too_few_harmonics_find_nothing_rather_than_something() -> None:
+    """Four harmonics meet the discrete equations at a speed below Omega_h, where no cycle exists."""
+    for distance, harmonics in (("0.5", 1), ("0.84", 4)):
+        with pytest.raises(NoSuchCycleError, match="did not converge"):
+            balanced_cycle(PRINTED, below(PRINTED, distance), harmonics=harmonics)
+
+
+def test_subcritical_disks_have_their_cycles_above() -> None:
+    thin = PRINTED.changed(A="0.227e-3")
+    assert criticality(thin) == "subcritical"
+    cycle = balanced_cycle(thin, omega_crit(thin, 40).value + Fraction(1, 100))
+    assert cycle.beta_max.value > Fraction(1, 20)
+    below = omega_crit(thin, 40).value - Fraction(1, 100)
+    assert balanced_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
+    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 30\.7541"):
+        balanced_cycle(PRINTED.changed(A="0.229e-3"), "30.8", crossing=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["--omega", "31"], "the branch ends near 30.0488"),
+        (["--below-crit", "0.5", "--harmonics", "0"], "number of harmonics"),
+        (["--below-crit", "0.5", "--harmonics", "9999"], "number of harmonics"),
+        (["--below-crit", "1"], "the branch ends near 30.0488"),
+        (["--below-crit", "0.84", "--harmonics", "4"], "did not converge with 4 harmonics"),
+        (["--omega", "nan"], "finite"),
+        ([], "either --omega or --below-crit"),
+    ],
+)
+def test_command_refuses_in_one_line(arguments, word, capsys) -> None:
+    assert main(["harmonic-balance", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert word in captured.err
+
+
+def test_command(capsys) -> None:
+    assert main(["harmonic-balance", "--below-crit", "0.05", "--json", "--digits", "20"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert Fraction(result["period"]["uncertainty"]) < Fraction(1, 10**20)
+
+
+def test_speed_must_be_a_positive_decimal() -> None:
+    for wrong in ("pi", "-1", "0"):
+        with pytest.raises(InputError):
+            balanced_cycle(PRINTED, wrong)

@@ -1,0 +1,87 @@
+"""The boundary between standing and lying flat: held against runs in four times the digits, and against basins."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy
+import pytest
+
+import tippedisk_verify as tv
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.cli import main
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.motion.basin_boundary import BasinBoundary
+from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes
+from tippedisk_verify.motion.scenes import INITIAL_STATES
+from tippedisk_verify.theory.hopf import omega_crit
+
+ABOVE_CRIT = omega_crit(PRINTED, 20).value + Fraction(1, 2)
+
+
+@pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
+@pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.slow(minutes=1))])
+def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
+    boundary = BasinBoundary(PRINTED, omega, taylor)
+    random = numpy.random.default_rng(5)
+    inside, outside = [], []
+    for gamma, v in zip(random.uniform(-1.5, 4.7, count), random.uniform(-4, 4, count), strict=True):
+        lower, upper = map(float, boundary.sheets(gamma, v))
+        sheet, outward = ((upper, 1) if random.random() < 0.5 else (lower, -1))  # fmt: skip
+        inside.append((sheet - outward * 1e-6, gamma, v))
+        outside.append((sheet + outward * 1e-6, gamma, v))
+    attractors = Attractors.at(PRINTED, Fraction(omega))
+    standing = "rotating limit cycle" if omega == "30.04" else "inverted spinning"
+    for starts, ending in ((inside, standing), (outside, "lies flat")):
+        outcomes = classified_lanes(numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors)
+        assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * count
+
+
+@pytest.mark.parametrize("omega", ["30.04", ABOVE_CRIT], ids=["below", "above"])
+@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow(minutes=2))])
+def test_nothing_is_undecided_away_from_the_boundary(taylor, omega, count) -> None:
+    plane = basins(PRINTED, omega, count=count)
+    boundary = BasinBoundary(PRINTED, omega, taylor)
+    for beta, gamma, outcome in zip(plane.beta.ravel(), plane.gamma.ravel(), plane.outcome.ravel(), strict=True):
+        margin = boundary.margin((beta, gamma, 0.0))
+        if abs(margin.value) > Fraction(1, 1000):
+            assert OUTCOMES[outcome] != "undecided"
+            assert (OUTCOMES[outcome] == "lies flat") == (margin < 0)
+
+
+@pytest.mark.slow
+def test_below_the_fold_everything_lies_flat(taylor) -> None:
+    """Panel a of the paper: no unstable rotating cycle is left to hold anything up."""
+    with pytest.raises(tv.InputError, match="fold near"):
+        BasinBoundary(PRINTED, "29.95", taylor)
+    assert basins(PRINTED, "29.95", count=500).fractions()["lies flat"][0] == 1
+
+
+def test_the_papers_starts_stand_inside(taylor) -> None:
+    """Panels b to f: both starts keep standing, with these margins in beta; the first one is the nearer."""
+    boundary = BasinBoundary(PRINTED, ABOVE_CRIT, taylor)
+    margins = [boundary.margin([float(part) for part in start]) for start in INITIAL_STATES]
+    assert 0 < margins[0] < margins[1]
+
+
+def test_the_cycle_itself_lies_on_it(taylor) -> None:
+    boundary = BasinBoundary(PRINTED, "30.5", taylor)
+    cycle = rotating_cycle(PRINTED, "30.5", taylor, stable=False)
+    for beta, gamma, v in cycle.orbit(5)[1].T:
+        margin = float(boundary.margin((beta, gamma, v)))
+        assert margin == pytest.approx(0, abs=1e-12)  # what an orbit in double is off, over half a turn
+
+
+def test_the_command(capsys) -> None:
+    assert main(["basin", "--omega", "30.5", "--margin", "pi/2 + 0.4,pi/2,0", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert shown["keeps_standing"] is True
+    assert 0.1 < float(shown["margin"]["value"]) < 0.2
+    for words, told in (
+        (["--omega", "30.5", "--margin", "1,2"], "three numbers"),
+        (["--omega", "30.5", "--margin", "4,2,0"], "between 0 and pi"),
+        (["--omega", "29", "--margin", "1,2,0"], "fold near"),
+    ):
+        assert main(["basin", *words]) == 2
+        assert told in capsys.readouterr().err

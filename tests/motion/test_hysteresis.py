@@ -1,0 +1,73 @@
+"""Next to the Bautin point the range of hysteresis grows with the square of the distance, as the theory says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import pairwise
+
+import mpmath
+import pytest
+
+from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.hopf import hopf_point, omega_crit, omega_crit_decimal
+
+_SHRINKING = 4  #: of the distance from one fold to the next
+
+
+def extrapolated(values: Sequence[mpmath.mpf]) -> mpmath.mpf:
+    """The limit of f(d), a power series in d, from its values at d, d / 4, d / 16, ... (Richardson)."""
+    level, row = 1, list(values)
+    while len(row) > 1:
+        factor = _SHRINKING**level
+        row = [(factor * near - far) / (factor - 1) for far, near in pairwise(row)]
+        level += 1
+    return row[0]
+
+
+@pytest.mark.slow
+def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> None:
+    """Folds of cycles for A below A_B by 1e-7 kg m^2 and three smaller distances; Omega_crit does not depend on A."""
+    (point,) = bautin_points(PRINTED, "A", 20)
+    crit = omega_crit(PRINTED, 40)
+    with mpmath.workdps(30):
+        distances = [mpmath.mpf(10) ** -7 / _SHRINKING**n for n in range(4)]
+        ranges, squares = [], []
+        for distance in distances:
+            A = str(point.value.mpf() - distance)
+            (fold,) = libration_folds(PRINTED.changed(A=A, C=None), taylor, digits=20)
+            ranges.append((fold.omega - crit).mpf())
+            squares.append(fold.gamma_bar_0.mpf() ** 2)
+        prefactors = [width / distance**2 for width, distance in zip(ranges, distances, strict=True)]
+        limit = extrapolated(prefactors)
+        # Each prefactor is off by a term of first order in the distance. What is left of the four after extrapolation
+        # is of fourth order: about the product of their errors, up to a factor of order one to the fourth power.
+        left = mpmath.fprod(abs(prefactor / limit - 1) for prefactor in prefactors) * 3**4
+        assert left < 1e-5
+        assert abs(limit / point.fold_speed_curvature.mpf() - 1) < left
+        exponents = [mpmath.log(far / near, _SHRINKING) for far, near in pairwise(ranges)]
+        off = mpmath.fprod(abs(exponent - 2) for exponent in exponents) * 3**3
+        assert off < 1e-2
+        assert abs(extrapolated(exponents) - 2) < off
+        slope = extrapolated([-square / distance for square, distance in zip(squares, distances, strict=True)])
+        assert abs(slope / point.fold_amplitude_slope.mpf() - 1) < left
+
+
+@pytest.mark.parametrize("beside", ["0", "1e-34", "-1e-34"])
+def test_cycles_of_a_disk_at_the_bautin_point_and_next_to_it(taylor: Taylor, beside: str) -> None:
+    """r = 4 e and A = 7 Bbar / 5: Omega = Omega_crit + c_2 a^4, by shooting as by the balance of harmonics."""
+    disk = PRINTED.changed(r="0.04", e="0.01", m="0.4", B="0.2e-3", A=Fraction("0.224e-3") + Fraction(beside), C=None)
+    distance = Fraction(1, 10**7)
+    speed = omega_crit_decimal(disk, 12) - distance
+    cycle = limit_cycle(disk, speed, taylor)
+    fourth = float(distance) / -float(hopf_point(disk).quartic_coefficient)
+    # The next term of the law is smaller by about a^2, a thousandth.
+    assert abs(float(cycle.gamma_bar_0) ** 4 / fourth - 1) < 3e-3
+    assert cycle.stable
+    balanced = balanced_cycle(disk, speed)
+    assert (cycle.period - balanced.period).holds(0)

@@ -1,0 +1,138 @@
+"""The six panels: what each builds, what each orbit ends on, and that the stated numbers hold."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy
+import pytest
+
+from tests.problems import SETS
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import SECTION, Event, Request
+from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.motion.scenes import (
+    INITIAL_STATES,
+    SCENES,
+    compute,
+    scene_named,
+    section_amplitudes,
+)
+
+GIVEN = Measured(Fraction("30.0488682607"), Fraction(0))
+EXPECTED = {"a": "flat", "b": "limit cycle", "c": "limit cycle", "d": "limit cycle", "e": "limit cycle",
+            "f": "inverted spinning"}  # fmt: skip
+
+
+def test_panels_b_to_f_build_one_plain_integrator() -> None:
+    engine = Taylor()
+    for scene in SCENES[1:]:
+        panel = compute(scene, PRINTED, engine, omega_h=GIVEN)
+        assert [(b.precision, b.events, b.variations) for b in panel.compiled] == [("double", (), ())]
+    assert len(engine.builds) == 1
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_every_orbit_ends_as_the_paper_says(taylor, parameters) -> None:
+    omega_h = bisect_omega_h(parameters, taylor).omega_h
+    for scene in SCENES:
+        panel = compute(scene, parameters, taylor, omega_h=omega_h)
+        assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[scene.name]] * 2
+        assert panel.inverted_stable == (scene.name == "f")
+        assert not panel.noninverted_stable
+
+
+def test_flat_times_hold(taylor) -> None:
+    panel = compute(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
+    for orbit in panel.orbits:
+        truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=bits(160)))
+        assert orbit.ending.time.holds(fraction(truth.time))
+        assert orbit.ending.time.uncertainty < Fraction(1, 10**11)
+
+
+@pytest.mark.parametrize("name", ["b", "d", "e"])
+def test_amplitudes_hold(taylor, name) -> None:
+    """Against an orbit followed for 400 s, with its crossings located by events instead of by interpolation."""
+    panel = compute(scene_named(name), PRINTED, taylor, omega_h=GIVEN)
+    crossing = Event("crossing", SECTION.function, terminal=False)
+    long = taylor(Request(PRINTED, panel.omega.value, INITIAL_STATES[0], 400.0, events=(crossing,)))
+    settled = abs(long.events[-1].state[1] - numpy.pi / 2)
+    for orbit in panel.orbits:
+        assert orbit.ending.amplitude.holds(float(settled))
+        assert orbit.ending.amplitude.uncertainty < Fraction(1, 1000)
+
+
+def test_interpolated_crossings_against_located_ones(taylor) -> None:
+    crossing = Event("crossing", SECTION.function, terminal=False)
+    times = numpy.arange(0, 2001) / 100
+    sampled = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, times=times, dense=True))
+    located = taylor(Request(PRINTED, 30.1, INITIAL_STATES[1], 20.0, events=(crossing,)))
+    _, mine = section_amplitudes(times, sampled)
+    theirs = [abs(record.state[1] - numpy.pi / 2) for record in located.events if record.time > 0]
+    assert len(mine) == len(theirs)
+    assert max(abs(mine - theirs)) < 1e-12  # rounding, over passages that cost two digits
+
+
+def test_the_smooth_law_has_the_same_outcomes(taylor) -> None:
+    omega_h = Measured(Fraction("30.0848424715"), Fraction(1, 10**9))
+    for name in SCENES:
+        panel = compute(name, PRINTED.with_friction("smooth"), taylor, omega_h=omega_h)
+        assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[name.name]] * 2
+
+
+def orbits_at(omega, parameters, engine):
+    """Panel a, moved to another speed."""
+    return compute(scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))).orbits
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> None:
+    """Their lean at the top against shooting, which knows nothing of the orbit."""
+    disk = PRINTED.with_friction(friction)
+    omega = bisect_omega_h(disk, taylor, confirm=False).omega_h.value - Fraction(1, 50)
+    cycle = rotating_cycle(disk, omega, taylor)
+    for orbit in orbits_at(omega, disk, taylor):
+        assert orbit.ending.kind == "rotating limit cycle"
+        assert orbit.ending.amplitude.contains(cycle.beta_bar_top)
+        assert orbit.ending.amplitude.uncertainty < Fraction(1, 10**10)
+        assert set(orbit.ending.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
+
+
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
+    """Just below the fold orbits linger, for longer than a scene lasts, where just above it a cycle is."""
+    disk = PRINTED.with_friction(friction)
+    fold = rotation_fold(disk, taylor).omega.value
+    for distance in ("-2e-4", "-3e-5", "-1e-7"):
+        kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
+        assert kinds <= {"flat", "undecided"}, distance
+    for distance in ("1e-5", "5e-5", "1e-3"):
+        truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
+        for ending in (orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)):
+            told = ending.kind == "rotating limit cycle"
+            assert told or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
+            assert not told or ending.amplitude.contains(truth)
+
+
+def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
+    """Next to Omega_h the first orbit turns some times before a well keeps it."""
+    far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
+    assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
+    one, other = far.ending.amplitude, near.ending.amplitude
+    assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < Fraction(1, 10**10)
+
+
+def test_refusals(taylor) -> None:
+    with pytest.raises(InputError, match="a, b, c, d, e, f or all"):
+        scene_named("g")
+    with pytest.raises(InputError, match="needs Omega_h"):
+        compute(scene_named("a"), PRINTED, taylor)
+    with pytest.raises(InputError, match="not positive"):
+        compute(scene_named("a"), PRINTED, taylor, omega_h=Measured(Fraction(1, 20), Fraction(0)))

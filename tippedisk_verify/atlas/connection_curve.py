@@ -1,0 +1,250 @@
+"""Omega_h as a function of one parameter, and the points on it at which its character changes, with half-widths.
+
+A few disks of the range are looked at to begin with, and more of them where Omega_h ends or does not follow from its
+neighbours. The folds of their families tell which curves of folds there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from itertools import groupby, pairwise
+from typing import Any, Literal
+
+import numpy
+
+from tippedisk_verify.atlas.fold_curves import Plane, interpolated
+from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.splitting import splitting_zero, splitting_zero_in_double
+from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
+from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
+
+__all__ = [
+    "CONDITIONS",
+    "Condition",
+    "Missing",
+    "Sample",
+    "SpecialPoint",
+    "Work",
+    "connected_runs",
+    "omega_h_near",
+    "predicted_omega_h",
+    "refined_point",
+    "rough_condition",
+    "sampled",
+]
+
+Condition = Literal["neutral-saddle", "hopf-heteroclinic"]
+#: What vanishes: lambda_u + lambda_s of the saddles at Omega_h; Omega_h - Omega_crit.
+CONDITIONS: tuple[Condition, ...] = ("neutral-saddle", "hopf-heteroclinic")
+
+_SPARE = 3  # digits of Omega_h beyond those of a point on its curve
+_MOST_STEPS = 40  # of regula falsi, which gains a digit and more with each
+_SAMPLES = 17  # disks to begin with
+_NARROW = 1 / 512  # of the range: how closely it is found where Omega_h ends
+_PREDICTED = 64e-4  # rad/s; how well each disk's Omega_h must follow from its neighbours'
+
+#: A function of one argument and its arguments, to the list of answers in their order.
+Work = Callable[..., list[Any]]
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A point of codimension two: bautin, neutral-saddle or hopf-heteroclinic."""
+
+    kind: str
+    value: Measured  #: of the parameter [its SI unit]
+    omega: Measured  #: Omega_h, at a Bautin point Omega_crit [rad/s]
+
+
+@dataclass(frozen=True)
+class Missing:
+    """A value of the parameter at which a curve or a special point was looked for in vain."""
+
+    kind: str  #: of the curve or the point
+    value: Fraction
+    reason: str
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A disk of the range, in double."""
+
+    share: float  #: of the range
+    omega_h: float | None  #: [rad/s]; None where no connection is found
+    folds: tuple[tuple[float, Any], ...]  #: of its limit cycles, each (s, point) as in `fold_curves.Trace`
+    missing: tuple[Missing, ...]  #: why there is no Omega_h, or no family of limit cycles
+
+
+# ------------------------------------------------------------------------------------------------ disks of the range
+def sampled(plane: Plane, work: Work) -> list[Sample]:
+    """Disks of the range: close together where Omega_h ends, and where it could not be told from its neighbours."""
+    samples: list[Sample] = work(partial(_sample, plane), numpy.linspace(0, 1, _SAMPLES).tolist())
+    while True:
+        unclear = _unclear(samples)
+        wanted = [
+            (before.share + after.share) / 2
+            for before, after in pairwise(samples)
+            if after.share - before.share > _NARROW
+            and ((before.omega_h is None) != (after.omega_h is None) or {before.share, after.share} & unclear)
+        ]
+        if not wanted:
+            return samples
+        samples = sorted([*samples, *work(partial(_sample, plane), wanted)], key=lambda one: one.share)
+
+
+def _sample(plane: Plane, share: float) -> Sample:
+    value, engine = plane.decimal(share), default_engine()
+    disk, near, omega_h = plane.at(value), None, None
+    folds: tuple[tuple[float, Any], ...] = ()
+    missing = []
+    try:
+        family = AmplitudeFamily(disk, engine)
+        near = Fraction(family.limit)
+        places = map(family.place, family.folds)
+        folds = tuple((one.s, numpy.array([one.v / one.gamma_bar, one.omega, share])) for one in places)
+    except (InputError, Shortfall) as fault:
+        missing.append(Missing("fold", value, str(fault)))
+    try:
+        omega_h = _omega_h(disk, near, engine)
+    except (InputError, Shortfall) as fault:
+        missing.append(Missing("heteroclinic", value, str(fault)))
+    return Sample(share, omega_h, folds, tuple(missing))
+
+
+def _omega_h(disk: Parameters, near: Fraction | None, engine: Engine) -> float:
+    """Omega_h from where the family tends to, else from a bisection."""
+    if near is not None:
+        with suppress(InputError, Shortfall):
+            return float(splitting_zero_in_double(disk, near, engine))
+    near = bisect_omega_h(disk, engine, confirm=False).omega_h.value
+    return float(splitting_zero_in_double(disk, near, engine))
+
+
+def _unclear(samples: Sequence[Sample]) -> set[float]:
+    """The shares of disks whose Omega_h could not be told from that of their neighbours."""
+    return {
+        share
+        for run in connected_runs(samples)
+        for share, omega in run
+        if len(run) < 3
+        or abs(predicted_omega_h([pair for pair in run if pair[0] != share], share) - omega) > _PREDICTED
+    }
+
+
+def connected_runs(samples: Sequence[Sample]) -> list[list[tuple[float, float]]]:
+    """(share, Omega_h) of neighbouring disks that have a connection."""
+    runs = (
+        [(one.share, one.omega_h) for one in run if one.omega_h is not None]
+        for _, run in groupby(samples, key=lambda one: one.omega_h is None)
+    )
+    return [run for run in runs if run]
+
+
+def predicted_omega_h(known: Sequence[tuple[float, float]], share: float) -> float:
+    """Omega_h at a share by the polynomial through the six nearest disks."""
+    near = sorted(known, key=lambda pair: abs(pair[0] - share))[:6]
+    at, omega = (numpy.array(column) for column in zip(*near, strict=True))
+    return float(interpolated(at, omega[:, None], share)[0])
+
+
+# ------------------------------------------------------------------------------------------------ points on the curve
+def omega_h_near(disk: Parameters, near: float, engine: Engine, digits: int) -> Measured:
+    """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five.
+
+    Raises Shortfall if it is not found or the digits are not reached, NoConnectionError where there are no saddles.
+    """
+    found = splitting_zero_in_double(disk, Fraction(near), engine)
+    if found.uncertainty > found.value / 10**digits:
+        found = splitting_zero(disk, found.value, engine, digits).omega_h
+    return found
+
+
+def rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
+    """What vanishes at a point of that kind, in double [1/s or rad/s]."""
+    if kind == "hopf-heteroclinic":
+        return omega_h - float(omega_crit(disk))
+    unstable, slow, _ = equilibrium(disk, Fraction(omega_h), "noninverted").eigenvalues
+    return float(unstable.re + slow.re)
+
+
+def _signs(kind: Condition, disk: Parameters, omega_h: Measured) -> set[int]:
+    """The exact signs of what vanishes at both ends of Omega_h's half-width, between which it changes one at most."""
+    ends = (omega_h.value - omega_h.uncertainty, omega_h.value + omega_h.uncertainty)
+    if kind == "neutral-saddle":
+        return {saddle_value_sign(disk, omega) for omega in ends}
+    square = omega_crit_squared(disk)
+    return {(omega**2 > square) - (omega**2 < square) for omega in ends}
+
+
+def refined_point(
+    kind: Condition,
+    plane: Plane,
+    ends: tuple[float, float],
+    near: Callable[[float], float],
+    engine: Engine,
+    digits: int,
+) -> SpecialPoint:
+    """The point of that kind between two shares of the range at which its condition differs in sign.
+
+    ``near`` gives Omega_h to some five digits at a share. The half-width of the parameter is a distance at which the
+    condition has its two signs on the two sides, however large the errors of what it is computed from. Raises as
+    `omega_h_near` does.
+    """
+    low, high = ends
+
+    def rough(share: float) -> float:
+        disk = plane.at(plane.value(share))
+        return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(near(share)), engine)))
+
+    share = _root(rough, low, high)
+    value = plane.value(share)
+    exact_digits = digits + _SPARE
+    value = round(value, exact_digits - decimal_magnitude(value))
+    width = value / 10**digits / 4
+    while True:
+        sides = []
+        for side in (value - width, value + width):
+            disk = plane.at(side)
+            omega = omega_h_near(disk, near(share), engine, exact_digits)
+            sides.append((omega, _signs(kind, disk, omega)))
+        (left, before), (right, after) = sides
+        if (before, after) in (({-1}, {1}), ({1}, {-1})):
+            break
+        width *= 4
+        if width > value / 10**digits:
+            raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
+    middle = (left.value + right.value) / 2
+    # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
+    spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
+    return SpecialPoint(kind, Measured(value, width), Measured(middle, spread))
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """By regula falsi, with the value kept at an end halved (Illinois)."""
+    f_low, f_high = function(low), function(high)
+    kept = 0
+    middle = low
+    for _ in range(_MOST_STEPS):
+        last, middle = middle, high - f_high * (high - low) / (f_high - f_low)
+        value = function(middle)
+        if not value or abs(middle - last) < 1e-13 or high - low < 1e-13:
+            break
+        if (value < 0) == (f_low < 0):
+            low, f_low = middle, value
+            f_high = f_high / 2 if kept == 1 else f_high
+            kept = 1
+        else:
+            high, f_high = middle, value
+            f_low = f_low / 2 if kept == -1 else f_low
+            kept = -1
+    return middle

@@ -1,0 +1,304 @@
+"""The plane of one parameter and the speed: Hopf, fold and heteroclinic curves, and the points of codimension two.
+
+Some disks of the range tell what curves there are (`connection_curve`). Curves of folds are then followed by
+amplitude (`fold_curves`), Omega_h by the parameter. Points spread evenly over each curve are corrected to the digits
+asked for. What cannot be had is told with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy
+
+from tippedisk_verify.atlas.connection_curve import (
+    CONDITIONS,
+    Missing,
+    Sample,
+    SpecialPoint,
+    connected_runs,
+    omega_h_near,
+    predicted_omega_h,
+    refined_point,
+    rough_condition,
+    sampled,
+)
+from tippedisk_verify.atlas.fold_curves import Plane, Trace, fold_at, fold_traces
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
+from tippedisk_verify.theory.hopf import omega_crit
+
+__all__ = ["Atlas", "Curve", "CurvePoint", "atlas", "checked_atlas", "plane_of"]
+
+MOST_POINTS = 10_000
+_SAMPLES = 8  # of a curve for each of its points, to spread these
+_CHUNK = 8  # points that a process computes at a time
+
+Advance = Callable[[str, int], None]
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """A point of a curve: an exact value of the parameter, and the speed."""
+
+    value: Fraction
+    omega: Measured  #: [rad/s]
+    gamma_bar_0: Measured | None = None  #: of the cycle, at a fold [rad]
+    v_0: Measured | None = None  #: of the cycle, at a fold [rad/s]
+    period: Measured | None = None  #: of the cycle, at a fold [s]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points of one curve, in their order along it."""
+
+    kind: str  #: hopf, fold or heteroclinic
+    points: tuple[CurvePoint, ...]
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """All that was found in the plane, and what was looked for in vain."""
+
+    plane: Plane
+    curves: tuple[Curve, ...]
+    points: tuple[SpecialPoint, ...]
+    missing: tuple[Missing, ...]
+
+
+def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) -> Plane:
+    """The plane with axes such as "A,Omega", the parameter between two decimals.
+
+    Without ends it goes a tenth of its value to both sides, as far as `Parameters` takes it. Raises InputError for
+    axes or ends that are none.
+    """
+    name = axes.removesuffix(",Omega")
+    if name not in SYMBOLS or name == axes:
+        known = ", ".join(SYMBOLS)
+        raise InputError(f"the plane '{shown(axes)}' is not known: give one of {known} and Omega, such as A,Omega")
+    if ends is None:
+        return Plane(parameters, name, *_around(parameters, name))
+    if isinstance(ends, str) or len(ends) != 2:
+        raise InputError(f"a range has two ends, the lowest value and the highest, not {shown(ends)}")
+    low, high = map(exact, ends)
+    if low.pi_multiple or high.pi_multiple:
+        raise InputError("the ends of a range must be decimals")
+    return Plane(parameters, name, low.rational, high.rational)
+
+
+def _around(parameters: Parameters, name: str) -> list[Fraction]:
+    """The ends of the default range."""
+    own: Fraction = getattr(parameters, name)
+    unit = Fraction(10) ** (decimal_magnitude(own) - 3)
+    ends = []
+    for side in (-1, 1):
+        steps = [round(own * (1 + side * Fraction(k, 1000)) / unit) * unit for k in range(1, 101)]
+        ends.append([own, *(value for value in steps if _taken(parameters, name, value))][-1])
+    return ends
+
+
+def _taken(parameters: Parameters, name: str, value: Fraction) -> bool:
+    try:
+        return bool(Plane(parameters, name, value, value).at(value))
+    except InputError:
+        return False
+
+
+def atlas(
+    plane: Plane,
+    *,
+    points: int = 200,
+    digits: int = 12,
+    executor: Executor | None = None,
+    advance: Advance = lambda label, steps: None,
+) -> Atlas:
+    """The atlas of the plane: so many ``points`` on each curve, their speeds to ``digits`` significant digits.
+
+    Raises InputError for a number of points or digits that is not offered, a range that is none or leaves the disks
+    that `Parameters` takes, and the smooth law.
+    """
+    checked_atlas(plane, points, digits)
+    work = partial(_all_done, executor=executor, advance=advance)
+    bautin = _bautin_points(plane, digits)
+    samples = sampled(plane, work)
+    seeds = [fold for one in samples for fold in one.folds]
+    (traces,) = work(partial(_traces, plane, seeds), [[plane.share(point.value.value) for point in bautin]])
+    answers = list(work(partial(_refined, plane, digits), _changes(plane, samples)))
+    curves = []
+    lines = _lines(plane, samples, traces, points, digits)
+    for line, chosen in zip(lines, _spread(lines, points), strict=True):
+        along = work(partial(_solved, plane, line), chosen, chunksize=_CHUNK)
+        curves.append(Curve(line.kind, tuple(point for point in along if isinstance(point, CurvePoint))))
+        answers += along
+    missing = [
+        *(told for one in samples for told in one.missing),
+        *(answer for answer in answers if isinstance(answer, Missing)),
+        *(
+            Missing("fold", plane.decimal(float(point[2])), "one that this disk has was not followed")
+            for s, point in seeds
+            if not any(trace.passes(s, point) for trace in traces)
+        ),
+        *(
+            Missing("fold", plane.decimal(share), "the curve could not be followed further in double")
+            for trace in traces
+            for share in trace.cut_short
+        ),
+    ]
+    special = [*bautin, *(answer for answer in answers if isinstance(answer, SpecialPoint))]
+    return Atlas(
+        plane,
+        tuple(curves),
+        tuple(sorted(special, key=lambda point: point.value.value)),
+        tuple(sorted(missing, key=lambda one: one.value)),
+    )
+
+
+def checked_atlas(plane: Plane, points: int, digits: int) -> None:
+    """Raises InputError for what no atlas can be made of."""
+    plane.parameters.refuse_smooth("an atlas is")
+    checked_digits(digits)
+    if isinstance(points, bool) or not isinstance(points, int) or not 5 <= points <= MOST_POINTS:
+        raise InputError(f"a curve has 5 to {MOST_POINTS} points, not {shown(points)}")
+    if not 0 < plane.lowest < plane.highest:
+        raise InputError("a range must rise, from above zero: its lowest value is less than its highest")
+    plane.at(plane.lowest), plane.at(plane.highest)  # between two admissible values all are
+
+
+def _all_done(
+    function: Callable[[Any], Any],
+    jobs: Sequence[Any],
+    *,
+    executor: Executor | None,
+    advance: Advance,
+    chunksize: int = 1,
+) -> list[Any]:
+    """The answers to all jobs, in their order."""
+    answers = []
+    for answer in map(function, jobs) if executor is None else executor.map(function, jobs, chunksize=chunksize):
+        answers.append(answer)
+        advance("", 1)
+    return answers
+
+
+# ------------------------------------------------------------------------------------------------ special points
+def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
+    """The Bautin points in the range."""
+    if plane.name not in BAUTIN_PARAMETERS:
+        return []
+    found = bautin_points(plane.at(plane.lowest), plane.name, digits)
+    return [
+        SpecialPoint("bautin", point.value, point.omega_crit)
+        for point in found
+        if plane.lowest <= point.value.value <= plane.highest
+    ]
+
+
+def _changes(plane: Plane, samples: Sequence[Sample]) -> list[tuple[Any, tuple[float, float], Any]]:
+    """The conditions that change sign along Omega_h: which, between which shares, and Omega_h at those around."""
+    jobs = []
+    for run in connected_runs(samples):
+        for kind in CONDITIONS:
+            values = [rough_condition(kind, plane.at(plane.decimal(share)), omega) for share, omega in run]
+            for k, (before, after) in enumerate(pairwise(values)):
+                if (before < 0) != (after < 0):
+                    jobs.append((kind, (run[k][0], run[k + 1][0]), run))
+    return jobs
+
+
+def _refined(plane: Plane, digits: int, job: tuple[Any, tuple[float, float], Any]) -> SpecialPoint | Missing:
+    kind, ends, known = job
+    try:
+        return refined_point(kind, plane, ends, partial(predicted_omega_h, known), default_engine(), digits)
+    except (InputError, Shortfall) as fault:
+        return Missing(kind, plane.decimal(sum(ends) / 2), str(fault))
+
+
+# ------------------------------------------------------------------------------------------------ curves
+class _Line(NamedTuple):
+    """A curve in double, and how its points are found to the digits asked for."""
+
+    kind: str
+    at: Any  #: (n,) abscissas close together: shares of the range, of folds the s of `fold_curves`
+    shares: Any  #: (n,) there
+    speeds: Any  #: (n,) there [rad/s]
+    point: Callable[[float], CurvePoint]  #: at an abscissa
+
+
+def _traces(plane: Plane, seeds: Sequence[tuple[float, Any]], bautin: Sequence[float]) -> list[Trace]:
+    return fold_traces(plane, seeds, bautin, default_engine())
+
+
+def _lines(plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], points: int, digits: int) -> list[_Line]:
+    """All curves."""
+    shares = numpy.linspace(0, 1, _SAMPLES * points)
+    crit = [float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()]
+    lines = [_Line("hopf", shares, shares, numpy.array(crit), partial(_hopf_point, plane, digits))]
+    for run in connected_runs(samples):
+        here = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
+        omega = numpy.array([predicted_omega_h(run, share) for share in here.tolist()])
+        lines.append(_Line("heteroclinic", here, here, omega, partial(_connection, plane, digits, run)))
+    for trace in traces:
+        first, last = _ends(trace)
+        s = numpy.linspace(first, last, _SAMPLES * points)
+        found = numpy.array([trace(where) for where in s.tolist()])
+        lines.append(_Line("fold", s, found[:, 2], found[:, 1], partial(_fold, plane, digits, trace)))
+    return lines
+
+
+def _ends(trace: Trace) -> list[float]:
+    """The abscissas between which a trace lies in the range."""
+    ends = list(trace.s[[0, -1]])
+    for k, within in enumerate((trace.s[1], trace.s[-2])):  # only the last point on each side may lie outside
+        while abs(ends[k] - within) > 1e-12 and not 0 <= trace(ends[k])[2] <= 1:
+            middle = (ends[k] + within) / 2
+            if 0 <= trace(middle)[2] <= 1:
+                within = middle
+            else:
+                ends[k] = middle
+    return ends
+
+
+def _spread(lines: Sequence[_Line], count: int) -> list[list[float]]:
+    """On each curve abscissas of evenly spread points, its ends among them; the plane is as high as it is wide."""
+    speeds = numpy.concatenate([line.speeds for line in lines])
+    height = max(float(speeds.max() - speeds.min()), 1e-9)
+    chosen = []
+    for line in lines:
+        steps = numpy.hypot(numpy.diff(line.shares), numpy.diff(line.speeds / height))
+        length = numpy.concatenate([[0.0], numpy.cumsum(steps)])
+        chosen.append(numpy.interp(numpy.linspace(0, length[-1], count), length, line.at).tolist())
+    return chosen
+
+
+def _solved(plane: Plane, line: _Line, where: float) -> CurvePoint | Missing:
+    try:
+        return line.point(where)
+    except (InputError, Shortfall) as fault:
+        share = float(numpy.interp(where, line.at, line.shares))
+        return Missing(line.kind, plane.decimal(share), str(fault))
+
+
+def _hopf_point(plane: Plane, digits: int, share: float) -> CurvePoint:
+    value = plane.decimal(share)
+    return CurvePoint(value, omega_crit(plane.at(value), digits + 2))
+
+
+def _connection(plane: Plane, digits: int, run: Sequence[tuple[float, float]], share: float) -> CurvePoint:
+    value, near = plane.decimal(share), predicted_omega_h(run, share)
+    return CurvePoint(value, omega_h_near(plane.at(value), near, default_engine(), digits))
+
+
+def _fold(plane: Plane, digits: int, trace: Trace, s: float) -> CurvePoint:
+    fold = fold_at(plane, s, trace(s), default_engine(), digits)
+    return CurvePoint(getattr(fold.parameters, plane.name), fold.omega, fold.gamma_bar_0, fold.v_0, fold.period)

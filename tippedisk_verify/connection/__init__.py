@@ -1,0 +1,1 @@
+"""The heteroclinic connection: Omega_h, and cycles close to it."""

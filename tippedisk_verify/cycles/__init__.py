@@ -1,0 +1,1 @@
+"""Limit cycles as fixed points of return maps: shooting, continuation, folds, and a spectral method."""

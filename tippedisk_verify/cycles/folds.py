@@ -1,0 +1,274 @@
+"""Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
+
+Unknown are the two coordinates on the section and Omega; a fixed point of the section's map P is wanted at which
+det(1 - P') = 0. That determinant's gradient is taken by differences in double. It serves in chord steps of any
+precision, each of which gains some seven digits, so that second derivatives of the flow are never needed to more digits
+than doubles give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy
+
+from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+from tippedisk_verify.cycles.half_map import HalfFlights
+from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.turn_map import TurnFlights
+from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
+from tippedisk_verify.model.results import Printable
+from tippedisk_verify.theory.amplitude_law import amplitude_law
+from tippedisk_verify.theory.equilibria import saddle_value_sign
+from tippedisk_verify.theory.hopf import critical_frequency_squared, criticality, omega_crit
+
+__all__ = [
+    "Fold",
+    "LibrationFold",
+    "RotationFold",
+    "fold_in",
+    "fold_in_double",
+    "fold_near",
+    "fold_to_digits",
+    "libration_folds",
+    "rotation_fold",
+]
+
+_DIFFERENCE = 1e-5  # of unknowns of order one: rounding and the third derivatives then err alike, by some 1e-9
+_ASTRAY = 0.01
+_WIDE = bits(192)
+_SMALL_FOLD = 0.1  # rad; for smaller ones the law of fourth order is a better start than doubles are
+_GUARD = 12  # digits that two nearly parallel conditions and the flight cost
+
+
+@dataclass(frozen=True, repr=False)
+class Fold(Printable):
+    """What folds have in common; each number's half-width holds the truth."""
+
+    section: ClassVar[type[HalfFlights]]  #: whose map has the fold's cycle as a fixed point
+
+    omega: Measured  #: the speed, extreme on the family [rad/s]
+    period: Measured  #: T of the cycle there [s]
+    v_0: Measured  #: v next to the saddle [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
+    null_vector: Measured  #: derivative of the second coordinate by the first along the family [1/s]
+    log_multiplier_fast: Measured  #: natural logarithm of the multiplier that is not 1
+    parameters: Parameters  #: whose fold it is, with the friction law
+    engine: str  #: what computed it
+    precision: str  #: the arithmetic of its numbers
+
+
+@dataclass(frozen=True, repr=False)
+class LibrationFold(Fold):
+    """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
+
+    section = HalfFlights
+    first = ("omega", "period", *section.unknowns)
+
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]; v_0 is v there
+
+
+@dataclass(frozen=True, repr=False)
+class RotationFold(Fold):
+    """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
+
+    section = TurnFlights
+    first = ("omega", "period", *section.unknowns)
+
+    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
+    v_top: Measured  #: v there [rad/s]
+    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
+
+
+def rotation_fold(
+    parameters: Parameters, engine: Engine, *, digits: int = 12, family: RotatingFamily | None = None
+) -> RotationFold:
+    """The fold of the rotating limit cycles, to ``digits`` significant digits of its speed and cycle.
+
+    Raises NoSuchCycleError or NoConnectionError where the disk has no such family, Shortfall if the digits are not
+    reached.
+    """
+    checked_digits(digits)
+    near = (family or RotatingFamily(parameters, engine)).near_fold().at
+    fold: RotationFold = fold_to_digits(RotationFold, parameters, near, engine, digits)
+    return fold
+
+
+def libration_folds(
+    parameters: Parameters, engine: Engine, *, digits: int = 12, family: AmplitudeFamily | None = None
+) -> tuple[LibrationFold, ...]:
+    """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
+
+    They are those of the part of the family that `AmplitudeFamily` follows. Raises Shortfall where it cannot be
+    followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
+    """
+    checked_digits(digits)
+    try:
+        family = family or AmplitudeFamily(parameters, engine)
+    except NoSuchCycleError as fault:
+        raise Shortfall(str(fault)) from None
+    starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
+    if parameters.friction == "linear":
+        small = _small_fold(parameters)
+        if small is not None:  # next to it doubles see their rounding
+            starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
+        if family.connected and len(starts) % 2 != _asked_for(parameters, family.limit):
+            raise Shortfall("this family has a fold too close to its end for doubles: no digits of it are known")
+    folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
+    for fold, (a, _, omega) in zip(folds, starts, strict=True):
+        # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
+        if abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a or abs(float(fold.omega) - omega) > _ASTRAY * omega:
+            raise Shortfall(f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic")
+    return tuple(folds)
+
+
+def _asked_for(parameters: Parameters, omega_h: float) -> int:
+    """1 if Omega falls at one end of the family and rises at the other, by exact signs: the folds' number is odd."""
+    born_below = criticality(parameters) == "supercritical"
+    return int(born_below is not (saddle_value_sign(parameters, Fraction(omega_h)) < 0))
+
+
+def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
+    """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
+    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
+    square = -quadratic / (2 * quartic) if quartic else 0.0
+    if not 0 < square < _SMALL_FOLD**2:
+        return None
+    crit, a = float(omega_crit(parameters)), math.sqrt(square)
+    v = -a * float(critical_frequency_squared(parameters)) / crit
+    return a, v, crit * (1 + quadratic * square / 2)
+
+
+def fold_in_double(family: RotatingFamily) -> dict[str, float]:
+    """The numbers of the family's fold to some ten digits, by their names in `RotationFold`. Raises as that does.
+
+    Nothing is compiled for them that the cycles' family does not need.
+    """
+    near, jacobian = fold_near(TurnFlights, family.parameters, family.near_fold().at, family.engine)
+    numbers = _numbers(TurnFlights, family.parameters, near, jacobian, family.engine, DOUBLE)
+    return {name: float(number) for name, number in numbers.items()}
+
+
+def fold_to_digits(
+    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, digits: int
+) -> Any:
+    """The fold of that kind near a point (both coordinates on the section, Omega), to ``digits`` significant digits.
+
+    Raises Shortfall if it is not found, or the digits are not reached.
+    """
+    fold = fold_in(kind, parameters, near, engine, bits(bits_for_digits(digits + _GUARD)))
+    for name in ("omega", "period", *kind.section.unknowns):
+        number = getattr(fold, name)
+        if number.uncertainty > abs(number.value) / 10**digits:
+            raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
+    return fold
+
+
+def fold_in(
+    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, precision: Precision
+) -> Any:
+    """The fold of that kind near a point, computed in ``precision`` and compared with the next wider arithmetic.
+
+    Raises Shortfall if it is not found.
+    """
+    for known in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
+        try:
+            start, jacobian = fold_near(kind.section, parameters, near, engine, known)
+            rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
+            sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
+        except (Shortfall, NoSuchCycleError, numpy.linalg.LinAlgError):
+            if known is _WIDE:
+                raise
+        else:
+            break
+    numbers = {name: Measured.compared(value, sharp[name], precision.epsilon) for name, value in rough.items()}
+    return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
+
+
+def _conditions(mapped: Any) -> tuple[Any, Any, Any]:
+    """The map's residual and det(1 - P'), which are zero at the fold."""
+    (a, b), (c, d) = mapped.matrix
+    return (*mapped.residual, (1 - a) * (1 - d) - b * c)
+
+
+def _mapped(
+    section: type[HalfFlights], parameters: Parameters, at: Sequence[Any], engine: Engine, precision: Precision
+) -> Any:
+    return section(parameters, at[2], engine, precision).map(at[:2])
+
+
+def fold_near(
+    section: type[HalfFlights],
+    parameters: Parameters,
+    at: Sequence[Any],
+    engine: Engine,
+    precision: Precision = DOUBLE,
+) -> tuple[tuple[float, float, float], Any]:
+    """Both coordinates and Omega of the fold near a point, and the derivative of its conditions there, as doubles.
+
+    They are computed in ``precision``. Raises Shortfall if the iteration does not settle.
+    """
+    lost = Shortfall("the iteration for the fold of the limit cycles does not settle")
+    iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
+    at = [precision.number(float(part)) for part in at]
+    share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
+    while True:
+        mapped = _mapped(section, parameters, at, engine, precision)
+        (a, b), (c, d) = mapped.matrix
+        gradient = []
+        for axis in range(3):
+            # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
+            room = min(1.0, abs(float(at[axis])), section.room([float(x) for x in at]) ** (2 if axis == 2 else 1))
+            away = precision.number(share * room)
+            beside = [[x + sign * away * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+            above, below = (_conditions(_mapped(section, parameters, state, engine, precision))[2] for state in beside)
+            gradient.append((above - below) / (2 * away))
+        rows = [[a - 1, b, mapped.by_omega[0]], [c, d - 1, mapped.by_omega[1]], gradient]
+        jacobian = numpy.array([[float(entry) for entry in row] for row in rows])
+        step = numpy.linalg.solve(jacobian, [float(part) for part in _conditions(mapped)])
+        at = [x - precision.number(float(part)) for x, part in zip(at, step, strict=True)]
+        if iteration.converged(float(numpy.abs(step).max())):
+            return (float(at[0]), float(at[1]), float(at[2])), jacobian
+
+
+def _numbers(
+    section: type[HalfFlights],
+    parameters: Parameters,
+    near: Sequence[float],
+    jacobian: Any,
+    engine: Engine,
+    precision: Precision,
+) -> dict[str, Any]:
+    """All numbers of the fold in one arithmetic, by chord steps from doubles."""
+    inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
+    at = [precision.number(float(part)) for part in near]
+    lost = Shortfall(f"the iteration for the fold has not converged in {precision.name} precision")
+    iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    while True:
+        conditions = _conditions(_mapped(section, parameters, at, engine, precision))
+        steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
+        at = [part - step for part, step in zip(at, steps, strict=True)]
+        if iteration.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
+            break
+    flights = section(parameters, at[2], engine, precision)
+    mapped = flights.map(at[:2])
+    flight = flights(at[:2], divergence=True, events=flights.recorded)
+    (a, b), _ = mapped.matrix
+    return {
+        "omega": at[2],
+        "period": section.per_period * mapped.time,
+        **dict(zip(section.unknowns, at, strict=False)),
+        **flights.measures(flight),
+        "null_vector": (1 - a) / b,
+        "log_multiplier_fast": section.per_period * flight.divergence,
+    }

@@ -1,0 +1,172 @@
+"""Limit cycles as results: their numbers with half-widths, their orbits and plots."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy
+
+from tippedisk_verify.cycles.monodromy import Monodromy, monodromy
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import Engine, Request, raise_unless_usable
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.results import Printable
+
+__all__ = ["Cycle", "LimitCycle", "RotatingCycle"]
+
+_NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's manifolds; a double start misses that
+
+
+@dataclass(frozen=True, repr=False)
+class Cycle(Printable, ABC):
+    """What the results have in common; each number's half-width holds the truth.
+
+    A subclass says where on the cycle its coordinates are taken.
+    """
+
+    unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
+    beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
+
+    omega: Measured  #: [rad/s]
+    period: Measured  #: T [s]
+    v_0: Measured  #: v next to the saddle [rad/s]
+    beta_max: Measured  #: largest abs(beta - pi/2) [rad]
+    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier, of a complex pair the modulus [1]
+    log_multiplier_slow: Measured  #: natural logarithm of its absolute value
+    log_multiplier_fast: Measured  #: the same of the smaller one, through Liouville's integral
+    trivial_multiplier_defect: Measured  #: distance of the computed multiplier along the flow from 1
+    dperiod_domega: Measured  #: [s^2/rad]
+    stable: bool | None  #: None if the multiplier's half-width holds 1
+    residuals: tuple[float, ...]  #: of the Newton iteration
+    parameters: Parameters  #: whose cycle it is, with the friction law
+    engine: str  #: what computed it
+    precision: str  #: the arithmetic of its numbers
+
+    @property
+    def multipliers(self) -> tuple[Measured, Measured, Measured]:
+        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; of a complex pair the modulus."""
+        return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
+
+    @property
+    @abstractmethod
+    def _start(self) -> tuple[Measured, Measured, Measured]:
+        """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
+
+    @cached_property
+    def monodromy(self) -> Monodromy:
+        """The monodromy matrix there; ``cycle.monodromy(t)`` is that at another time [s]."""
+        return monodromy(self)
+
+    def orbit(self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None) -> tuple[Any, Any]:
+        """Times (count,) [s] over one period, both ends included, and the states (3, count) there, in double.
+
+        The states are (beta, gamma, v), or (beta_bar, gamma_bar, v) with ``shifted``. Next to Omega_h the flight is in
+        as many bits as its start needs. Raises InputError for a count below 2, ArithmeticError where the engine gives
+        up.
+        """
+        if count < 2:
+            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
+        times = numpy.linspace(0.0, float(self.period), count)
+        states = self._states(times, engine or default_engine())
+        if not shifted:
+            states[:2] += math.pi / 2
+        return times, states
+
+    @abstractmethod
+    def _states(self, times: Any, engine: Engine) -> Any:
+        """The shifted states (3, n) at times within the period."""
+
+    def _flown(self, duration: Fraction, engine: Engine) -> Any:
+        """The continuous output of a flight from the start, in the arithmetic that its start needs."""
+        needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
+        request = Request(
+            self.parameters,
+            self.omega.value,
+            [part.value for part in self._start],
+            duration,
+            shifted=True,
+            precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
+            dense=True,
+            domain="none",
+        )
+        result = raise_unless_usable(engine(request))
+        if result.dense is None:
+            raise InputError("an orbit needs an engine with continuous output")
+        return result.dense
+
+    def plot(self, axes: Any = None) -> Any:
+        """The orbit in the (gamma_bar, beta_bar) plane, on these matplotlib axes or on new ones; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            _, axes = pyplot.subplots()
+        _, (beta_bar, gamma_bar, _) = self.orbit(shifted=True)
+        axes.plot(gamma_bar, beta_bar, label=f"Ω = {self.omega:.6g} rad/s")
+        axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
+        return axes
+
+
+@dataclass(frozen=True, repr=False)
+class LimitCycle(Cycle):
+    """A limit cycle about inverted spinning, with its multipliers and sensitivities; each number's half-width holds it.
+
+    gamma oscillates about pi/2 (libration), and the cycle is its own image under the point symmetry.
+    """
+
+    unknowns = ("gamma_bar_0", "v_0")
+    first = ("omega", "period", *unknowns)
+
+    gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]; v_0 is v there
+    dgamma_bar_0_domega: Measured  #: [s]
+    dv_0_domega: Measured  #: [1]
+
+    @property
+    def _start(self) -> tuple[Measured, Measured, Measured]:
+        return Measured(Fraction(0), Fraction(0)), self.gamma_bar_0, self.v_0
+
+    def _states(self, times: Any, engine: Engine) -> Any:
+        """The second half is the image of the first under the point symmetry."""
+        half = float(self.period) / 2
+        dense = self._flown(self.period.value / 2, engine)
+        states = dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
+        states[:, times >= half] *= -1
+        states[:, -1] = states[:, 0]
+        return states
+
+
+@dataclass(frozen=True, repr=False)
+class RotatingCycle(Cycle):
+    """A rotating limit cycle with its multipliers and sensitivities; each number's half-width holds it.
+
+    The disk leans to one side, beta > pi/2, and gamma grows by 2 pi a period. The point symmetry takes it to a cycle
+    that leans to the other side, with falling gamma.
+    """
+
+    unknowns = ("beta_bar_top", "v_top")
+    beside_the_saddle = ("beta_bar_0", "v_0")
+    first = ("omega", "period", *unknowns, *beside_the_saddle)
+
+    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
+    v_top: Measured  #: v there [rad/s]
+    beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]; v_0 is v there
+    dbeta_bar_top_domega: Measured  #: [s]
+    dv_top_domega: Measured  #: [1]
+
+    @property
+    def _start(self) -> tuple[Measured, Measured, Measured]:
+        return self.beta_bar_top, Measured(Fraction(0), Fraction(0)), self.v_top
+
+    def _states(self, times: Any, engine: Engine) -> Any:
+        """From gamma = pi/2 on, over a whole turn."""
+        whole = float(self.period)
+        dense = self._flown(self.period.value, engine)
+        return dense(numpy.minimum(times, whole * (1 - 2.0**-52))).astype(float).T

@@ -1,0 +1,1 @@
+"""Motions of one disk: solutions, scenes, basins and the reduced flow."""

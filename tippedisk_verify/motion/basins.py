@@ -1,0 +1,261 @@
+"""What each of many initial states ends on: a picture of the basins, and fractions with their sampling error.
+
+The states fill a plane of constant v in the strip between two noninverted states, one random state in each cell of a
+grid (stratified sampling). They run in SIMD lanes, a portion after the other; states whose disk lies flat leave. What
+the others end on follows from |gamma - pi/2|, within their well, at the crossings of beta = pi/2 in the last seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, as_completed
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.turn_map import ROUND
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
+from tippedisk_verify.flow.lanes import field_constants
+from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.results import Printable
+from tippedisk_verify.theory.equilibria import is_stable, linearization
+
+__all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes"]
+
+OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
+_FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
+_PORTION = 2048  # states that one task takes
+_STRETCH = 5.0  # s; after each, states whose disk lies flat leave their lanes
+_LAST = 4.0  # s of crossings that tell the end, or so many periods of the cycle if these take longer:
+_PERIODS = 2.5
+_RUN_ON = 8  # times the duration, for what is undecided
+_FLAT = Event("lies flat", FLAT.function, terminal=False)
+_SECTION = Event("section", SECTION.function, terminal=False)
+_TOP = Event("top or bottom", ROUND.function, terminal=False)
+_MOST_STATES = 10_000_000  # they take some 1.5 GB
+SPEEDS_OF_STATES = 1000.0  # rad/s
+
+
+@dataclass(frozen=True, repr=False)
+class Basins(Printable):
+    """What the states ended on."""
+
+    parameters: Parameters
+    omega: Fraction  #: [rad/s]
+    duration: float  #: [s]
+    v: float  #: [rad/s] of every initial state
+    beta: Array  #: (rows, columns) [rad]
+    gamma: Array  #: (rows, columns) [rad]
+    outcome: Any  #: (rows, columns) index into `OUTCOMES`
+
+    def fractions(self) -> dict[str, tuple[float, float]]:
+        """For each outcome its share of the plane and two standard errors, those of unstratified sampling at most."""
+        count = self.outcome.size
+        shares = {}
+        for index, name in enumerate(OUTCOMES):
+            share = float(numpy.count_nonzero(self.outcome == index)) / count
+            # Nothing seen in n tries: less than 3 / n with 95 %.
+            shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
+        return shares
+
+    def to_dict(self) -> dict[str, object]:
+        shares = self.fractions()
+        return {
+            "omega": str(float(self.omega)),
+            "friction": self.parameters.friction,
+            "states": int(self.outcome.size),
+            "seconds": self.duration,
+            "v": self.v,
+            "fractions": {name: {"value": f"{a:.6f}", "uncertainty": f"{b:.6f}"} for name, (a, b) in shares.items()},
+        }
+
+
+def basins(
+    parameters: Parameters,
+    omega: object,
+    *,
+    count: int = 100_000,
+    duration: float = 20.0,
+    v: float = 0.0,
+    seed: int = 1,
+    executor: Executor | None = None,
+    advance: Callable[[str, int], None] = lambda label, steps: None,
+) -> Basins:
+    """Run ``count`` states (rounded up to a full grid) for ``duration`` [s] and say what each ends on.
+
+    What is undecided then runs on, up to eight times as long.
+
+    With an ``executor`` portions run on it, in any order; the result does not depend on it. Raises InputError for a
+    count, duration, seed or speed that makes no sense.
+    """
+    speed = checked_speed(omega)
+    if not isinstance(count, int) or not 1 <= count <= _MOST_STATES:
+        raise InputError(f"1 to {_MOST_STATES} states can be run, not {shown(count)}")
+    if not _LAST < duration <= 10_000:
+        raise InputError(f"the duration must lie between {_LAST:g} and 10000 s, not {duration:g}")
+    if not abs(v) <= SPEEDS_OF_STATES:
+        raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
+    if not isinstance(seed, int) or seed < 0:
+        raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
+    columns = max(1, math.ceil(math.sqrt(2 * count)))  # gamma's range is twice beta's
+    rows = math.ceil(count / columns)
+    random = numpy.random.default_rng(seed)
+    place = random.random((2, rows, columns))
+    beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi
+    gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
+    states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
+    classify = partial(
+        classified_lanes,
+        parameters=parameters,
+        omega=speed,
+        duration=duration,
+        attractors=Attractors.at(parameters, speed),
+    )
+    outcome = numpy.empty(len(states), dtype=numpy.int8)
+    portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
+    for first, outcomes in _run(portions, classify, executor):
+        outcome[first : first + len(outcomes)] = outcomes
+        advance("states", len(outcomes))
+    return Basins(parameters, speed, duration, v, beta, gamma, outcome.reshape(beta.shape))
+
+
+def _run(
+    portions: list[tuple[int, Any]], classify: Callable[[Any], Any], executor: Executor | None
+) -> Iterator[tuple[int, Any]]:
+    if executor is None:
+        for first, states in portions:
+            yield first, classify(states)
+        return
+    waiting = {executor.submit(classify, states): first for first, states in portions}
+    for portion in as_completed(waiting):
+        yield waiting[portion], portion.result()
+
+
+@dataclass(frozen=True)
+class Attractors:
+    """What orbits that keep standing can end on at one speed, as far as it tells them apart."""
+
+    amplitude: float | None = None  #: gamma_bar_0 of the stable limit cycle [rad]
+    lean: float | None = None  #: |beta - pi/2| of the stable rotating one at gamma = pi/2 [rad]
+    inverted: bool = False  #: whether inverted spinning is stable
+    last: float = _LAST  #: s of crossings that tell which one it is
+
+    @classmethod
+    def at(cls, parameters: Parameters, omega: Fraction) -> Attractors:
+        """Those at a speed [rad/s]; a cycle that is not found is none."""
+        amplitude = lean = None
+        period = 0.0
+        with suppress(NoSuchCycleError, Shortfall):
+            cycle = followed_cycle(parameters, omega, default_engine(), digits=6)
+            if cycle.stable:
+                amplitude, period = float(cycle.gamma_bar_0), float(cycle.period)
+        if amplitude is None:
+            with suppress(NoSuchCycleError, NoConnectionError, Shortfall):
+                rotating = rotating_cycle(parameters, omega, default_engine(), digits=6)
+                lean, period = float(rotating.beta_bar_top), float(rotating.period)
+        stable = is_stable(linearization(parameters, omega))
+        return cls(amplitude, lean, stable, max(_LAST, _PERIODS * period))
+
+    def ending(self, amplitudes: list[float], leans: list[float]) -> str:
+        """What an orbit ends on, by how |gamma - pi/2| where it is upright, or |beta - pi/2|, has changed."""
+        if len(amplitudes) >= 2:
+            before, after = amplitudes[0], amplitudes[-1]
+            if self.amplitude is not None and _closer(before, after, self.amplitude):
+                return "limit cycle"
+            if self.inverted and after < min(0.9 * before, 1.0):
+                return "inverted spinning"
+        elif self.lean is not None and len(leans) >= 2 and _closer(leans[0], leans[-1], self.lean):
+            return "rotating limit cycle"
+        return "undecided"
+
+
+def _closer(before: float, after: float, cycle: float) -> bool:
+    """Whether a coordinate on a section comes closer to the cycle's, or is there."""
+    return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
+
+
+def classified_lanes(
+    states: Any, parameters: Parameters, omega: Fraction, duration: float, attractors: Attractors
+) -> Any:
+    """Outcomes, as indices into `OUTCOMES`, of one portion of states (n, 3)."""
+    outcome = numpy.full(len(states), _UNDECIDED, dtype=numpy.int8)
+    moving = numpy.flatnonzero(numpy.sin(states[:, 0]) > 0)
+    outcome[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
+    now = states[moving]
+    until, elapsed = max(0.0, duration - attractors.last), 0.0
+    while elapsed < _RUN_ON * duration and len(moving):
+        telling = elapsed >= until
+        stretch = attractors.last if telling else min(_STRETCH, until - elapsed)
+        flown = _stretch(parameters, omega, now, stretch, telling=telling)
+        outcome[moving[flown.flat]] = _FLAT_INDEX
+        going = ~flown.flat
+        if telling:
+            for run in numpy.flatnonzero(going).tolist():
+                ending = attractors.ending(flown.amplitudes.get(run, []), flown.leans.get(run, []))
+                outcome[moving[run]] = OUTCOMES.index(ending)
+                going[run] = ending == "undecided"
+        moving, now = moving[going], flown.states[going]
+        elapsed += stretch
+    return outcome
+
+
+@dataclass
+class _Flown:
+    """A stretch of many runs: where they are, whose disk lies flat, and what they passed on the way."""
+
+    states: Any
+    flat: Any
+    amplitudes: dict[int, list[float]]  #: |gamma - pi/2| at beta = pi/2, by run
+    leans: dict[int, list[float]]  #: |beta - pi/2| at gamma = pi/2, by run
+
+    def passed(self, name: str, run: int, state: Any) -> None:
+        """A crossing of one of the events."""
+        if name == _FLAT.name:
+            self.flat[run] = True
+        elif name == _SECTION.name:
+            self.amplitudes.setdefault(run, []).append(_amplitude(float(state[1])))
+        elif math.sin(state[1]) > 0:
+            self.leans.setdefault(run, []).append(abs(float(state[0]) - math.pi / 2))
+
+
+def _stretch(parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool) -> _Flown:
+    """All runs for a while, in lanes; one that its lane cannot finish by the engine that looks closer."""
+    events = (_FLAT, _SECTION, _TOP) if telling else (_FLAT,)
+    count = len(now)
+    flights = default_lanes()(
+        field_constants(parameters),
+        numpy.full(count, float(omega)),
+        now,
+        numpy.full(count, duration),
+        friction=parameters.friction,
+        events=events,
+    )
+    flown = _Flown(flights.states.copy(), numpy.zeros(count, dtype=bool), {}, {})
+    for name, run, _, state in flights.crossings:
+        flown.passed(name, run, state)
+    for run in numpy.flatnonzero(~flights.finished & ~flown.flat).tolist():
+        request = Request(parameters, omega, now[run].tolist(), duration, events=events[1:])
+        result = default_engine()(request)
+        flown.flat[run], flown.states[run] = result.status is not Status.REACHED, result.state
+        flown.amplitudes.pop(run, None)
+        flown.leans.pop(run, None)
+        for record in result.events:
+            flown.passed(record.name, run, record.state)
+    return flown
+
+
+def _amplitude(gamma: float) -> float:
+    """|gamma - pi/2| in the well that the state is in."""
+    return abs((gamma + math.pi / 2) % (2 * math.pi) - math.pi)

@@ -1,1 +1,0 @@
-"""What the flow organises into: scenes, limit cycles, connections. Every function takes the engine to use."""
