@@ -35,6 +35,7 @@ __all__ = ["cycle_in", "cycle_numbers", "cycle_to_digits", "logarithms_bounded",
 
 C = TypeVar("C", bound=Cycle)
 
+_LOST = 3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
 _DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
 #: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
 #: errors as large as the twins', and the half-width is 14 times the error in the median
@@ -58,9 +59,11 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
         cycle = cycle_in(fixed_point, DOUBLE)
         if _lacking(cycle, _DOUBLE_DIGITS) is None:
             return cycle
-        finer = _in_companion(fixed_point)
-        if finer is not None and _lacking(finer, digits) is None:
-            return finer
+    for wider in (companion(DOUBLE), companion(companion(DOUBLE))):
+        if digits + _LOST <= wider.digits:
+            finer = _in_wider(fixed_point, wider)
+            if finer is not None and _lacking(finer, digits) is None:
+                return finer
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
     cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
@@ -80,9 +83,11 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision) -> C:
     return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
 
 
-def _in_companion(fixed_point: FixedPoint[C]) -> C | None:
-    """The cycle in the next wider arithmetic; None if its iteration stands still above what rounding explains."""
-    wider = companion(DOUBLE)
+def _in_wider(fixed_point: FixedPoint[C], wider: Precision) -> C | None:
+    """The cycle in a wider arithmetic, its half-widths from twins in double.
+
+    None if its iteration stands still above what rounding explains.
+    """
     numbers, doubt = _sharpened(fixed_point, wider)
     others = [cycle_numbers(fixed_point, DOUBLE), *_twins(fixed_point, TWINS_OF_WIDER)]
     measured = half_widths_by_twins(numbers, others, wider)

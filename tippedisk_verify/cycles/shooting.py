@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
 from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import FixedPoint, Image, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral_balance import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -30,7 +30,6 @@ C = TypeVar("C", bound=Cycle)
 
 _MOST_STEPS = 25
 _MOST_BESIDE_SADDLE = 12
-_NEAR = 0.003  # of the amplitude, a residual from which secants converge as fast as Newton's iteration does
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
@@ -50,9 +49,6 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
     iteration = NewtonIteration(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     image = return_map(point)
     while not iteration.converged(size := _size(image.residual)):
-        if 1e-12 < size / scale < _NEAR and (ahead := _by_secants(return_map, point, image, iteration.sizes)):
-            point, image = ahead, return_map(ahead)
-            continue
         step, share = newton_step(image.matrix, image.residual), 1.0
         while True:
             ahead = (point[0] + share * step[0], point[1] + share * step[1])
@@ -69,40 +65,6 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
                 raise NoSuchCycleError("the shooting iteration stands still: start closer to the cycle")
         point = ahead
     return FixedPoint(return_map, point, image, tuple(iteration.sizes))
-
-
-def _by_secants(
-    return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, residuals: list[float]
-) -> tuple[Any, Any] | None:
-    """On from a point close to the cycle without further derivatives, until rounding is left; None if that is slow.
-
-    The stopping rule is not that of `newton`: secants are given up as soon as they gain less than a factor of 8.
-
-    Broyden's update keeps the derivative current (C. G. Broyden, Math. Comp. 19, 1965): a flight without variational
-    equations takes a third of the time of one with them.
-    """
-    (a, b), (c, d) = image.matrix
-    step = newton_step(image.matrix, image.residual)
-    resolved = _size(point) * 1e-16
-    while True:
-        point = point[0] + step[0], point[1] + step[1]
-        try:
-            end = return_map.flight(point, divergence=True, events=return_map.section.recorded).state.tolist()
-        except (NoSuchCycleError, InputError):  # some engines have no divergence
-            return None
-        residual = return_map.residual(end, point)
-        before, size = residuals[-1], _size(residual)
-        residuals.append(size)
-        if size > before / 8:
-            return None
-        # The residual's derivative is the map's less 1: what the step left over is the error of that.
-        norm = step[0] * step[0] + step[1] * step[1]
-        by = step[0] / norm, step[1] / norm
-        a, b = a + residual[0] * by[0], b + residual[0] * by[1]
-        c, d = c + residual[1] * by[0], d + residual[1] * by[1]
-        step = newton_step(((a, b), (c, d)), residual)
-        if size * size / before < resolved:  # as much again, and no more is left than rounding
-            return point[0] + step[0], point[1] + step[1]
 
 
 def _size(vector: Sequence[Any]) -> float:
