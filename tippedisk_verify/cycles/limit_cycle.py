@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -27,13 +26,15 @@ _NEXT_TO_A_SADDLE = 20  # bits below 1 of what tells the orbit from the saddle's
 
 
 @dataclass(frozen=True, repr=False)
-class Cycle(Printable, ABC):
+class Cycle(Printable):
     """What the results have in common; each number's half-width holds the truth.
 
     A subclass says where on the cycle its coordinates are taken.
     """
 
     unknowns: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
+    fixed: ClassVar[int]  #: the component of the shifted state that is zero there
+    symmetric: ClassVar[bool]  #: whether the cycle is its own image under the point symmetry
     beside_the_saddle: ClassVar[tuple[str, ...]] = ()  #: names of coordinates that a power of Omega - Omega_h rules
 
     omega: Measured  #: [rad/s]
@@ -57,9 +58,11 @@ class Cycle(Printable, ABC):
         return Measured(Fraction(1), Fraction(0)), self.multiplier_slow, self.log_multiplier_fast.exp()
 
     @property
-    @abstractmethod
-    def _start(self) -> tuple[Measured, Measured, Measured]:
+    def _start(self) -> list[Measured]:
         """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
+        start: list[Measured] = [getattr(self, name) for name in self.unknowns]
+        start.insert(self.fixed, Measured(Fraction(0), Fraction(0)))
+        return start
 
     @cached_property
     def monodromy(self) -> Monodromy:
@@ -81,9 +84,17 @@ class Cycle(Printable, ABC):
             states[:2] += math.pi / 2
         return times, states
 
-    @abstractmethod
     def _states(self, times: Any, engine: Engine) -> Any:
-        """The shifted states (3, n) at times within the period."""
+        """The shifted states (3, n) at times within the period, the second half of a symmetric cycle as the image."""
+        laps = 2 if self.symmetric else 1
+        flight = float(self.period) / laps
+        lap = numpy.minimum(times // flight, laps - 1)
+        dense = self._flown(self.period.value / laps, engine)
+        states = dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52))).astype(float).T
+        if self.symmetric:
+            states[:, lap == 1] *= -1
+            states[:, -1] = states[:, 0]
+        return states
 
     def _flown(self, duration: Fraction, engine: Engine) -> Any:
         """The continuous output of a flight from the start, in the arithmetic that its start needs."""
@@ -122,25 +133,12 @@ class LimitCycle(Cycle):
     gamma oscillates about pi/2 (libration), and the cycle is its own image under the point symmetry.
     """
 
-    unknowns = ("gamma_bar_0", "v_0")
+    unknowns, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
     first = ("omega", "period", *unknowns)
 
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0, its largest value [rad]; v_0 is v there
     dgamma_bar_0_domega: Measured  #: [s]
     dv_0_domega: Measured  #: [1]
-
-    @property
-    def _start(self) -> tuple[Measured, Measured, Measured]:
-        return Measured(Fraction(0), Fraction(0)), self.gamma_bar_0, self.v_0
-
-    def _states(self, times: Any, engine: Engine) -> Any:
-        """The second half is the image of the first under the point symmetry."""
-        half = float(self.period) / 2
-        dense = self._flown(self.period.value / 2, engine)
-        states = dense(numpy.minimum(times % half, half * (1 - 2.0**-52))).astype(float).T
-        states[:, times >= half] *= -1
-        states[:, -1] = states[:, 0]
-        return states
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,7 +149,7 @@ class RotatingCycle(Cycle):
     that leans to the other side, with falling gamma.
     """
 
-    unknowns = ("beta_bar_top", "v_top")
+    unknowns, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
     beside_the_saddle = ("beta_bar_0", "v_0")
     first = ("omega", "period", *unknowns, *beside_the_saddle)
 
@@ -160,13 +158,3 @@ class RotatingCycle(Cycle):
     beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2, next to the saddle [rad]; v_0 is v there
     dbeta_bar_top_domega: Measured  #: [s]
     dv_top_domega: Measured  #: [1]
-
-    @property
-    def _start(self) -> tuple[Measured, Measured, Measured]:
-        return self.beta_bar_top, Measured(Fraction(0), Fraction(0)), self.v_top
-
-    def _states(self, times: Any, engine: Engine) -> Any:
-        """From gamma = pi/2 on, over a whole turn."""
-        whole = float(self.period)
-        dense = self._flown(self.period.value, engine)
-        return dense(numpy.minimum(times, whole * (1 - 2.0**-52))).astype(float).T

@@ -1,7 +1,7 @@
 """One stopping rule for Newton and chord iterations; what a step is stands where it is taken.
 
-Three iterations have rules of their own: that of `batch_shooting`, which ends lane by lane; the secants of `periodic`,
-which may be given up; and that of harmonic balance in `theory`, which shares nothing with shooting on purpose.
+Two iterations have rules of their own: that of `batch_shooting`, which ends lane by lane; and that of harmonic balance
+in `theory`, which shares nothing with shooting on purpose.
 """
 
 from __future__ import annotations

@@ -49,8 +49,6 @@ class Section(Generic[C]):
 
     name: str
     result: type[C]  #: what a fixed point of the return map is
-    fixed: int  #: the component of the state that is zero on the section
-    free: tuple[int, int]  #: the other two, a point's coordinates
     passed: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
     ends: Event  #: ends a flight
     turns: int  #: by how many times 2 pi the fixed component grows in a flight
@@ -61,6 +59,16 @@ class Section(Generic[C]):
     no_return: str  #: what an orbit that does not come back is told
     measures: tuple[Measure, ...]  #: what the events of a flight tell
     saddle_scale: Callable[[Any], float]  #: of coordinates next to a saddle, at most 1; its square is the speed's
+
+    @property
+    def fixed(self) -> int:
+        """The component of the state that is zero on the section."""
+        return self.result.fixed
+
+    @property
+    def free(self) -> tuple[int, int]:
+        """The other two, a point's coordinates."""
+        return (1, 2) if self.fixed == 0 else (0, 2)
 
     @property
     def names(self) -> tuple[str, str]:
@@ -101,8 +109,6 @@ _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
 LIBRATING = Section(
     name="librating",
     result=LimitCycle,
-    fixed=0,
-    free=(1, 2),
     passed=-1,
     ends=RETURNS,
     turns=0,
@@ -120,8 +126,6 @@ LIBRATING = Section(
 ROTATING = Section(
     name="rotating",
     result=RotatingCycle,
-    fixed=1,
-    free=(0, 2),
     passed=1,
     ends=ROUND,
     turns=1,
