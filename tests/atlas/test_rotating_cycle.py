@@ -10,7 +10,8 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_branch, rotating_cycle
+from tippedisk_verify.atlas.branch import rotating_branch
+from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.spectral_fold import spectral_fold

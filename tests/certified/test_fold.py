@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 
 from tests.certified.test_statements import is_about
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.certified.balls import arb
 from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, _extremum, prove_fold
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold

@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.atlas.rotating_cycle import of_family, rotating_branch
+from tippedisk_verify.atlas.branch import rotating_branch
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cycles.batch_shooting import ROTATING
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
@@ -50,7 +51,7 @@ def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) 
     assert singly == [(speeds[0], True), (speeds[0], False), (speeds[-1], True)]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        alone = of_family(family, Fraction(omega), stable=side, digits=12)
+        (alone,) = locator(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
         for name in ROTATING.numbers:
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (name, omega)

@@ -8,7 +8,7 @@ import numpy
 import pytest
 
 from tests.problems import SETS
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.errors import InputError

@@ -78,12 +78,12 @@ def orbit(
     unguessed = None if radius is None else failed_interval(parameters, value, radius)
     start: tuple[object, object] | None = guess
     if start is None:
-        from tippedisk_verify.cycles.continuation import followed_cycle
+        from tippedisk_verify.atlas.cycles_at_speed import cycle_at
         from tippedisk_verify.flow import default_engine
 
         try:
             stable = False if unstable else None
-            cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
+            cycle = cycle_at(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
             failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
             print_result(common, failed.to_dict())
@@ -150,7 +150,7 @@ def _rotating(
     certificate: Path | None,
 ) -> int:
     """Prove a rotating cycle."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
     from tippedisk_verify.certified.cycle import Status
     from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
     from tippedisk_verify.flow import default_engine

@@ -167,7 +167,7 @@ def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
 
 def _librating(common: Common, asked: _Asked) -> dict[str, object]:
     """A cycle about inverted spinning, as JSON."""
-    from tippedisk_verify.connection.near_connection import cycle_above, cycle_at
+    from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
     from tippedisk_verify.flow import default_engine
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
@@ -182,7 +182,7 @@ def _librating(common: Common, asked: _Asked) -> dict[str, object]:
 
 def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
     """A rotating cycle, as JSON."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
     from tippedisk_verify.flow import default_engine
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
@@ -207,8 +207,7 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
     """The family of limit cycles from Omega_crit towards Omega_h, through any folds, or of the rotating ones."""
-    from tippedisk_verify.atlas import branch as librating
-    from tippedisk_verify.atlas import rotating_cycle as rotations
+    from tippedisk_verify.atlas import branch as families
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.progress import watched
@@ -230,11 +229,11 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     speeds = None if omegas is None else omegas.split(",")
     family: Iterator[LimitCycle | RotatingCycle]
     if rotating:
-        total = 2 * len(speeds) if speeds else rotations.DEFAULT_COUNT
-        family = rotations.rotating_branch(common.parameters, engine, speeds)
+        total = 2 * len(speeds) if speeds else families.DEFAULT_ROTATIONS
+        family = families.rotating_branch(common.parameters, engine, speeds)
     else:
-        total = 801 if paper_sets else len(speeds) if speeds else librating.DEFAULT_COUNT
-        family = librating.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
+        total = 801 if paper_sets else len(speeds) if speeds else families.DEFAULT_COUNT
+        family = families.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
     cycles: list[LimitCycle | RotatingCycle] = list(watched(family, "limit cycles", total, not common.quiet))
     if target is not None:
         write_branch(cycles, target)
@@ -255,7 +254,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
             f"{line}  {'proved' if entries['proved'] else 'half-widths measured, not proved'}"
             for line, (entries, _) in zip(list(lines), proofs, strict=True)
         )
-    folds = _folds(common, rotating, total >= librating.MANY and common.parameters.friction == "linear")
+    folds = _folds(common, rotating, total >= families.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
     entries: list[object] = [fold.to_dict() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}

@@ -2,6 +2,8 @@
 
 By the point symmetry S the flow to the next crossing (v > 0), followed by S, is a map of the section into itself whose
 square is the return map. A fixed point is a symmetric limit cycle.
+
+Compatibility: this file goes when the families use `section` and `return_map`.
 """
 
 from __future__ import annotations
@@ -11,20 +13,16 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
+from tippedisk_verify.cycles.return_map import newton_step
+from tippedisk_verify.cycles.section import EXTREME, RETURNS, VARIATIONS
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import SECTION, TURN, Engine, Event, Request, Result, Status, Variation
+from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["EXTREME", "RETURNS", "VARIATIONS", "HalfFlights", "HalfMap", "half_map", "newton_step"]
 
-#: The next crossing of the section.
-RETURNS = Event("returns", SECTION.function, direction=-1)
-#: Where beta is extreme.
-EXTREME = Event("extreme", TURN.function, terminal=False)
-#: beta too: with four, heyoka differentiates in reverse, with less work.
-VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 _LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 
 
@@ -184,10 +182,3 @@ def half_map(
     """The map and its derivatives at one (gamma_bar, v). Raises NoSuchCycleError without a return."""
     start = tuple(precision.number(part) for part in state)
     return HalfFlights(parameters, omega, engine, precision).map(start)
-
-
-def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
-    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
-    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
-    determinant = a * d - b * c
-    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant

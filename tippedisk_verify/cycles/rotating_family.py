@@ -16,7 +16,8 @@ from itertools import count
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.turn_map import ROUND, TurnFlights
+from tippedisk_verify.cycles.section import ROUND
+from tippedisk_verify.cycles.turn_map import TurnFlights
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.exact import Exact, fraction

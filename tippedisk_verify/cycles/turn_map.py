@@ -2,6 +2,8 @@
 
 A fixed point is a rotating limit cycle: beta_bar > 0 throughout, and gamma grows by 2 pi a period. The point symmetry
 takes it to the cycle that rotates the other way. The section lies opposite the saddle, where gamma' is far from zero.
+
+Compatibility: this file goes when the families use `section` and `return_map`.
 """
 
 from __future__ import annotations
@@ -9,17 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from tippedisk_verify.cycles.half_map import EXTREME, HalfFlights
+from tippedisk_verify.cycles.half_map import HalfFlights
 from tippedisk_verify.cycles.limit_cycle import RotatingCycle
+from tippedisk_verify.cycles.section import BOTTOM, EXTREME, ROUND
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Event, Request, Result, Status
+from tippedisk_verify.flow.contract import Request, Result, Status
 
 __all__ = ["BOTTOM", "ROUND", "TurnFlights", "TurnMap"]
-
-#: gamma = pi/2 modulo 2 pi, passed upward.
-ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1)
-#: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
-BOTTOM = Event("bottom", ROUND.function, direction=1, terminal=False)
 
 
 class TurnMap(NamedTuple):

@@ -1,0 +1,186 @@
+"""The return map of a section: where the flow and the section's symmetry take its points, with derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.section import VARIATIONS, Section
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
+from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, Precision
+
+__all__ = ["FixedPoint", "Image", "ReturnMap", "newton_step"]
+
+C = TypeVar("C", bound=Cycle)
+
+_LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
+_OFF = 1.0  # rad; the section's copies are at least a quarter of a turn apart
+
+
+class Image(NamedTuple):
+    """One point's image under the return map P, with P's derivatives by the section's two coordinates and by Omega."""
+
+    time: Any  #: flight time [s]
+    residual: tuple[Any, Any]  #: the coordinates after the map minus before
+    matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: P'
+    by_omega: tuple[Any, Any]  #: of P
+    time_by_state: tuple[Any, Any]  #: derivatives of the flight time by the coordinates
+    time_by_omega: Any
+    flow: Any  #: the flow's derivatives at fixed time, (beta, gamma, v) by (beta, gamma, v, Omega)
+
+    @property
+    def fixed_point_by_omega(self) -> tuple[Any, Any]:
+        """Derivatives of the coordinates by Omega along the family, if this is a fixed point."""
+        return newton_step(self.matrix, self.by_omega)
+
+    @property
+    def time_along_family(self) -> Any:
+        """The derivative of the flight time by Omega along the family, if this is a fixed point."""
+        first, second = self.fixed_point_by_omega
+        return self.time_by_state[0] * first + self.time_by_state[1] * second + self.time_by_omega
+
+
+class ReturnMap(Generic[C]):
+    """The return map of one disk at one speed, in one arithmetic.
+
+    Flights and images raise NoSuchCycleError for a start with coordinates that the section does not have, and where the
+    orbit does not come back to the section.
+    """
+
+    def __init__(
+        self,
+        section: Section[C],
+        parameters: Parameters,
+        omega: Any,
+        engine: Engine,
+        precision: Precision = DOUBLE,
+    ) -> None:
+        self.section, self.parameters, self.omega = section, parameters, omega
+        self.engine, self.precision = engine, precision
+        self._omega = precision.number(omega)  # once, not at every start
+        self._rates = field(shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction)
+        self._growth = precision.number(0) + 2 * section.turns * precision.pi
+        # Past the section by far less than rounding: of a function that is zero to the last bit at the start, heyoka
+        # sees no other crossing in its first step. (With the fourth power MPFR's numbers would lose memory.)
+        self._edge = precision.number(section.passed * precision.epsilon**2)
+        self._varied: Request | None = None
+        self._requests: dict[tuple[bool, tuple[Event, ...]], Request] = {}
+
+    def within(self, precision: Precision) -> ReturnMap[C]:
+        """The same map in another arithmetic."""
+        return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
+
+    def flight(
+        self,
+        point: Sequence[Any],
+        *,
+        divergence: bool = False,
+        events: tuple[Event, ...] = (),
+        rounding: int | None = None,
+    ) -> Result:
+        """From a point to the section's next crossing, without derivatives."""
+        key = (divergence, events)
+        if key not in self._requests:
+            self._requests[key] = self._request(point, divergence=divergence, events=(self.section.ends, *events))
+        return self._run(self._requests[key].starting_at(self._state(point), rounding))
+
+    def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
+        """The image of a point, by the variational equations."""
+        if self._varied is None:
+            self._varied = self._request(point, variations=VARIATIONS, events=(self.section.ends,))
+        result = self._run(self._varied.starting_at(self._state(point), rounding))
+        rows, end = result.derivatives, result.state
+        if self.precision == DOUBLE:  # Python's own floats: arithmetic on numpy's scalars takes longer
+            rows, end = rows.tolist(), end.tolist()
+        fixed, free, image = self.section.fixed, self.section.free, self.section.image
+        arrival = [*end]
+        arrival[fixed] = self._growth
+        rates = self._rates(*arrival)
+        # Time moves with start and speed, dt = -d(fixed component) / its rate, and takes the coordinates along.
+        times = [-entry / rates[fixed] for entry in rows[fixed]]
+        first, second = (
+            [image * (entry + rates[axis] * moved) for entry, moved in zip(rows[axis], times, strict=True)]
+            for axis in free
+        )
+        a, b = free
+        return Image(
+            time=result.time,
+            residual=self.residual(end, point),
+            matrix=((first[a], first[b]), (second[a], second[b])),
+            by_omega=(first[3], second[3]),
+            time_by_state=(times[a], times[b]),
+            time_by_omega=times[3],
+            flow=rows,
+        )
+
+    def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
+        """The image's coordinates, given where the flow arrives, less those of the point."""
+        (a, b), image = self.section.free, self.section.image
+        return image * end[a] - point[0], image * end[b] - point[1]
+
+    def measures(self, flight: Result) -> dict[str, Any]:
+        """What a flight with the section's ``recorded`` events tells of the cycle besides its coordinates."""
+        return self.section.measured(((one.name, one.state) for one in flight.events), abs(0 * flight.time))
+
+    def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
+        """The multiplier along the flow, 1 but for rounding.
+
+        It is the Rayleigh quotient of the flow followed by the linear part of the symmetry, on the flow's direction at
+        the start.
+        """
+        rates = self._rates(*self._state(point))
+        moved = (sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow)
+        along = sum(a * b for a, b in zip(moved, rates, strict=True))
+        return self.section.image * along / sum(rate * rate for rate in rates)
+
+    def _state(self, point: Any) -> list[Any]:
+        """(beta_bar, gamma_bar, v) of a point on the section."""
+        state = [*point]
+        state.insert(self.section.fixed, self._edge)
+        return state
+
+    def _request(self, point: Sequence[Any], **needs: Any) -> Request:
+        return Request(
+            self.parameters,
+            self._omega,
+            self._state(point),
+            _LONGEST_FLIGHT,
+            shifted=True,
+            precision=self.precision,
+            domain="none",
+            **needs,
+        )
+
+    def _run(self, request: Request) -> Result:
+        section = self.section
+        first, second = (float(request.state[axis]) for axis in section.free)  # type: ignore[arg-type]
+        if not section.possible(first, second):
+            raise NoSuchCycleError(section.impossible)
+        result = self.engine(request)
+        if result.status is not Status.EVENT:
+            raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
+        if abs(float(result.state[section.fixed] - self._growth)) > _OFF:
+            raise NoSuchCycleError(section.no_return)
+        return result
+
+
+@dataclass(frozen=True)
+class FixedPoint(Generic[C]):
+    """Where an iteration for a fixed point of a return map ended, and how it went."""
+
+    return_map: ReturnMap[C]
+    point: tuple[Any, Any]  #: the coordinates on the section
+    image: Image  #: of the point, or of one that it has not left by more than the last step
+    residuals: tuple[float, ...]  #: their sizes, step by step
+
+
+def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
+    """Solve (1 - P') step = residual for the two unknowns, in the arithmetic of the residual."""
+    a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
+    determinant = a * d - b * c
+    return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
