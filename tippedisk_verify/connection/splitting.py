@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 
@@ -107,6 +107,8 @@ class SplittingFunction:
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
         self.evaluations = 0
+        self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
+        self.speed = near  #: that was asked for last
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
@@ -128,7 +130,6 @@ class SplittingFunction:
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
         self.evaluations += 1
-        #: The splitting at the speed asked for last, and that speed.
         self.latest, self.speed = Splitting(u, s, t, abs(s) ** (-unstable / slow)), omega
         return self.latest
 
@@ -238,24 +239,28 @@ def _stages(wanted: int) -> list[Precision]:
 
 
 def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
-    omega, slope, slope_error, evaluations = near, None, Fraction(0), 0
+    omega, evaluations = _cut(near, stages[0]), 0
     splitting_at: SplittingFunction | None = None
+    slope: _Slope | None = None
     for precision in stages:
-        splitting_at = SplittingFunction(parameters, _cut(omega, precision), engine, precision, coarser=splitting_at)
-        omega, slope, slope_error = _newton(splitting_at, _cut(omega, precision), slope, slope_error)
+        splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
+        omega, slope = _newton(splitting_at, omega, slope)
         evaluations += splitting_at.evaluations
+    assert splitting_at
+    assert slope
+    steepness = abs(slope.value)
     wider = companion(precision)
     finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)
-    shift = abs(check.carried / slope)
+    shift = abs(check.carried) / steepness
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
-    fast = 10 * fraction(check.t) ** 2 * fraction(check.growth) / abs(slope)
+    fast = 10 * fraction(check.t) ** 2 * fraction(check.growth) / steepness
     return SplittingZero(
         omega_h=Measured(omega, shift * DISTANCES + fast + omega * precision.epsilon),
         budget={
             "series, flow and rounding, by a wider run": float(shift),
             "fast direction beyond first order": float(fast),
-            "truncation of the series": splitting_at.truncation * float(splitting_at.latest.growth / abs(slope)),
+            "truncation of the series": splitting_at.truncation * float(splitting_at.latest.growth) / float(steepness),
             "last rounding": float(omega * precision.epsilon),
         },
         evaluations=evaluations + 1,
@@ -264,10 +269,15 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequen
     )
 
 
-def _newton(
-    splitting_at: SplittingFunction, omega: Fraction, slope: Fraction | None, slope_error: Fraction
-) -> tuple[Fraction, Fraction, Fraction]:
-    """The zero in one arithmetic, the slope there and its relative error: from the slope given, or a difference.
+class _Slope(NamedTuple):
+    """d(u)/d(Omega), carried back to s = 1 [s/rad], and what it may be off, relative to itself."""
+
+    value: Fraction
+    error: Fraction
+
+
+def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None) -> tuple[Fraction, _Slope]:
+    """The zero in one arithmetic and the slope next to it, from the slope of a coarser arithmetic or a difference.
 
     Chords come first; from the second one on the slope is the secant's. The iteration ends where the next step would
     be below a thousand roundings: what is left then is measured by the wider run.
@@ -277,19 +287,18 @@ def _newton(
     for _ in range(_MOST_STEPS):
         value = splitting_at(omega).carried
         if slope is None:
-            slope, slope_error = splitting_at.slope(), 1000 * splitting_at.step
+            slope = _Slope(splitting_at.slope(), 1000 * splitting_at.step)
         elif previous is not None and previous[0] != omega:
-            step = abs(omega - previous[0])
-            secant, error = (value - previous[1]) / (omega - previous[0]), _BENDS * step + 1000 * resolution / step
-            if error < slope_error:
-                slope, slope_error = secant, error
-        if not slope:
+            step = omega - previous[0]
+            secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))
+            slope = min(slope, secant, key=lambda one: one.error)
+        if not slope.value:
             raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
-        change = -value / slope
+        change = -value / slope.value
         previous = omega, value
         omega = _cut(omega + change, splitting_at.precision)
-        if abs(change) * max(_BENDS * abs(change), slope_error) < 1000 * resolution:
-            return omega, slope, slope_error
+        if abs(change) * max(_BENDS * abs(change), slope.error) < 1000 * resolution:
+            return omega, slope
     raise Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
 
 
