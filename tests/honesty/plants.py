@@ -26,7 +26,7 @@ PLANTS = {
     "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.branch_budget:BranchBudget.half_widths": "branch",
-    "atlas.cycles_at_speed:with_speed": "next to Omega_h",
+    "connection.near_connection:with_speed": "next to Omega_h",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "connection.limit_of_cycles:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",

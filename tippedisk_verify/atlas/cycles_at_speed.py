@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import replace
 from fractions import Fraction
 from typing import TypeVar
 
-from tippedisk_verify.atlas.locator import Location, locator
+from tippedisk_verify.atlas.locator import Location, Start, locator
+from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
@@ -23,10 +23,10 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
+from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
-__all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle", "with_speed"]
+__all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -94,7 +94,11 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     if distance >= room:
         raise NoSuchCycleError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
     omega_h = splitting_zero(parameters, known.omega_h, engine, wanted).omega_h
-    location = known.librating(omega_h.value + distance, omega_h.value)
+    omega = omega_h.value + distance
+    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
+        location = Location(LIBRATING, parameters, engine, omega, (Start(None),), "", omega_h.value)
+    else:
+        location = known.librating(omega, omega_h.value)
     return _at_distance(location, omega_h, distance, room, digits)
 
 
@@ -120,7 +124,8 @@ def _at_distance(location: Location[C], omega_h: Measured, distance: Fraction, r
     """The cycle on the piece next to the connection, which is a family's last, or its only stable one."""
     if not location.starts:
         raise NoSuchCycleError(location.refusal)
-    cycle = with_speed(location.cycle(location.starts[-1], digits), omega_h, distance, room)
+    cycle = location.cycle(location.starts[-1], digits)
+    cycle = with_speed(cycle, location.section, omega_h, distance, room, location.engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return cycle
@@ -159,42 +164,3 @@ def _checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, 
         )
     # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
     return value, zeros + digits + 6
-
-
-def with_speed(cycle: C, omega_h: Measured, above: Fraction, room: Fraction) -> C:
-    """The cycle ``above`` Omega_h (a rotating one: below it), its half-widths with what the speed's own does to them.
-
-    ``room`` is Omega_crit - Omega_h [rad/s], for rotating cycles their fold's distance from Omega_h. With d the
-    distance to the nearer end of the branch, close to which the numbers follow powers and logarithms of d, the
-    logarithms of the multipliers change by at most about 2 / d of themselves per unit of speed, and so do the
-    sensitivities, but for the middle of the branch, where those may vanish and change by what the number itself is to
-    the square of the room. beta_max is the connection's own, plus what changes in proportion to Omega - Omega_h, or to
-    its power -lambda_s / lambda_u if that is less than 1; towards Omega_crit it falls like a square root.
-    """
-    uncertainty = omega_h.uncertainty
-    changes: dict[str, Measured] = {"omega": Measured(cycle.omega.value, uncertainty)}
-
-    def widened(name: str, change: Fraction) -> None:
-        number = getattr(cycle, name)
-        changes[name] = Measured(number.value, number.uncertainty + change)
-
-    share = 2 * uncertainty / min(above, room - above)
-    for name in ("period", *cycle.unknowns):
-        slope = f"d{name}_domega"
-        size, steep = abs(getattr(cycle, name).value), abs(getattr(cycle, slope).value)
-        widened(name, 2 * steep * uncertainty)
-        widened(slope, (steep + 2 * size / room) * share)
-    for name in ("log_multiplier_slow", "log_multiplier_fast"):
-        widened(name, abs(getattr(cycle, name).value) * share)
-    widened("multiplier_slow", abs(cycle.multiplier_slow.value * cycle.log_multiplier_slow.value) * share)
-    for name in cycle.beside_the_saddle:
-        widened(name, abs(getattr(cycle, name).value) * share)
-    unstable, slow, _ = (
-        float(value.re) for value in equilibrium(cycle.parameters, omega_h.value, "noninverted").eigenvalues
-    )
-    distances = (
-        math.log10(room.numerator / room.denominator) - math.log10(above.numerator) + math.log10(above.denominator)
-    )
-    steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
-    widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
-    return replace(cycle, **changes)  # type: ignore[arg-type]

@@ -14,19 +14,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.limit_of_cycles import resolving
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily, Place, amplitude
-from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
+from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.rotating_family import RotatingFamily, unstable_top
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting import shoot, shoot_beside_saddle
+from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
@@ -76,9 +75,7 @@ class Location(Generic[C]):
         """
         if start.guess is None:
             assert self.omega_h is not None
-            beside: Any = cycle_near if self.section is LIBRATING else _rotating_near
-            cycle: C = beside(self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
-            return cycle
+            return cycle_near(self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits)
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
             cycle = cycle_to_digits(shoot(return_map, start.guess), digits)
@@ -193,20 +190,6 @@ def _is_stable(cycle: Cycle) -> bool:
 
 def _is_unstable(cycle: Cycle) -> bool:
     return cycle.stable is False
-
-
-def _rotating_near(
-    parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, *, digits: int
-) -> RotatingCycle:
-    """The stable cycle a little below ``omega_h``, which needs some digits of their distance.
-
-    It passes the saddle so closely that it leaves along the unstable branch: that is where it is looked for.
-    """
-    precision = resolving(parameters, omega_h, omega_h - omega, digits + 4)
-    return_map = ReturnMap(ROTATING, parameters, omega, engine, precision)
-    below = precision.number(omega_h - omega)
-    guess = unstable_top(parameters, omega, engine, precision)
-    return cycle_in(shoot_beside_saddle(return_map, guess, lambda point: (below, below)), precision)
 
 
 class _Own(threading.local):

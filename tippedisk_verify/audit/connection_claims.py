@@ -28,7 +28,7 @@ _OFFSET = Fraction(1, 10**6)  # rad, from the saddle; no quadratic terms there, 
 def _infinite_period(audit: Audit, name: str) -> tuple[str, bool]:
     """The local slope of T against log(Omega - Omega_h) at the end of the family in double, against the law."""
     descent = PeriodContinuation(audit.sets[name], audit.engine)
-    above, here = float(descent.above), descent.here
+    above, here = float(descent.above), descent.latest
     growth = float(audit.connection(name).saddle_eigenvalues[0])
     # dT / d(log D) = 2 D / (d(Omega) / d(T / 2)).
     ratio = 2 * above / float(here.slopes[2]) * growth / -2

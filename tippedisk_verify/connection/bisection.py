@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import Literal
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
@@ -36,6 +37,7 @@ _OFFSET = Fraction(1, 2**17)
 #: At which the baseline is asked again: its own is 1e-13.
 _TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
 _SPREADS = 4
+_KEPT = 256  # connections
 _LONGEST = 60.0  # s; a passage within 1e-16 of the saddle takes less than 12 s at these eigenvalues
 
 
@@ -83,8 +85,9 @@ def unstable_branch(
     )
 
 
+@lru_cache(maxsize=_KEPT)
 def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
-    """Omega_h by bisection on what the unstable branch does, to the last digits of double precision.
+    """Omega_h by bisection on what the unstable branch does, to the last digits of double; kept once it is found.
 
     With the Taylor engine the bracket is then confirmed: at both its ends the branch is followed again in a wider
     arithmetic, from a start eight times closer to the saddle, and the half-width grows until both outcomes stand.

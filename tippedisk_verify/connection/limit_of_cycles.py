@@ -11,8 +11,6 @@ import math
 from fractions import Fraction
 from typing import Any
 
-import numpy
-
 from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
 from tippedisk_verify.cycles.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
@@ -20,11 +18,11 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits, bits_for_digits
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
-__all__ = ["PeriodContinuation", "PeriodLaw", "limit_of_cycles", "resolving"]
+__all__ = ["PeriodAsymptotics", "PeriodContinuation", "limit_of_cycles", "resolving"]
 
 _SMALLEST_IN_DOUBLE = 1e-7  # Omega - Omega_h [rad/s] down to which double has the slopes to a few digits
 _MOST_CYCLES = 60
@@ -38,27 +36,15 @@ class PeriodContinuation:
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
         self._points = _in_double(parameters, engine)
-        self.here, self.solved = self._points[-1], len(self._points)
-        self.law = PeriodLaw(parameters, self._points[-2], self.here, DOUBLE)
+        self.latest, self.solved = self._points[-1], len(self._points)
+        self.asymptotics = PeriodAsymptotics(parameters, self._points[-2], self.latest, DOUBLE)
         #: The last change of the limit [rad/s]; the error of the present one is a small part of it.
-        self.change = abs(fraction(self.here.omega) - self.law.omega_h)
+        self.change = abs(fraction(self.latest.omega) - self.asymptotics.omega_h)
 
     @property
     def above(self) -> Fraction:
         """Omega - Omega_h of the last cycle [rad/s], negative where cycles lie below."""
-        return fraction(self.here.omega) - self.law.omega_h
-
-    def nearest(self, above: Fraction) -> tuple[float, float]:
-        """(gamma_bar_0, v_0) at Omega_h + ``above``, interpolated in logarithms between cycles found in double."""
-        side = math.copysign(1.0, self.above)
-        distances = [side * float(fraction(point.omega) - self.law.omega_h) for point in self._points]
-        # Those on the way to the connection, and not beyond a fold.
-        known = [k for k, distance in enumerate(distances) if 0 < distance <= min(distances[: k + 1])][::-1]
-        at = math.log(abs(float(above)))
-        logs = numpy.log([distances[k] for k in known])
-        left = numpy.log([math.pi - float(self._points[k].gamma_bar_0) for k in known])
-        speed = numpy.log([-float(self._points[k].v_0) for k in known])
-        return math.pi - math.exp(numpy.interp(at, logs, left)), -math.exp(numpy.interp(at, logs, speed))
+        return fraction(self.latest.omega) - self.asymptotics.omega_h
 
     def further(self, least: Fraction) -> None:
         """One more cycle, as far ahead as the law allows, but not closer to Omega_h than ``least`` [rad/s].
@@ -69,15 +55,15 @@ class PeriodContinuation:
         ahead = max(100 * self.change, least)
         if not ahead < abs(self.above):
             ahead = abs(self.above) / 4
-        precision = resolving(self.parameters, self.law.omega_h, ahead, 12)
-        half_period, guess = self.law.at(ahead if self.above > 0 else -ahead, self.here, precision)
+        precision = resolving(self.parameters, self.asymptotics.omega_h, ahead, 12)
+        half_period, guess = self.asymptotics.at(ahead if self.above > 0 else -ahead, self.latest, precision)
         try:
             point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
             raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
-        law = PeriodLaw(self.parameters, self.here, point, precision)
-        self.change, self.law = abs(law.omega_h - self.law.omega_h), law
-        self.here, self.solved = point, self.solved + 1
+        asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
+        self.change, self.asymptotics = abs(asymptotics.omega_h - self.asymptotics.omega_h), asymptotics
+        self.latest, self.solved = point, self.solved + 1
         if self.solved > _MOST_CYCLES:
             raise Shortfall(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
 
@@ -90,10 +76,11 @@ def resolving(parameters: Parameters, near: Fraction, above: Fraction, digits: i
     """
     unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, near, "noninverted").eigenvalues)
     power = 1 + unstable / (unstable - slow)
-    return bits(bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -_log10(abs(above))))))
+    needed = bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -log10(abs(above)))))
+    return QUADRUPLE if needed <= QUADRUPLE.bits else bits(needed)
 
 
-def _log10(value: Fraction) -> float:
+def log10(value: Fraction) -> float:
     return math.log10(value.numerator) - math.log10(value.denominator)
 
 
@@ -106,7 +93,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
     """
     descent = PeriodContinuation(parameters, engine)
     while True:
-        omega_h = descent.law.omega_h
+        omega_h = descent.asymptotics.omega_h
         descent.further(omega_h / 10 ** (digits + 3))
         half_width = descent.change * DISTANCES
         if half_width <= omega_h / 10**digits:
@@ -129,7 +116,7 @@ def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
     return points
 
 
-class PeriodLaw:
+class PeriodAsymptotics:
     """The three-term law through two cycles."""
 
     def __init__(self, parameters: Parameters, before: PeriodPoint, here: PeriodPoint, precision: Precision) -> None:

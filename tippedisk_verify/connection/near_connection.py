@@ -1,63 +1,173 @@
-"""Limit cycles so close to Omega_h that doubles see nothing of them: at Omega_h + D, with D down to 1e-100 and below.
+"""Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to 1e-800 rad/s.
 
-Omega_h itself must be known to more digits than D has zeros; the manifolds' splitting provides it. The family followed
-in its period predicts the cycle, and shooting in an arithmetic chosen from D corrects it.
+Omega_h itself must be known to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
+saddles so closely that it leaves them along the unstable branch. Where the saddle value is negative the return map
+contracts like D^(-lambda_s / lambda_u - 1), so that the branch itself arrives next to the fixed point, and Broyden's
+iteration needs no derivative to begin with. Else the family followed in its period predicts the cycle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
-from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, resolving
-from tippedisk_verify.cycles.error_budget import cycle_in
-from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.shooting import limit_cycle, shoot_beside_saddle
-from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, log10, resolving
+from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
+from tippedisk_verify.cycles.section import LIBRATING, Section
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["DOUBLE_SHOOTS", "cycle_near"]
+__all__ = ["DOUBLE_SHOOTS", "cycle_near", "with_speed"]
+
+C = TypeVar("C", bound=Cycle)
 
 DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
+_STRONG = -1.0  # decimal logarithm of a contraction that needs no derivative
+_MOST_STEPS = 25
+_NEAR = 1e-6  # relative; a step that no longer shrinks below it is rounding
+_WIDER = 24  # bits; that the wider run is more than half as wrong by chance has a probability of 2^-23
+_LONGEST_FLIGHT = 200.0  # s
+_MOVED = Fraction(1, 1000)  # of the distance from the nearer end of the branch
 
 
 def cycle_near(
+    section: Section[C],
     parameters: Parameters,
     omega: Fraction,
     omega_h: Fraction,
     engine: Engine,
     *,
     digits: int = 12,
-) -> LimitCycle:
-    """The limit cycle at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs some digits.
+) -> C:
+    """The cycle of the section's kind at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs digits.
 
-    It lies above, or below where the saddle value is positive.
-
-    Raises NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. Raises
+    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
     """
-    above = omega - omega_h
-    if abs(above) > DOUBLE_SHOOTS:
-        guess = PeriodContinuation(parameters, engine).nearest(above)
-        return limit_cycle(parameters, omega, engine, digits=digits, guess=guess)
-    precision = resolving(parameters, omega_h, above, digits + 4)
-    return_map = ReturnMap(LIBRATING, parameters, omega, engine, precision)
-    # Until the distance from the saddle has six digits or more.
-    fixed_point = shoot_beside_saddle(
-        return_map, _predicted(parameters, above, engine), lambda point: (precision.pi - point[0], -point[1])
+    distance = abs(omega - omega_h)
+    precision = resolving(parameters, omega_h, distance, digits + 4)
+    return_map = ReturnMap(section, parameters, omega, engine, precision)
+    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
+    if log10(distance) * (-slow / unstable - 1) < _STRONG:
+        point = _end_of_branch(return_map)
+        zero = 0 * point[0]
+        matrix: Any = ((zero, zero), (zero, zero))
+    else:
+        predicted = _predicted(return_map, omega - omega_h) if section is LIBRATING else _end_of_branch(return_map)
+        point = (precision.number(predicted[0]), precision.number(predicted[1]))
+        matrix = return_map(point).matrix
+    return cycle_in(_fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER))
+
+
+def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
+    """Where a saddle's unstable branch meets the section, as the coordinates of a point.
+
+    The branch starts on its power series, so far out that its truncation is below rounding. Raises NoSuchCycleError if
+    it does not arrive.
+    """
+    section, precision = return_map.section, return_map.precision
+    saddle = Saddle(return_map.parameters, return_map.omega, precision.bits + 16, 7)
+    distance = saddle.context.ldexp(1, -(precision.bits // 6))
+    # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
+    side = section.image
+    beta, gamma, v = (side * fraction(curve.at(distance)) for curve in saddle.unstable_curve)
+    result = return_map.engine(
+        Request(
+            return_map.parameters,
+            return_map.omega,
+            (beta, Exact(gamma, Fraction(-side)), v),
+            _LONGEST_FLIGHT,
+            shifted=True,
+            precision=precision,
+            divergence=True,  # for what the cycle's own flights are built for
+            events=(section.ends, *section.recorded),
+            domain="none",
+        )
     )
-    return cycle_in(fixed_point, precision)
+    if result.status is not Status.EVENT:
+        raise NoSuchCycleError(f"the saddle's unstable branch does not come to the section: {result.status.value}")
+    return return_map.residual(result.state, (0, 0))
 
 
-def _predicted(parameters: Parameters, above: Fraction, engine: Engine) -> Sequence[Any]:
-    """(gamma_bar_0, v_0) near the cycle, by the family followed down to about the square root of ``above``."""
-    descent = PeriodContinuation(parameters, engine)
-    if abs(above) >= abs(descent.above):
-        return descent.nearest(above)
-    while 100 * descent.change >= abs(above):
-        descent.further(4 * abs(above))
-    precision = resolving(parameters, descent.law.omega_h, above, 20)
-    _, guess = descent.law.at(above, descent.here, precision)
+def _predicted(return_map: ReturnMap[C], above: Fraction) -> Sequence[Any]:
+    """(gamma_bar_0, v_0) near the cycle, by the family followed in its period to about the square root of ``above``."""
+    family = PeriodContinuation(return_map.parameters, return_map.engine)
+    while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
+        family.further(4 * abs(above))
+    precision = resolving(return_map.parameters, family.asymptotics.omega_h, above, 20)
+    _, guess = family.asymptotics.at(above, family.latest, precision)
     return guess[:2]
+
+
+def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction) -> FixedPoint[C]:
+    """Broyden's iteration in the map's arithmetic until the next step would be rounding (as in `shooting`).
+
+    Raises NoSuchCycleError if it does not converge, or leaves the neighbourhood of the connection.
+    """
+    section, precision = return_map.section, return_map.precision
+    pi = precision.pi
+    lost = NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
+    (a, b), (c, d) = matrix
+    # Rounding moves the splitting, and that is resolved against the distance from Omega_h.
+    resolved = precision.number(precision.epsilon / distance)
+    iteration = NewtonIteration(_MOST_STEPS, lost, small=resolved, near=_NEAR)
+    step: tuple[Any, Any] | None = None
+    while True:
+        end = return_map.flight(point, divergence=True, events=section.recorded).state
+        residual = return_map.residual(end, point)
+        if step is not None:
+            # The residual's derivative is the map's less 1: what the step left over is the error of that.
+            norm = step[0] * step[0] + step[1] * step[1]
+            by = step[0] / norm, step[1] / norm
+            a, b = a + residual[0] * by[0], b + residual[0] * by[1]
+            c, d = c + residual[1] * by[0], d + residual[1] * by[1]
+        step = newton_step(((a, b), (c, d)), residual)
+        point = point[0] + step[0], point[1] + step[1]
+        # Librating cycles are next to the saddle on their section: their distances from it are the scale.
+        scales = (pi - point[0], -point[1]) if section is LIBRATING else (precision.number(distance),) * 2
+        if not all(float(scale) > 0 for scale in scales):
+            raise lost
+        size = max(abs(part / scale) for part, scale in zip(step, scales, strict=True))
+        before = iteration.sizes[-1] if iteration.sizes else size
+        if iteration.converged(size) or size * size / before < resolved:
+            return FixedPoint(return_map, point, return_map(point), tuple(map(float, iteration.sizes)))
+
+
+def with_speed(
+    cycle: C, section: Section[C], omega_h: Measured, distance: Fraction, room: Fraction, engine: Engine
+) -> C:
+    """The cycle at a ``distance`` from Omega_h, its half-widths with what the uncertainty of Omega_h does to them.
+
+    ``room`` is how far the branch reaches from Omega_h [rad/s]. All numbers are computed once more at a speed that is
+    moved by a thousandth of the distance from the nearer end of the branch. Up to a thousandth they change in
+    proportion to the speed (docs/error_budgets.md), and twice the share of the change is added.
+    """
+    moved = min(distance, room - distance) * _MOVED
+    near = distance < DOUBLE_SHOOTS
+    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if near else DOUBLE
+    # Away from Omega_h, towards which everything is steeper.
+    ahead = moved if cycle.omega.value > omega_h.value else -moved
+    return_map = ReturnMap(section, cycle.parameters, cycle.omega.value + ahead, engine, precision)
+    first, second = (
+        precision.number(getattr(cycle, name).value + ahead * getattr(cycle, f"d{name}_domega").value)
+        for name in section.names
+    )
+    numbers = numbers_at(return_map, (first, second), return_map((first, second)))
+    share = DISTANCES * omega_h.uncertainty / moved
+    widened = {"omega": Measured(cycle.omega.value, omega_h.uncertainty)}
+    for name in section.numbers:
+        number: Measured = getattr(cycle, name)
+        change = abs(fraction(numbers[name]) - number.value)
+        widened[name] = Measured(number.value, number.uncertainty + change * share)
+    return replace(cycle, **widened)  # type: ignore[arg-type]

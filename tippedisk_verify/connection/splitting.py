@@ -2,21 +2,24 @@
 
 The unstable branch of (pi/2, -pi/2, 0) starts on its power series, a fixed distance out, flows for a fixed time, and
 ends near (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
-splitting u(Omega), is an analytic function with a simple zero at Omega_h. Newton's iteration finds the zero in stages
-of growing precision; at the end a wider arithmetic, with longer series and starts closer to the saddles, computes the
-splitting once more, and how far it moves the zero is the error.
+splitting u(Omega), is an analytic function with a simple zero at Omega_h. Along the flow u grows like exp(lambda_u t)
+and the coordinate s on the stable curve falls like exp(lambda_s t), so u |s|^(-lambda_u / lambda_s), the splitting
+carried back to s = 1, depends neither on the flight time nor on the starts. Its zero is found by Newton's iteration in
+stages of growing precision. A wider arithmetic, with longer series and starts closer to the saddles, then computes the
+splitting once more, and how far that moves the zero is the error.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.newton import NewtonIteration
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.exact import Exact, fraction, quotient
@@ -42,10 +45,15 @@ __all__ = [
     "splitting_zero_in_double",
 ]
 
+#: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
+MOST_DIGITS = 1000
+
 _GUARD = 6  # digits lost on the way, to begin with: the passages amplify rounding, and the starts cancel
 _FAR = 0.02  # where double still sees the approach to the second saddle clearly
 _LONGEST = 30.0  # s
-_SHORT_SERIES = 5  # where the flight is cheaper than the series: few powers, and starts close to the saddles
+_MOST_STEPS = 8  # of Newton's iteration in one arithmetic
+_BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itself, at most
+_KEPT = 256  # zeros; an atlas asks for some of them again
 
 
 @dataclass(frozen=True)
@@ -55,20 +63,20 @@ class Splitting:
     u: Any  #: along the unstable eigenvector; 0 on the stable manifold
     s: Any  #: along the slow stable curve
     t: Any  #: along the fast direction
+    growth: Any  #: |s|^(-lambda_u / lambda_s), which carries u back to s = 1
 
-
-@dataclass(frozen=True)
-class SplittingZero:
-    """Omega_h, how the splitting depends on Omega there, and what the error consists of."""
-
-    omega_h: Measured  #: [rad/s]
-    derivative: Measured  #: d(u)/d(Omega) [s/rad], carried back along the flow to s = 1
-    budget: dict[str, float]  #: contributions to the half-width of omega_h [rad/s], by name
-    evaluations: int
+    @property
+    def carried(self) -> Fraction:
+        """u carried back along the flow to s = 1."""
+        return fraction(self.u * self.growth)
 
 
 class SplittingFunction:
-    """The splitting as a function of Omega in one arithmetic, with series and flight time chosen for its digits."""
+    """The splitting as a function of Omega in one arithmetic, with series and flight time chosen for its digits.
+
+    ``closer`` brings start and end closer to the saddles by that factor. ``coarser`` is the same function in a coarser
+    arithmetic, and tells how long the fast coordinate takes to decay.
+    """
 
     def __init__(
         self,
@@ -77,13 +85,12 @@ class SplittingFunction:
         engine: Engine,
         precision: Precision,
         closer: float = 1.0,
-        coarser: tuple[Fraction, Splitting] | None = None,
-        order: int | None = None,
+        coarser: SplittingFunction | None = None,
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
-        # Longer series cost a cube of their order, closer starts a longer flight: a balance.
-        self.order = order or 2 * round(6 + digits / 4) + 1
+        # Longer series cost a cube of their order, closer starts a longer flight: a balance, measured.
+        self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, near, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
@@ -94,17 +101,17 @@ class SplittingFunction:
         self.duration = self._flight_time(near, saddle)
         if coarser is not None:
             # The fast coordinate must fall until its square, which is neglected, is below what is resolved.
-            time, value = coarser
-            too_large = math.log(abs(float(value.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
-            self.duration = max(
-                self.duration, time + Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
-            )
+            too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
+            longer = Fraction(max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100)
+            self.duration = max(self.duration, coarser.duration + longer)
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
+        self.evaluations = 0
+        self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
+        self.speed = near  #: that was asked for last
 
     def __call__(self, omega: Fraction) -> Splitting:
-        here = self._saddle.omega == omega
-        saddle = self._saddle if here else Saddle(self.parameters, omega, self.bits, self.order)
+        saddle = self.saddle_at(omega)
         ctx = saddle.context
         result = self.engine(
             Request(
@@ -120,7 +127,28 @@ class SplittingFunction:
         if result.status is not Status.REACHED:
             raise Shortfall(f"the unstable branch: {result.status.value}")
         beta, gamma, v = (quotient(ctx, value) for value in map(fraction, result.state))
-        return Splitting(*saddle.stable_coordinates((beta, gamma - ctx.pi, v)))
+        u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
+        unstable, slow, _ = saddle.eigenvalues
+        self.evaluations += 1
+        self.latest, self.speed = Splitting(u, s, t, abs(s) ** (-unstable / slow)), omega
+        return self.latest
+
+    @property
+    def step(self) -> Fraction:
+        """Of a difference quotient: between the resolution and the distance where curvature shows, half the digits."""
+        return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
+
+    def slope(self) -> Fraction:
+        """d(u)/d(Omega), carried back to s = 1, at the speed asked for last [s/rad]."""
+        omega, value = self.speed, self.latest
+        change = self(omega + self.step).carried - value.carried
+        self.latest, self.speed = value, omega
+        return change / self.step
+
+    def saddle_at(self, omega: Fraction) -> Saddle:
+        if self._saddle.omega == omega:
+            return self._saddle
+        return Saddle(self.parameters, omega, self.bits, self.order)
 
     def start_of(self, saddle: Saddle) -> list[Fraction]:
         """(beta_bar, gamma_bar, v) on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
@@ -144,8 +172,8 @@ class SplittingFunction:
             domain="none",
         )
         samples = self.engine(request).samples
-        away = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
-        reached = numpy.flatnonzero(away < max(_FAR, float(self.end)))
+        distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
+        reached = numpy.flatnonzero(distances < max(_FAR, float(self.end)))
         if not len(reached):
             raise Shortfall("the unstable branch does not come near the second saddle: there is no connection here")
         begin = float(times[reached[0]])
@@ -153,13 +181,50 @@ class SplittingFunction:
         return Fraction(round((begin + further) * 100), 100)
 
 
-#: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
-MOST_DIGITS = 1000
+@dataclass(frozen=True)
+class SplittingZero:
+    """Omega_h, how the splitting depends on Omega there, and what the error consists of."""
+
+    omega_h: Measured  #: [rad/s]
+    budget: dict[str, float]  #: contributions to the half-width of omega_h [rad/s], by name
+    evaluations: int
+    splitting_at: SplittingFunction  #: in the arithmetic of omega_h
+    finer: SplittingFunction  #: in the wider arithmetic that measured its error
+
+    @cached_property
+    def derivative(self) -> Measured:
+        """d(u)/d(Omega) [s/rad], carried back along the flow to s = 1.
+
+        With another step and at another distance from the saddles the slope is another one by as much as it is wrong.
+        """
+        return Measured.compared(self.finer.slope(), self.splitting_at.slope(), self.splitting_at.precision.epsilon)
 
 
-def _short(value: float) -> Fraction:
-    """The same to three digits: exact in every arithmetic, and the same in each."""
-    return Fraction(f"{value:.2e}")
+@lru_cache(maxsize=_KEPT)
+def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digits: int) -> SplittingZero:
+    """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five; kept once found.
+
+    Raises Shortfall if the iteration does not settle or the branch does not arrive, or if the digits are not reached,
+    NoConnectionError where there are no saddles to connect.
+    """
+    guard = _GUARD
+    while True:
+        zero = _zero(parameters, near, engine, _stages(digits + guard))
+        if zero.omega_h.uncertainty <= zero.omega_h.value / 10**digits:
+            return zero
+        guard *= 2
+        if guard > 8 * _GUARD:
+            raise Shortfall(
+                f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
+            )
+
+
+def splitting_zero_in_double(parameters: Parameters, near: Fraction, engine: Engine) -> Measured:
+    """Omega_h [rad/s] in double from an approximation good to some five digits, for curves of many of them.
+
+    Raises as `splitting_zero` does.
+    """
+    return _zero(parameters, near, engine, [DOUBLE]).omega_h
 
 
 def _stages(wanted: int) -> list[Precision]:
@@ -173,106 +238,73 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digits: int) -> SplittingZero:
-    """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some twelve.
-
-    Raises Shortfall if the iteration does not settle, or if the digits are not reached.
-    """
-    guard = _GUARD
-    while True:
-        zero = _zero(parameters, near, engine, digits + guard)
-        if zero.omega_h.uncertainty <= zero.omega_h.value / 10**digits:
-            return zero
-        guard *= 2
-        if guard > 8 * _GUARD:
-            raise Shortfall(
-                f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask for fewer digits"
-            )
-
-
-def _zero(parameters: Parameters, near: Fraction, engine: Engine, wanted: int) -> SplittingZero:
-    omega, slope, evaluations = near, None, 0
-    value = Splitting(0, 0, 0)
-    coarser: tuple[Fraction, Splitting] | None = None
-    for precision in _stages(wanted):
-        splitting_at = SplittingFunction(parameters, near, engine, precision, coarser=coarser)
-        step = _half_digits(precision)
-        value = splitting_at(omega)
-        slope = (fraction(splitting_at(omega + step).u) - fraction(value.u)) / step
-        evaluations += 2
-        # Down to a thousand roundings, or until the steps no longer shrink: what is left is measured at the end.
-        failure = Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
-        iteration = NewtonIteration(8, failure, small=omega * precision.epsilon * 10**3, fewest=2)
-        while True:
-            change = fraction(value.u) / slope
-            omega = _cut(omega - change, precision)
-            if iteration.converged(abs(change)):
-                break
-            value = splitting_at(omega)
-            evaluations += 1
-        coarser = splitting_at.duration, value
-    if slope is None or not slope:
-        raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
+def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
+    omega, evaluations = _cut(near, stages[0]), 0
+    splitting_at: SplittingFunction | None = None
+    slope: _Slope | None = None
+    for precision in stages:
+        splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
+        omega, slope = _newton(splitting_at, omega, slope)
+        evaluations += splitting_at.evaluations
+    assert splitting_at
+    assert slope
+    steepness = abs(slope.value)
     wider = companion(precision)
-    finer = SplittingFunction(parameters, near, engine, wider, closer=0.5, coarser=coarser)
+    finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)
-    shift = abs(fraction(check.u) / slope)
+    shift = abs(check.carried) / steepness
     # What L(s) leaves out: the square of the fast coordinate, with a curvature of order 1.
-    fast = 10 * fraction(check.t) ** 2 / abs(slope)
-    half_width = shift * DISTANCES + fast + omega * precision.epsilon
-    # The slope once more, with another step and at another distance from the saddles: the difference is its error.
-    finer_step = _half_digits(wider)
-    finer_slope = (fraction(finer(omega + finer_step).u) - fraction(check.u)) / finer_step
-    unstable, slow, _ = Saddle(parameters, omega, wider.bits, 3).eigenvalues
-    rough, sharp = (
-        fraction(change) * fraction(abs(ending.s) ** (-unstable / slow))
-        for change, ending in ((slope, value), (finer_slope, check))
-    )
+    fast = 10 * fraction(check.t) ** 2 * fraction(check.growth) / steepness
     return SplittingZero(
-        omega_h=Measured(omega, half_width),
-        # u grows like exp(lambda_u t), s falls like exp(lambda_s t): this product does not depend on the flight time.
-        derivative=Measured.compared(sharp, rough, precision.epsilon),
+        omega_h=Measured(omega, shift * DISTANCES + fast + omega * precision.epsilon),
         budget={
             "series, flow and rounding, by a wider run": float(shift),
             "fast direction beyond first order": float(fast),
-            "truncation of the series": splitting_at.truncation / abs(float(slope)),
+            "truncation of the series": splitting_at.truncation * float(splitting_at.latest.growth) / float(steepness),
             "last rounding": float(omega * precision.epsilon),
         },
-        evaluations=evaluations + 2,
+        evaluations=evaluations + 1,
+        splitting_at=splitting_at,
+        finer=finer,
     )
 
 
-def splitting_zero_in_double(parameters: Parameters, near: Fraction, engine: Engine) -> Measured:
-    """Omega_h [rad/s] in double from an approximation good to some five digits, for curves of many of them.
+class _Slope(NamedTuple):
+    """d(u)/d(Omega), carried back to s = 1 [s/rad], and what it may be off, relative to itself."""
 
-    The half-width is measured by one evaluation of the splitting in the next wider arithmetic. Raises Shortfall if the
-    iteration does not settle or the branch does not arrive, NoConnectionError where there are no saddles to connect.
+    value: Fraction
+    error: Fraction
+
+
+def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None) -> tuple[Fraction, _Slope]:
+    """The zero in one arithmetic and the slope next to it, from the slope of a coarser arithmetic or a difference.
+
+    Chords come first; from the second one on the slope is the secant's. The iteration ends where the next step would
+    be below a thousand roundings: what is left then is measured by the wider run.
     """
-    omega = _cut(near, DOUBLE)
-    splitting_at = SplittingFunction(parameters, omega, engine, DOUBLE, order=_SHORT_SERIES)
-    value, step = splitting_at(omega), _half_digits(DOUBLE)
-    slope = (fraction(splitting_at(omega + step).u) - fraction(value.u)) / step
-    failure = Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
-    # The slope is that of the start, good to its distance: a step this small leaves less than rounding.
-    iteration = NewtonIteration(8, failure, small=omega / 10**12, fewest=2)
-    while True:
-        change = fraction(value.u) / slope
-        omega = _cut(omega - change, DOUBLE)
-        if iteration.converged(abs(change)):
-            break
-        value = splitting_at(omega)
-    wider = companion(DOUBLE)
-    check = SplittingFunction(parameters, omega, engine, wider, closer=0.5, order=_SHORT_SERIES)(omega)
-    unstable, slow, _ = Saddle(parameters, omega, wider.bits, 3).eigenvalues
-    # The slope at the wider run's end, as in `_zero`: u grows like exp(lambda_u t), s falls like exp(lambda_s t).
-    slope *= fraction(abs(value.s / check.s) ** (-unstable / slow))
-    off = abs(fraction(check.u) / slope) + 10 * fraction(check.t) ** 2 / abs(slope)
-    return Measured(omega, off * DISTANCES + omega * DOUBLE.epsilon)
+    resolution = omega * splitting_at.precision.epsilon
+    previous: tuple[Fraction, Fraction] | None = None
+    for _ in range(_MOST_STEPS):
+        value = splitting_at(omega).carried
+        if slope is None:
+            slope = _Slope(splitting_at.slope(), 1000 * splitting_at.step)
+        elif previous is not None and previous[0] != omega:
+            step = omega - previous[0]
+            secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))
+            slope = min(slope, secant, key=lambda one: one.error)
+        if not slope.value:
+            raise Shortfall("the splitting does not depend on Omega: there is no isolated connection")
+        change = -value / slope.value
+        previous = omega, value
+        omega = _cut(omega + change, splitting_at.precision)
+        if abs(change) * max(_BENDS * abs(change), slope.error) < 1000 * resolution:
+            return omega, slope
+    raise Shortfall("the iteration for Omega_h does not settle: is the approximation it starts from one?")
 
 
-def _half_digits(precision: Precision) -> Fraction:
-    """A step between the resolution and the distance where curvature shows: half of the digits."""
-    return Fraction(1, 10 ** (int(precision.bits * math.log10(2)) // 2))
+def _short(value: float) -> Fraction:
+    """The same to three digits: exact in every arithmetic, and the same in each."""
+    return Fraction(f"{value:.2e}")
 
 
 def _cut(omega: Fraction, precision: Precision) -> Fraction:

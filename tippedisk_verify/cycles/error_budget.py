@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -71,15 +72,15 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
     return cycle
 
 
-def cycle_in(fixed_point: FixedPoint[C], precision: Precision) -> C:
+def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
     """The cycle in one arithmetic, its half-widths from twins in double, or else from a wider arithmetic.
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    numbers, _ = _sharpened(fixed_point, precision)
+    numbers, _, sharper = _sharpened(fixed_point, precision)
     if precision == DOUBLE:
         return _as_cycle(fixed_point, half_widths_by_twins(numbers, [numbers, *_twins(fixed_point, TWINS)]), precision)
-    sharp, doubt = _sharpened(fixed_point, companion(precision))
+    sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
     return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
 
 
@@ -88,7 +89,7 @@ def _in_wider(fixed_point: FixedPoint[C], wider: Precision) -> C | None:
 
     None if its iteration stands still above what rounding explains.
     """
-    numbers, doubt = _sharpened(fixed_point, wider)
+    numbers, doubt, _ = _sharpened(fixed_point, wider)
     others = [cycle_numbers(fixed_point, DOUBLE), *_twins(fixed_point, TWINS_OF_WIDER)]
     measured = half_widths_by_twins(numbers, others, wider)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
@@ -239,14 +240,16 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 
 
 # ------------------------------------------------------------------------------------------------ the iteration
-def _sharpened(fixed_point: FixedPoint[C], precision: Precision) -> tuple[dict[str, Any], dict[str, Fraction]]:
-    """All numbers of the cycle, and what the chord iteration leaves undecided of its point and period.
+def _sharpened(
+    fixed_point: FixedPoint[C], precision: Precision
+) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
+    """All numbers of the cycle, what the chord iteration leaves undecided of its point and period, and where it ended.
 
     Raises Shortfall if the chord iteration does not settle.
     """
     return_map = fixed_point.return_map
-    if precision == return_map.precision == DOUBLE:
-        return numbers_at(return_map, fixed_point.point, fixed_point.image), {}
+    if precision == return_map.precision:
+        return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
     return_map = return_map.within(precision)
     point, standing = _chords(return_map, fixed_point)
     image = return_map(point)
@@ -254,7 +257,8 @@ def _sharpened(fixed_point: FixedPoint[C], precision: Precision) -> tuple[dict[s
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
     doubt = dict(zip(return_map.section.names, undecided, strict=True))
     doubt["period"] = return_map.section.per_period * sum(times, Fraction(0))
-    return numbers_at(return_map, point, image), doubt
+    sharper = replace(fixed_point, return_map=return_map, point=point, image=image)
+    return numbers_at(return_map, point, image), doubt, sharper
 
 
 def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
@@ -267,7 +271,9 @@ def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple
     failure = Shortfall(f"the chord iteration has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
     while True:
-        residual = return_map.residual(return_map.flight(point).state, point)
+        # As `numbers_at` flies: what that takes to build is more than what divergence and events take.
+        flight = return_map.flight(point, divergence=True, events=return_map.section.recorded)
+        residual = return_map.residual(flight.state, point)
         step = newton_step(matrix, residual)
         point = (point[0] + step[0], point[1] + step[1])
         sizes = fraction(abs(step[0])), fraction(abs(step[1]))

@@ -7,7 +7,7 @@ derivatives come from the variational equations. What the numbers may be off is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, TypeVar
 
@@ -24,12 +24,11 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.harmonic_balance import section_start
 
-__all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_beside_saddle", "shoot_from_law"]
+__all__ = ["LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
 
 C = TypeVar("C", bound=Cycle)
 
 _MOST_STEPS = 25
-_MOST_BESIDE_SADDLE = 12
 _LAW_SERVES = 2.5  # rad; beyond, harmonic balance takes fewer steps than shooting from the law
 _NEAR_THE_LAW = 0.4  # relative; the law's own error at that amplitude is a fifth
 
@@ -70,29 +69,6 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
 def _size(vector: Sequence[Any]) -> float:
     """Of a residual, or of a point; a cycle's second coordinate [rad/s] is some ten times the first [rad]."""
     return abs(float(vector[0])) + abs(float(vector[1])) / 10
-
-
-def shoot_beside_saddle(
-    return_map: ReturnMap[C], guess: Sequence[Any], scales: Callable[[tuple[Any, Any]], tuple[Any, Any]]
-) -> FixedPoint[C]:
-    """Newton's iteration in the map's arithmetic, until steps are a millionth of the point's ``scales`` or less.
-
-    These are what the two coordinates are resolved against, e.g. their distances from the saddle: positive. Raises
-    NoSuchCycleError if it does not converge, or leaves the neighbourhood where they are positive.
-    """
-    number = return_map.precision.number
-    point = (number(guess[0]), number(guess[1]))
-    lost = NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
-    iteration = NewtonIteration(_MOST_BESIDE_SADDLE, lost, small=1e-6, near=0.0)
-    while True:
-        image = return_map(point)
-        step = newton_step(image.matrix, image.residual)
-        size = max(abs(float(part / scale)) for part, scale in zip(step, scales(point), strict=True))
-        if iteration.converged(size):
-            return FixedPoint(return_map, point, image, tuple(iteration.sizes))
-        point = (point[0] + step[0], point[1] + step[1])
-        if not all(float(scale) > 0 for scale in scales(point)):
-            raise lost
 
 
 def limit_cycle(

@@ -80,7 +80,7 @@ def _shooting(case: Case, known: Values) -> Values:
 def _near(case: Case, known: Values) -> Values:
     omega = case.inputs["Omega"]
     omega_h = _omega_h(case.parameters, _distance_digits(omega))
-    return named_numbers(cycle_near(case.parameters, omega, omega_h.value, default_engine(), digits=_DIGITS))
+    return named_numbers(cycle_near(LIBRATING, case.parameters, omega, omega_h.value, default_engine(), digits=_DIGITS))
 
 
 def _distance_digits(omega: Fraction) -> int:
@@ -241,7 +241,7 @@ def near_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     omega = case.inputs["Omega"]
     omega_h = _omega_h(case.parameters, _distance_digits(omega))
     step = (omega - omega_h.value) / 100
-    ahead = cycle_near(case.parameters, omega + step, omega_h.value, default_engine(), digits=10)
+    ahead = cycle_near(LIBRATING, case.parameters, omega + step, omega_h.value, default_engine(), digits=10)
     by = _slopes(case.parameters)
     condition: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
@@ -259,7 +259,7 @@ def _beta_max_slopes(parameters: Parameters, above: Fraction) -> dict[str, Fract
     """d(beta_max) / (dp / p) at Omega_h(p) + ``above`` [rad], by shooting in double."""
     omega_h = _omega_h(parameters, 14).value
     by = _slopes(parameters)
-    here = cycle_near(parameters, omega_h + above, omega_h, default_engine(), digits=10)
+    here = cycle_near(LIBRATING, parameters, omega_h + above, omega_h, default_engine(), digits=10)
     guess = (float(here.gamma_bar_0), float(here.v_0))
 
     def plain(moved: Case) -> dict[str, Any]:

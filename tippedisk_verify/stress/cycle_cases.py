@@ -11,6 +11,7 @@ from tippedisk_verify.atlas.cycles_at_speed import cycle_above
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.connection.near_connection import cycle_near
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
@@ -63,7 +64,7 @@ def _one_ulp_above() -> Found:
     speed = Fraction(float(omega_h))
     if speed <= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), math.inf))
-    mine = cycle_near(PRINTED, speed, omega_h.value, engine, digits=12)
+    mine = cycle_near(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
     sharp = cycle_above(PRINTED, speed - omega_h.value, engine, digits=14)
     return cycle_digits(mine, sharp, ("period",))
 
