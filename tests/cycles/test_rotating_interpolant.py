@@ -6,11 +6,11 @@ from fractions import Fraction
 
 import numpy
 import pytest
+from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
 
 from tippedisk_verify.atlas.rotating_cycle import of_family, rotating_branch
 from tippedisk_verify.cycles.batch_shooting import ROTATING
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.parameters import PRINTED

@@ -14,10 +14,10 @@ import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_at
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
 from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
 from tippedisk_verify.cycles.continuation import cycles_at_speed
 from tippedisk_verify.cycles.continuation import paper_sets as sets_of
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
@@ -89,7 +89,7 @@ def family(
         return
     if omegas is None:
         try:
-            known = AmplitudeFamily(parameters, engine)
+            known = LibratingFamily(parameters, engine)
         except NoSuchCycleError as fault:  # no speed was asked for
             raise Shortfall(str(fault)) from None
         yield from _overview(known)
@@ -103,7 +103,7 @@ def family(
         yield from _one_by_one(parameters, speeds, engine)
 
 
-def _overview(family: AmplitudeFamily) -> Iterator[LimitCycle]:
+def _overview(family: LibratingFamily) -> Iterator[LimitCycle]:
     """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
 
     Not closer to them than doubles can follow; pieces that are too short for that are left out.
@@ -141,9 +141,9 @@ def _papers(parameters: Parameters, engine: Engine) -> Iterator[LimitCycle]:
 
 def _one_by_one(parameters: Parameters, speeds: Sequence[Fraction], engine: Engine) -> Iterator[LimitCycle]:
     """All cycles at each speed, or the one next to the connection that doubles do not hold."""
-    known: AmplitudeFamily | None = None
+    known: LibratingFamily | None = None
     with suppress(NoSuchCycleError):
-        known = AmplitudeFamily(parameters, engine)
+        known = LibratingFamily(parameters, engine)
     for speed in speeds:
         if known is not None and any(known.places(float(speed))):
             yield from cycles_at_speed(known, speed)

@@ -19,12 +19,14 @@ from tippedisk_verify.connection.near_connection import (
 )
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_budget import Shot
+from tippedisk_verify.cycles.family import Solver, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.half_map import newton_step
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.limit_cycle import RotatingCycle
 from tippedisk_verify.cycles.newton import NewtonIteration
 from tippedisk_verify.cycles.rotating_family import RotatingFamily, unstable_top
-from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.cycles.shooting import converged, cycle_from, measured_cycle
 from tippedisk_verify.cycles.turn_map import TurnFlights
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
@@ -36,7 +38,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "rotating_below", "rotating_branch", "rotating_cycle"]
+__all__ = ["DEFAULT_COUNT", "rotating_below", "rotating_branch", "rotating_cycle", "rotating_family"]
 
 DEFAULT_COUNT = 40  #: cycles of the overview of the family
 _DOUBLE_DIGITS = 12
@@ -65,7 +67,12 @@ def rotating_cycle(
             omega_h = resolved_omega_h(parameters, speed, engine)
             if 0 < omega_h - speed < DOUBLE_SHOOTS:
                 return _beside(parameters, speed, omega_h, engine, digits)
-    return of_family(RotatingFamily(parameters, engine), speed, stable=stable, digits=digits)
+    return of_family(rotating_family(parameters, engine), speed, stable=stable, digits=digits)
+
+
+def rotating_family(parameters: Parameters, engine: Engine, solve: Solver | None = None) -> RotatingFamily:
+    """The family of rotating cycles from Omega_h on. Raises NoConnectionError, or as `RotatingFamily`."""
+    return RotatingFamily(parameters, engine, bisect_omega_h(parameters, engine, confirm=False).omega_h.value, solve)
 
 
 def of_family(family: RotatingFamily, speed: Fraction, *, stable: bool, digits: int) -> RotatingCycle:
@@ -89,7 +96,7 @@ def rotating_below(parameters: Parameters, below: object, engine: Engine, *, dig
     """
     distance, wanted = checked_distance(below, "below", digits)
     near = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    room = near - Fraction(RotatingFamily(parameters, engine).near_fold().omega)
+    room = near - Fraction(rotating_family(parameters, engine).near_fold().omega)
     if distance >= room:
         raise NoSuchCycleError(
             f"stable rotating cycles lie less than {float(room):.6g} rad/s below Omega_h, not {shown(below)}"
@@ -116,7 +123,7 @@ def rotating_branch(
     decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
     speeds = None if omegas is None else checked_speeds(omegas)
-    family = RotatingFamily(parameters, engine)
+    family = rotating_family(parameters, engine)
     if speeds is not None:
         if len(speeds) >= MANY and parameters.friction == "linear":
             yield from _together(family, [Fraction(float(speed)) for speed in speeds])
@@ -125,7 +132,7 @@ def rotating_branch(
             yield from _stable_at(family, speed)
             yield of_family(family, speed, stable=False, digits=_DOUBLE_DIGITS)
         return
-    fold = Fraction(float(rotation_fold(parameters, engine, family=family).omega))
+    fold = Fraction(float(rotation_fold(family).omega))
     half = DEFAULT_COUNT // 2
     # Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached.
     below, beyond = family.omega_h - fold, omega_crit(parameters, 20).value + Fraction(1, 2) - fold
@@ -140,8 +147,13 @@ def _together(family: RotatingFamily, speeds: Sequence[Fraction]) -> Iterator[Ro
     asked = [(speed, side) for speed in speeds for side in (True, False) if speed < family.omega_h or not side]
     omegas = numpy.array([float(speed) for speed, _ in asked])
     stable = numpy.array([side for _, side in asked])
-    found = RotatingInterpolant(family, default_lanes(), omegas, stable).cycles(omegas, stable)
-    for (speed, side), cycle in zip(asked, found, strict=True):
+    lanes, cycles = default_lanes(), list[RotatingCycle | None]([None] * len(asked))
+    solve = in_batches(ROTATING, family.parameters, lanes)
+    with suppress(NoSuchCycleError):
+        nodes = RotatingFamily(family.parameters, family.engine, family.omega_h, solve)
+        nodes.reach(omegas.max())
+        cycles = FamilyInterpolant(nodes, lanes).results_where(omegas, stable, digits=_DOUBLE_DIGITS)
+    for (speed, side), cycle in zip(asked, cycles, strict=True):
         if cycle is not None:
             yield cycle
         elif side:

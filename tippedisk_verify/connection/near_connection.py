@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, resolving
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
 from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.cycles.half_map import half_map, newton_step
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import NewtonIteration
 from tippedisk_verify.cycles.shooting import LimitCycle, Shot, limit_cycle, measured_cycle
@@ -76,7 +76,7 @@ def _room_above(parameters: Parameters, omega_h: Fraction, engine: Engine) -> Fr
     """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
     if criticality(parameters) == "supercritical" and saddle_value_sign(parameters, omega_h) < 0:
         return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
-    (_, start), (_, end) = AmplitudeFamily(parameters, engine).ends[-2:]
+    (_, start), (_, end) = LibratingFamily(parameters, engine).ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"

@@ -7,7 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily, Place
+from tippedisk_verify.cycles.family import Place
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError, OutsideFamilyError, Shortfall
 from tippedisk_verify.flow.contract import Engine
@@ -59,7 +60,7 @@ def followed_cycle(
             if found.stable:
                 return found
     try:
-        cycles = cycles_at_speed(AmplitudeFamily(parameters, engine), omega, digits)
+        cycles = cycles_at_speed(LibratingFamily(parameters, engine), omega, digits)
     except NoSuchCycleError:
         if found is None or stable is not None:
             raise
@@ -72,7 +73,7 @@ def followed_cycle(
 
 
 def cycles_at_speed(
-    family: AmplitudeFamily, omega: Fraction, digits: int = 12, *, piece: int | None = None
+    family: LibratingFamily, omega: Fraction, digits: int = 12, *, piece: int | None = None
 ) -> list[LimitCycle]:
     """All cycles of the family at a speed [rad/s], from the smallest amplitude on, each to ``digits`` digits.
 
@@ -98,7 +99,7 @@ def cycles_at_speed(
     return cycles
 
 
-def _on_piece(family: AmplitudeFamily, place: Place, cycle: LimitCycle) -> LimitCycle:
+def _on_piece(family: LibratingFamily, place: Place, cycle: LimitCycle) -> LimitCycle:
     """The cycle, if it lies on the piece where it was looked for."""
     s = math.atanh(float(cycle.gamma_bar_0) / math.pi)
     low, high = family.breaks[place.piece : place.piece + 2]
