@@ -46,11 +46,11 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tippedisk_verify.answers import grade
+    from tippedisk_verify.atlas.cycles_at_speed import cycle_above
     from tippedisk_verify.audit.claims import Audit, Verdict
     from tippedisk_verify.conformance.grading import compare
     from tippedisk_verify.connection.bisection import bisect_omega_h
     from tippedisk_verify.connection.heteroclinic import heteroclinic
-    from tippedisk_verify.connection.near_connection import cycle_above
     from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
     from tippedisk_verify.cycles.shooting import limit_cycle
     from tippedisk_verify.cycles.spectral_balance import balanced_cycle
@@ -94,7 +94,7 @@ _HOMES = {
     "motion.basins": ("basins",),
     "connection.bisection": ("bisect_omega_h",),
     "connection.heteroclinic": ("heteroclinic",),
-    "connection.near_connection": ("cycle_above",),
+    "atlas.cycles_at_speed": ("cycle_above",),
     "cycles.shooting": ("limit_cycle",),
     "motion.scenes": ("SCENES", "scene_named"),
     "theory.equilibria": ("equilibrium",),

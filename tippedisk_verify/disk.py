@@ -180,7 +180,7 @@ class Disk(Parameters):
         one of the three is given, NoSuchCycleError where there is no such cycle, Shortfall if the digits are not
         reached.
         """
-        from tippedisk_verify.connection.near_connection import cycle_above, cycle_at
+        from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
         from tippedisk_verify.theory.hopf import speed_below_crit
 
         if (omega is not None) + (below_crit is not None) + (above_het is not None) != 1:
@@ -216,7 +216,7 @@ class Disk(Parameters):
         Stable ones lie between the family's fold and Omega_h, unstable ones (``stable=False``) from the fold upward.
         Raises as `limit_cycle` does.
         """
-        from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_cycle
+        from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
 
         if (omega is None) == (below_het is None):
             raise InputError("give the speed with either omega or below_het")
@@ -234,18 +234,18 @@ class Disk(Parameters):
         Without speeds an overview, from just below Omega_h through the fold to half a rad/s above Omega_crit. Speeds
         and progress as those of `branch`.
         """
-        from tippedisk_verify.atlas.rotating_cycle import DEFAULT_COUNT, rotating_branch
+        from tippedisk_verify.atlas.branch import DEFAULT_ROTATIONS, rotating_branch
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds)
-        return list(watched(cycles, "limit cycles", 2 * len(speeds or ()) or DEFAULT_COUNT, progress))
+        return list(watched(cycles, "limit cycles", 2 * len(speeds or ()) or DEFAULT_ROTATIONS, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
-        from tippedisk_verify.atlas.rotating_cycle import rotating_family
+        from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import rotation_fold
 
-        return rotation_fold(rotating_family(self, self._engine(engine)), digits=digits)
+        return rotation_fold(locator(self, self._engine(engine)).rotations, digits=digits)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
         """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""

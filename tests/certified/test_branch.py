@@ -18,6 +18,7 @@ import pytest
 
 from tests.certified.cases import speed_below
 from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.certified import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.certified.angles import INVERTED, linearization
 from tippedisk_verify.certified.arc import GAMMA_BAR, family_polynomials, krawczyk_test
@@ -37,7 +38,6 @@ from tippedisk_verify.certified.scaled_sine import scaled_sine
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
 from tippedisk_verify.commands import certify_family
-from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.proved_family import draw_proved_family
 from tippedisk_verify.figures.style import pyplot
@@ -164,7 +164,7 @@ def second() -> Piece:
 @lru_cache(maxsize=4)
 def known(below: str) -> Any:
     """The ordinary road's cycle."""
-    return followed_cycle(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
+    return cycle_at(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
 
 
 def piece() -> Piece:

@@ -110,16 +110,16 @@ def test_what_is_written_is_accepted_by_the_command_and_by_the_checker_alone(tmp
     [(PRINTED, OMEGA, 12), (PRINTED, OMEGA, 30), (CALIBRATED, OMEGA, 12), (GEOMETRY, Fraction("30.2"), 12)],
 )
 def test_certificates_of_cycles_are_accepted(taylor, parameters, omega, digits) -> None:
-    from tippedisk_verify.cycles.continuation import followed_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 
-    cycle = followed_cycle(parameters, omega, taylor, digits=12)
+    cycle = cycle_at(parameters, omega, taylor, digits=12)
     proof = prove_cycle(parameters, omega, (cycle.gamma_bar_0.value, cycle.v_0.value), digits=digits)
     assert checker.proved(json.loads(cycle_certificate(proof))) == proof.statement
 
 
 @pytest.mark.slow(minutes=2)
 def test_a_certificate_of_a_rotating_cycle_is_accepted(taylor) -> None:
-    from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 
     cycle = rotating_cycle(PRINTED, "31.386592688643567", taylor, stable=False)
     proof = prove_rotation(PRINTED, "31.386592688643567", (cycle.beta_bar_top.value, cycle.v_top.value), digits=6)

@@ -8,7 +8,8 @@ from fractions import Fraction
 import pytest
 
 from tests.certified.test_statements import is_about
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle, rotating_family
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.certified.balls import arb
 from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, _extremum, prove_fold
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
@@ -93,7 +94,7 @@ def test_librating_folds_are_proved(taylor, disk, near, extremum) -> None:
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_rotating_folds_are_proved(taylor, disk) -> None:
-    fold = rotation_fold(rotating_family(disk, taylor), digits=30)
+    fold = rotation_fold(locator(disk, taylor).rotations, digits=30)
     proof = prove_fold(RotationFoldProof, disk, moved(fold, Fraction(0)), digits=12)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.certified.cycle import Status
 from tippedisk_verify.certified.flow import Model

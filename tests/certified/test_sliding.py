@@ -11,7 +11,7 @@ import mpmath
 import pytest
 
 from tests.certified.cases import NUMBERS, speed_below
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.certified import sliding
 from tippedisk_verify.certified.balls import arb, ball, ball_constants, positive, working_precision
 from tippedisk_verify.certified.cycle import Status, prove_cycle

@@ -9,10 +9,11 @@ from fractions import Fraction
 import pytest
 
 from tests.connection.passages import passage_times
+from tippedisk_verify.atlas.cycles_at_speed import cycle_above, with_speed
 from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import cycle_above, cycle_near, with_speed
+from tippedisk_verify.connection.near_connection import cycle_near
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured

@@ -12,9 +12,9 @@ from typing import Any
 import numpy
 import pytest
 
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import METHODS, heteroclinic
-from tippedisk_verify.cycles.continuation import cycles_at_speed
 from tippedisk_verify.cycles.folds import libration_folds
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
@@ -51,7 +51,7 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
 # ------------------------------------------------------------------------------------------------ what is checked
 def check_disk(disk: Parameters, taylor: Any) -> None:
     """Where the family of one disk ends, how often it turns round, and how many cycles a speed has."""
-    family = LibratingFamily(disk, taylor)
+    family = locator(disk, taylor).family
     focus = any(float(value.im) for value in equilibrium(disk, str(family.limit), "noninverted").eigenvalues)
     assert family.connected is not focus, disk.name
     check_cycles(family)
@@ -75,7 +75,8 @@ def check_cycles(family: LibratingFamily) -> None:
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2
-        assert len(cycles_at_speed(family, Fraction(speed))) == len(list(family.places(speed)))
+        cycles = locator(family.parameters, family.engine).librating(Fraction(speed)).cycles()
+        assert len(cycles) == len(list(family.places(speed)))
 
 
 def check_ends(disk: Parameters, family: LibratingFamily, last: dict[str, list[float]], taylor: Any) -> None:
@@ -85,7 +86,7 @@ def check_ends(disk: Parameters, family: LibratingFamily, last: dict[str, list[f
     ends = [speed for speeds in true.values() for speed in speeds]
     for beyond, extreme in ((min(ends) - 0.3, min(ends)), (max(ends) + 0.3, max(ends))):
         with pytest.raises(NoSuchCycleError) as caught:
-            cycles_at_speed(family, Fraction(beyond))
+            locator(disk, taylor).librating(Fraction(beyond)).cycles()
         told = str(caught.value)
         said = re.search(r"between (.+) (?:=|at) (\S+) rad/s and (.+) (?:=|at) (\S+) rad/s$", told)
         assert said, (disk.name, told)

@@ -12,9 +12,9 @@ from mpmath import mp, mpf
 
 from tests.cycles.test_every_disk import steep_disks
 from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
-from tippedisk_verify.connection.near_connection import cycle_at
-from tippedisk_verify.cycles.continuation import cycles_at_speed
 from tippedisk_verify.cycles.folds import libration_folds
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.spectral_balance import balanced_cycle
@@ -85,16 +85,16 @@ def test_folds_hold_their_thirty_digits(disk, taylor) -> None:
 def test_cycles_meet_at_the_fold(taylor) -> None:
     """Next to it both are there, at distances that go with the root of the speed's; beyond it none is."""
     (fold,) = libration_folds(FOLDING, taylor)
-    known = LibratingFamily(FOLDING, taylor)
+    known = locator(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
-        unstable, stable = cycles_at_speed(known, fold.omega.value - Fraction(below))
+        unstable, stable = known.librating(fold.omega.value - Fraction(below)).cycles()
         assert (unstable.stable, stable.stable) == (False, True)
         apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
     assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
     assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3  # the speed is that of the fold to twelve digits
     with pytest.raises(NoSuchCycleError, match="a fold"):
-        cycles_at_speed(known, fold.omega.value + Fraction(1, 10**8))
+        known.librating(fold.omega.value + Fraction(1, 10**8)).cycles()
 
 
 def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
@@ -103,7 +103,8 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
-    assert [cycle.stable for cycle in cycles_at_speed(known, halfway)] == [True, False]
+    cycles = locator(POSITIVE_SADDLE_VALUE, taylor).librating(halfway).cycles()
+    assert [cycle.stable for cycle in cycles] == [True, False]
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.atlas.rotating_cycle import of_family, rotating_branch, rotating_family
+from tippedisk_verify.atlas.branch import rotating_branch
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
@@ -35,7 +36,7 @@ def drawn(family: RotatingFamily, count: int, seed: int) -> tuple[numpy.ndarray,
 
 @pytest.fixture(scope="module")
 def family(taylor) -> RotatingFamily:
-    return rotating_family(PRINTED, taylor)
+    return locator(PRINTED, taylor).rotations
 
 
 def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) -> None:
@@ -51,7 +52,7 @@ def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) 
     assert singly == [(speeds[0], True), (speeds[0], False), (speeds[-1], True)]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        alone = of_family(family, Fraction(omega), stable=side, digits=12)
+        (alone,) = locator(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
         for name in ROTATING.numbers:
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (name, omega)
@@ -79,13 +80,14 @@ def test_the_polynomials_err_by_little_more_than_rounding(taylor, family) -> Non
 def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     """It falls to one fold and rises from there; a place on it is a cycle but for what few nodes leave."""
     disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
-    family = rotating_family(disk, taylor)
+    known = locator(disk, taylor)
+    family = known.rotations
     fold = family.near_fold()
     assert fold.omega < family.omega_h
     family.reach(float(family.omega_h) + 1)
     assert family.falls == [True, False]
     for omega, stable in (((fold.omega + float(family.omega_h)) / 2, True), (float(family.omega_h) + 0.5, False)):
-        cycle = of_family(family, Fraction(omega), stable=stable, digits=12)
+        (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
         guess = family.guess(omega, stable=stable)
         assert numpy.abs(numpy.subtract(guess, [float(cycle.beta_bar_top), float(cycle.v_top)])).max() < 1e-6
 

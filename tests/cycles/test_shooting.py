@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 
@@ -12,11 +13,13 @@ import numpy
 import pytest
 from hypothesis import given, settings
 
-from tests.cycles.full_period import shoot_full_period
+from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.half_map import half_map
-from tippedisk_verify.cycles.shooting import cycle_numbers, limit_cycle, shoot
+from tippedisk_verify.cycles.error_budget import cycle_in, cycle_numbers
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.cycles.spectral_balance import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
@@ -48,19 +51,20 @@ def below(parameters, distance) -> Fraction:
 def test_a_double_is_as_good_as_its_inputs(taylor, parameters, distance) -> None:
     """Within 2e-14 and what rounding Omega and the parameters does, 4 * 2^-53 * sum |p dx/dp|, against 113 bits."""
     speed = below(parameters, distance)
-    shot = shoot(parameters, speed, approximate_cycle(parameters, speed), taylor)
-    rough, sharp = (cycle_numbers(parameters, speed, shot, taylor, precision) for precision in (DOUBLE, QUADRUPLE))
+    shot = shoot(ReturnMap(LIBRATING, parameters, speed, taylor), approximate_cycle(parameters, speed))
+    rough, sharp = (cycle_numbers(shot, precision) for precision in (DOUBLE, QUADRUPLE))
     # Steps by which no critical speed moves by more than a thousandth of the distance to the nearer of them.
     relative = Fraction(distance) / 30_000 / 3
     sums = dict.fromkeys((*MAIN, "multiplier_slow"), Fraction(0))
     for name in ("Omega", "r", "e", "m", "A", "B", "g", "mu", "epsilon"):
         if name == "Omega":
-            moved = cycle_numbers(parameters, speed * (1 + relative), shot, taylor, QUADRUPLE)
+            moved = ReturnMap(LIBRATING, parameters, speed * (1 + relative), taylor)
         else:
             changed = parameters.changed(**{name: getattr(parameters, name) * (1 + relative)})
-            moved = cycle_numbers(changed, speed, shot, taylor, QUADRUPLE)
+            moved = ReturnMap(LIBRATING, changed, speed, taylor)
+        numbers = cycle_numbers(replace(shot, return_map=moved), QUADRUPLE)
         for key in sums:
-            sums[key] += abs(fraction(moved[key]) - fraction(sharp[key])) / relative
+            sums[key] += abs(fraction(numbers[key]) - fraction(sharp[key])) / relative
     for key, total in sums.items():
         error = abs(fraction(rough[key]) - fraction(sharp[key]))
         assert error <= Fraction("2e-14") + 4 * total / 2**53, key
@@ -71,8 +75,8 @@ def test_a_cycle_that_attracts_weakly_is_honest(taylor) -> None:
     """1 - P' is 9e-5 here: rounding of the map leaves the wider run as far off as the double happens to be."""
     stiff, speed = PRINTED.changed(mu="1.76314", epsilon="0.00188734"), Fraction("30.746062089435")
     cycle = limit_cycle(stiff, speed, taylor, digits=9)
-    shot = shoot(stiff, speed, (float(cycle.gamma_bar_0), float(cycle.v_0)), taylor)
-    truth = cycle_numbers(stiff, speed, shot, taylor, QUADRUPLE)
+    shot = shoot(ReturnMap(LIBRATING, stiff, speed, taylor), (float(cycle.gamma_bar_0), float(cycle.v_0)))
+    truth = cycle_numbers(shot, QUADRUPLE)
     for name in (
         "period",
         "gamma_bar_0",
@@ -125,33 +129,44 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     speed = below(parameters, share * Fraction(8, 10))
     guess = approximate_cycle(parameters, speed)
     half = limit_cycle(parameters, speed, _ENGINE, guess=guess)
-    state, period, _ = shoot_full_period(parameters, speed, (0.0, *guess), float(half.period), _ENGINE)
+    whole = cycle_in(shoot(ReturnMap(WHOLE_PERIOD, parameters, speed, _ENGINE), guess), DOUBLE)
     # Full-period shooting in double: its own round-off, over a multiplier that may be close to 1.
     loss = 1e-13 / abs(1 - float(half.multiplier_slow))
-    assert abs(period - float(half.period)) < loss
-    assert abs(state[1] - float(half.gamma_bar_0)) < loss * 10
+    for name in ALL:
+        one, other = getattr(half, name), getattr(whole, name)
+        assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, name
+        if name in ("period", "multiplier_slow"):
+            assert abs(one.value - other.value) < loss * abs(one.value), name
     balance = balanced_cycle(parameters, speed)
     for name in MAIN:
         mine, other = getattr(half, name), getattr(balance, name)
         assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty, name
 
 
-def test_derivatives_of_the_half_map_against_differences(taylor) -> None:
-    speed, state = Fraction("30.4"), ("1.69", "-1.72")
-    precision = bits(200)
-    here = half_map(PRINTED, speed, state, taylor, precision)
-    step = Fraction(1, 10**20)
-    for column in range(2):
-        ends = []
-        for sign in (1, -1):
-            moved = [Fraction(part) + (sign * step if k == column else 0) for k, part in enumerate(state)]
-            ends.append(half_map(PRINTED, speed, moved, taylor, precision))
+@pytest.mark.parametrize(
+    ("section", "point"),
+    [(LIBRATING, ("1.69", "-1.72")), (WHOLE_PERIOD, ("1.69", "-1.72")), (ROTATING, ("0.5", "0.1"))],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_derivatives_of_the_return_map_against_differences(taylor, section, point) -> None:
+    """By both coordinates and by Omega."""
+    origin, precision = (*map(Fraction, point), Fraction("30.4")), bits(200)
+
+    def image(first: Fraction, second: Fraction, omega: Fraction) -> Image:
+        return_map = ReturnMap(section, PRINTED, omega, taylor, precision)
+        return return_map((precision.number(first), precision.number(second)))
+
+    center, step = image(*origin), Fraction(1, 10**20)
+    for column in range(3):
+        ends = [image(*(x + sign * step * (k == column) for k, x in enumerate(origin))) for sign in (1, -1)]
         for row in range(2):
             ahead, behind = (fraction(end.residual[row]) for end in ends)
             slope = (ahead - behind) / (2 * step) + (1 if row == column else 0)
-            assert abs(slope - fraction(here.matrix[row][column])) < Fraction(1, 10**30)
+            derivative = (*center.matrix[row], center.by_omega[row])[column]
+            assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
         slope = (fraction(ends[0].time) - fraction(ends[1].time)) / (2 * step)
-        assert abs(slope - fraction(here.time_by_state[column])) < Fraction(1, 10**30)
+        derivative = (*center.time_by_state, center.time_by_omega)[column]
+        assert abs(slope - fraction(derivative)) < Fraction(1, 10**30)
 
 
 @pytest.mark.slow
@@ -192,26 +207,26 @@ def test_trivial_multiplier_in_double(taylor) -> None:
 def test_table_2_converges_quadratically(taylor) -> None:
     """The paper's Table 2 at Omega_crit - 0.5 of the calibrated set, by both forms of shooting."""
     speed = below(CALIBRATED, "0.5")
-    shot = shoot(CALIBRATED, speed, (1.69, -1.72), taylor)
+    shot = shoot(ReturnMap(LIBRATING, CALIBRATED, speed, taylor), (1.69, -1.72))
     assert len(shot.residuals) <= 7
     assert shot.residuals[-1] < 1e-14
-    _, period, residuals = shoot_full_period(CALIBRATED, speed, (0.0, 1.69, -1.72), 1.10, taylor)
-    assert abs(period - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
-    drops = [math.log10(size) for size in residuals if size > 1e-14]
-    assert len(residuals) <= 8
+    whole = shoot(ReturnMap(WHOLE_PERIOD, CALIBRATED, speed, taylor), (1.69, -1.72))
+    assert abs(whole.image.time - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
+    drops = [math.log10(size) for size in whole.residuals if size > 1e-14]
+    assert len(whole.residuals) <= 8
     assert drops[-1] < 1.6 * drops[-2] or drops[-1] < -12  # digits nearly double until round-off
 
 
 @pytest.mark.parametrize("method", ["DOP853", pytest.param("Radau", marks=pytest.mark.slow)])
 def test_scipy_shoots_to_the_same_cycle(taylor, method) -> None:
     speed, guess = below(PRINTED, "0.5"), (1.69, -1.72)
-    mine, theirs = shoot(PRINTED, speed, guess, taylor), shoot(PRINTED, speed, guess, Baseline(method))
+    mine, theirs = (shoot(ReturnMap(LIBRATING, PRINTED, speed, engine), guess) for engine in (taylor, Baseline(method)))
     # SciPy's tolerance of 1e-13 per step; Radau's local error is of a lower order.
     loss = 1e-12 if method == "DOP853" else 1e-10
-    assert abs(2 * mine.map.time - 2 * theirs.map.time) < loss
-    assert abs(mine.state[0] - theirs.state[0]) < 10 * loss
-    assert abs(mine.state[1] - theirs.state[1]) < 10 * loss
-    assert abs(mine.map.matrix[0][0] - theirs.map.matrix[0][0]) < 100 * loss
+    assert abs(2 * mine.image.time - 2 * theirs.image.time) < loss
+    assert abs(mine.point[0] - theirs.point[0]) < 10 * loss
+    assert abs(mine.point[1] - theirs.point[1]) < 10 * loss
+    assert abs(mine.image.matrix[0][0] - theirs.image.matrix[0][0]) < 100 * loss
 
 
 ANYWHERE = {"gamma": decimals("-3.1", "3.1", 3), "v": decimals("-12", "3", 3)}
@@ -243,13 +258,13 @@ def check_start(parameters, distance: str, gamma: Fraction, v: Fraction) -> None
     size = float(cycle.gamma_bar_0), float(cycle.v_0)
     guess = (float(gamma) / 1.55 * size[0], -float(v) / 6 * size[1])
     try:
-        shot = shoot(parameters, below(parameters, distance), guess, _ENGINE)
+        shot = shoot(ReturnMap(LIBRATING, parameters, below(parameters, distance), _ENGINE), guess)
     except NoSuchCycleError:
         return
     # Near the Hopf point the amplitude reacts to rounding of Omega by its half over the distance.
     loss = 1e-9 + 1e-13 / float(Fraction(distance))
-    assert abs(abs(shot.state[0]) / size[0] - 1) < loss
-    assert abs(shot.state[1] / size[1] - 1) < loss
+    assert abs(abs(shot.point[0]) / size[0] - 1) < loss
+    assert abs(shot.point[1] / size[1] - 1) < loss
 
 
 @pytest.mark.slow
@@ -287,6 +302,6 @@ def test_refusals(taylor) -> None:
     with pytest.raises(InputError):
         limit_cycle(PRINTED, "0", taylor)
     with pytest.raises(NoSuchCycleError, match="v < 0"):
-        shoot(PRINTED, Fraction("30.4"), (1.7, 1.7), taylor)
+        shoot(ReturnMap(LIBRATING, PRINTED, "30.4", taylor), (1.7, 1.7))
     with pytest.raises(NoSuchCycleError):
-        shoot(PRINTED, Fraction("31.4"), (0.5, -0.8), taylor)
+        shoot(ReturnMap(LIBRATING, PRINTED, "31.4", taylor), (0.5, -0.8))

@@ -11,12 +11,13 @@ from pathlib import Path
 import numpy
 import pytest
 
-from tests.cycles.full_period import shoot_full_period
+from tests.cycles.full_period import WHOLE_PERIOD
+from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 from tippedisk_verify.audit.switching_order import switching_order
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import cycle_above
-from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
@@ -46,12 +47,12 @@ def test_cycle_to_30_digits_and_both_forms_of_shooting(taylor) -> None:
     for name in MAIN:
         assert getattr(rough, name).holds(getattr(sharp, name).value), name
     assert sharp.period.uncertainty < sharp.period.value / 10**30
-    guess = (0.0, float(sharp.gamma_bar_0), float(sharp.v_0))
-    state, period, _ = shoot_full_period(smooth, speed, guess, float(sharp.period), taylor)
-    assert abs(period - float(sharp.period)) < 1e-12
-    assert abs(state[1] - float(sharp.gamma_bar_0)) < 1e-12
-    other = shoot(smooth, speed, guess[1:], Baseline("DOP853"))
-    assert abs(2 * other.map.time - float(sharp.period)) < 1e-9
+    guess = (float(sharp.gamma_bar_0), float(sharp.v_0))
+    whole = shoot(ReturnMap(WHOLE_PERIOD, smooth, speed, taylor), guess)
+    assert abs(whole.image.time - float(sharp.period)) < 1e-12
+    assert abs(whole.point[0] - float(sharp.gamma_bar_0)) < 1e-12
+    other = shoot(ReturnMap(LIBRATING, smooth, speed, Baseline("DOP853")), guess)
+    assert abs(2 * other.image.time - float(sharp.period)) < 1e-9
 
 
 @pytest.mark.slow
@@ -68,7 +69,7 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
 
 
 def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
-    near = followed_cycle(PRINTED.with_friction("smooth"), Fraction("30.0855"), taylor)
+    near = cycle_at(PRINTED.with_friction("smooth"), Fraction("30.0855"), taylor)
     assert near.stable
     assert float(near.period) > 3
 
@@ -76,7 +77,7 @@ def test_cycles_near_the_smooth_laws_own_omega_h(taylor) -> None:
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_below_omega_h_it_says_so(taylor, friction) -> None:
     with pytest.raises(NoSuchCycleError, match=r"between Omega_h = 30\.0\d+ rad/s and Omega_crit"):
-        followed_cycle(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
+        cycle_at(PRINTED.with_friction(friction), Fraction("30.03"), taylor)
 
 
 @pytest.mark.slow

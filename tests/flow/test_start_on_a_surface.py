@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tippedisk_verify.cycles.half_map import half_map
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import FLAT, SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
@@ -231,4 +232,4 @@ def test_half_periods_of_any_length(taylor: Taylor) -> None:
         start = (random.uniform(-2, 2), -(10 ** random.uniform(-4, 0.3)))
         flight = Baseline()(request((0.0, *start), 3.0, FALLING, tolerance=1e-12))  # the tightest that SciPy keeps
         assert flight.status is Status.EVENT
-        assert abs(half_map(PRINTED, "30.5", start, taylor).time - flight.time) < 1e-7
+        assert abs(ReturnMap(LIBRATING, PRINTED, "30.5", taylor)(start).time - flight.time) < 1e-7

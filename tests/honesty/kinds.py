@@ -18,7 +18,7 @@ from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
-from tippedisk_verify.cycles.half_map import RETURNS, VARIATIONS
+from tippedisk_verify.cycles.section import RETURNS, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation

@@ -23,10 +23,10 @@ __all__ = ["PLANTS", "planted"]
 PLANTS = {
     "flow.error_estimate:_Run._half_widths": "flow",
     "flow.comparison:_half_widths": "half periods",
-    "cycles.cycle_budget:half_widths_by_twins": "limit cycle in double",
-    "cycles.cycle_budget:half_widths_by_wider_run": "limit cycle",
+    "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
+    "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.branch_budget:BranchBudget.half_widths": "branch",
-    "connection.near_connection:with_speed": "next to Omega_h",
+    "atlas.cycles_at_speed:with_speed": "next to Omega_h",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "connection.limit_of_cycles:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",

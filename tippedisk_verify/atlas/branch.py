@@ -1,4 +1,4 @@
-"""Families of limit cycles: at which speeds."""
+"""Families of limit cycles: many cycles at once, at speeds or along a family."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_at
+from tippedisk_verify.atlas.locator import Locator, locator
+from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
-from tippedisk_verify.cycles.continuation import cycles_at_speed
-from tippedisk_verify.cycles.continuation import paper_sets as sets_of
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.shooting import LimitCycle
+from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -27,13 +29,17 @@ from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["DEFAULT_COUNT", "MANY", "Branch", "family"]
+__all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "MANY", "Branch", "family", "paper_speeds", "rotating_branch"]
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
+DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
 _FEWEST = 5  # of them on a piece between folds
 _UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do not tell cycles apart
 _MOST = 1_000_000
+_DOUBLE_DIGITS = 12
+_STEPS = 400  # of each of the paper's sets
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
 
@@ -72,6 +78,25 @@ def _in_double(number: Measured) -> float:
     return math.nextafter(float(width), math.inf) if width else 0.0
 
 
+def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]:
+    """The paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and A^de towards ``omega_h``.
+
+    Each set has 400 steps, each a hundredth of the rest. As doubles, because the paper's are. The paper's index set
+    I = {1, ..., 400} leaves Omega_1 undefined; here Omega_1 follows from Omega_0 by the same rule. Raises
+    NoSuchCycleError for a disk with which the sets do not make sense.
+    """
+    crit = omega_crit(parameters, 40).value
+    start = crit - Fraction(1, 2)
+    if not omega_h < start:
+        raise NoSuchCycleError(
+            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {float(start):.10g} rad/s; for this disk "
+            f"that lies below Omega_h = {float(omega_h):.10g} rad/s"
+        )
+    steps = (end + (start - end) * Fraction(99, 100) ** n for end in (crit, omega_h) for n in range(1, _STEPS + 1))
+    return tuple(map(float, (start, *steps)))
+
+
+# ------------------------------------------------------------------------------------------------ librating
 def family(
     parameters: Parameters,
     engine: Engine,
@@ -85,29 +110,44 @@ def family(
     speeds that are no positive decimals, NoSuchCycleError where the family has no cycle.
     """
     if paper_sets:
-        yield from _papers(parameters, engine)
-        return
-    if omegas is None:
-        try:
-            known = LibratingFamily(parameters, engine)
-        except NoSuchCycleError as fault:  # no speed was asked for
-            raise Shortfall(str(fault)) from None
-        yield from _overview(known)
-        return
-    speeds = checked_speeds(omegas)
-    if not 0 < len(speeds) <= _MOST:
-        raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-    if len(speeds) >= MANY and parameters.friction == "linear":
-        yield from _together(parameters, [float(speed) for speed in speeds], engine)
+        omega_h = locator(parameters, engine).omega_h
+        speeds = [Fraction(speed) for speed in paper_speeds(parameters, omega_h)]
+    elif omegas is None:
+        return _overview(locator(parameters, engine))
     else:
-        yield from _one_by_one(parameters, speeds, engine)
+        speeds = checked_speeds(omegas)
+        if not 0 < len(speeds) <= _MOST:
+            raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
+    return _at(locator(parameters, engine), speeds)
 
 
-def _overview(family: LibratingFamily) -> Iterator[LimitCycle]:
+def _at(known: Locator, speeds: Sequence[Fraction]) -> Iterator[LimitCycle]:
+    """All cycles at these speeds: many of the linear law in lanes of the Taylor engine, whatever the engine is.
+
+    One after the other where doubles or the branch do not hold them all.
+    """
+    if len(speeds) >= MANY and known.parameters.friction == "linear":
+        doubles = [float(speed) for speed in speeds]
+        with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
+            branch = BranchInterpolant(
+                known.parameters, default_lanes(), float(known.omega_h), lowest=min(doubles), highest=max(doubles)
+            )
+            yield from branch.limit_cycles(doubles)
+            return
+        speeds = [Fraction(speed) for speed in doubles]
+    for speed in speeds:
+        yield from known.librating(speed).cycles()
+
+
+def _overview(known: Locator) -> Iterator[LimitCycle]:
     """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
 
     Not closer to them than doubles can follow; pieces that are too short for that are left out.
     """
+    try:
+        family = known.family
+    except NoSuchCycleError as fault:  # no speed was asked for
+        raise Shortfall(str(fault)) from None
     breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
     for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
@@ -120,47 +160,52 @@ def _overview(family: LibratingFamily) -> Iterator[LimitCycle]:
         for n in range(count):
             place = (2 * n - count + 1) / (count - 1)
             omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-            yield cycles_at_speed(family, Fraction(omega), piece=piece)[0]
+            location = known.librating(Fraction(omega))
+            yield from (location.cycle(start) for start in location.starts if start.piece == piece)
 
 
-def _papers(parameters: Parameters, engine: Engine) -> Iterator[LimitCycle]:
-    """The cycles at the paper's speeds. Raises NoSuchCycleError for a disk with which these do not make sense."""
-    omega_h = bisect_omega_h(parameters, engine).omega_h.value
-    sets = sets_of(parameters, omega_h)
-    if not omega_h < Fraction(sets.start):
-        raise NoSuchCycleError(
-            f"the paper's sets of speeds begin 0.5 rad/s below Omega_crit, at {sets.start:.10g} rad/s; for this disk "
-            f"that lies below Omega_h = {float(omega_h):.10g} rad/s"
-        )
-    speeds = (sets.start, *sets.increasing, *sets.decreasing)
-    if parameters.friction == "linear":
-        yield from _together(parameters, speeds, engine, omega_h)
-    else:
-        yield from _one_by_one(parameters, [Fraction(speed) for speed in speeds], engine)
+# ------------------------------------------------------------------------------------------------ rotating
+def rotating_branch(
+    parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
+) -> Iterator[RotatingCycle]:
+    """The family in double: at each of these speeds [rad/s] the stable cycle, then the unstable one; or an overview.
 
-
-def _one_by_one(parameters: Parameters, speeds: Sequence[Fraction], engine: Engine) -> Iterator[LimitCycle]:
-    """All cycles at each speed, or the one next to the connection that doubles do not hold."""
-    known: LibratingFamily | None = None
-    with suppress(NoSuchCycleError):
-        known = LibratingFamily(parameters, engine)
-    for speed in speeds:
-        if known is not None and any(known.places(float(speed))):
-            yield from cycles_at_speed(known, speed)
-        else:
-            yield cycle_at(parameters, speed, engine)
-
-
-def _together(
-    parameters: Parameters, speeds: Sequence[float], engine: Engine, omega_h: Fraction | None = None
-) -> list[LimitCycle]:
-    """All speeds at once on the branch as a function; the Taylor engine's lanes do it, whatever the engine is.
-
-    One after the other where doubles or the branch do not hold them all.
+    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. A hundred speeds and
+    more, of the linear law, count as doubles and are solved together. Raises InputError for speeds that are no positive
+    decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
-    lanes, low, high = default_lanes(), min(speeds), max(speeds)
-    try:
-        omega_h = omega_h or bisect_omega_h(parameters, engine).omega_h.value
-        return BranchInterpolant(parameters, lanes, float(omega_h), lowest=low, highest=high).limit_cycles(speeds)
-    except (NoConnectionError, NoSuchCycleError, Shortfall):
-        return list(_one_by_one(parameters, [Fraction(speed) for speed in speeds], engine))
+    speeds = None if omegas is None else checked_speeds(omegas)
+    known = locator(parameters, engine)
+    if speeds is None:
+        return _rotating_overview(known)
+    if len(speeds) >= MANY and parameters.friction == "linear":
+        return _rotating_together(known, [Fraction(float(speed)) for speed in speeds])
+    return (cycle for speed in speeds for cycle in known.rotating(speed).cycles())
+
+
+def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
+    """Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached."""
+    family, half = known.rotations, DEFAULT_ROTATIONS // 2
+    fold = Fraction(float(rotation_fold(family).omega))
+    below, beyond = family.omega_h - fold, omega_crit(known.parameters, 20).value + Fraction(1, 2) - fold
+    for n in range(half, 0, -1):
+        yield from known.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
+    for n in range(1, half + 1):
+        yield from known.rotating(fold + beyond * Fraction(n * n, half * half), stable=False).cycles()
+
+
+def _rotating_together(known: Locator, speeds: Sequence[Fraction]) -> Iterator[RotatingCycle]:
+    """All of them in lanes, whatever the engine is; those that doubles do not hold one at a time."""
+    lanes = default_lanes()
+    family = RotatingFamily(
+        known.parameters, known.engine, known.omega_h, in_batches(ROTATING, known.parameters, lanes)
+    )
+    asked = [(speed, side) for speed in speeds for side in (True, False) if speed < family.omega_h or not side]
+    omegas = numpy.array([float(speed) for speed, _ in asked])
+    stable = numpy.array([side for _, side in asked])
+    in_lanes: list[RotatingCycle | None] = [None] * len(asked)
+    with suppress(NoSuchCycleError):
+        family.reach(omegas.max())
+        in_lanes = FamilyInterpolant(family, lanes).results_where(omegas, stable, digits=_DOUBLE_DIGITS)
+    for (speed, side), cycle in zip(asked, in_lanes, strict=True):
+        yield from known.rotating(speed, stable=side).cycles() if cycle is None else (cycle,)

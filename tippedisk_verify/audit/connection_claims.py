@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic

@@ -6,9 +6,9 @@ import math
 from fractions import Fraction
 from functools import lru_cache
 
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.audit.claims import Audit, Claim, per_set
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
@@ -32,7 +32,7 @@ def _below(parameters: Parameters) -> Fraction:
 
 @lru_cache(maxsize=16)
 def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
-    return followed_cycle(parameters, _below(parameters), engine, digits=12)
+    return cycle_at(parameters, _below(parameters), engine, digits=12)
 
 
 def _qualitative(audit: Audit, name: str) -> tuple[str, bool]:
@@ -61,7 +61,7 @@ def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
     Supercritical if stable cycles below Omega_crit shrink towards it.
     """
     far, speed = _cycle(parameters, engine), omega_crit(parameters, 20).value - Fraction(1, 32)
-    near = followed_cycle(parameters, speed, engine, digits=12)
+    near = cycle_at(parameters, speed, engine, digits=12)
     shrinks = near.beta_max.value < far.beta_max.value / 2
     return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
 

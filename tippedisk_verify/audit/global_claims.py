@@ -6,8 +6,8 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.audit.claims import Audit, Claim, Examination, Finding, ProofOffer, compared, per_set
-from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
@@ -67,7 +67,7 @@ def _branch(audit: Audit, name: str) -> tuple[str, bool]:
 def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Whether shooting from the printed guess (gamma_bar, v) ends on the family's cycle; T_0 is no unknown here."""
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    truth = followed_cycle(audit.sets[name], speed, audit.engine)
+    truth = cycle_at(audit.sets[name], speed, audit.engine)
     gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
     try:
         cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))

@@ -14,6 +14,8 @@ from fractions import Fraction
 
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.period_continuation import cycle_at_half_period, lengthened
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -72,10 +74,10 @@ def near_omega_h(parameters: Parameters, engine: Engine) -> tuple[Heteroclinic, 
         left = float(QUADRUPLE.pi - point.gamma_bar_0)
         errors: tuple[float | None, float | None] = (None, None)
         try:
-            shot = shoot(parameters, Fraction(omega), state, engine)
+            fixed_point = shoot(ReturnMap(LIBRATING, parameters, Fraction(omega), engine), state)
             errors = (
-                abs(float(2 * fraction(shot.map.time) - period)),
-                abs(float(fraction(shot.state[0]) - fraction(point.gamma_bar_0))) / left,
+                abs(float(2 * fraction(fixed_point.image.time) - period)),
+                abs(float(fraction(fixed_point.point[0]) - fraction(point.gamma_bar_0))) / left,
             )
         except NoSuchCycleError:
             pass

@@ -78,12 +78,12 @@ def orbit(
     unguessed = None if radius is None else failed_interval(parameters, value, radius)
     start: tuple[object, object] | None = guess
     if start is None:
-        from tippedisk_verify.cycles.continuation import followed_cycle
+        from tippedisk_verify.atlas.cycles_at_speed import cycle_at
         from tippedisk_verify.flow import default_engine
 
         try:
             stable = False if unstable else None
-            cycle = followed_cycle(parameters, value, default_engine(), digits=12, stable=stable)
+            cycle = cycle_at(parameters, value, default_engine(), digits=12, stable=stable)
         except NoSuchCycleError as fault:
             failed = unguessed or CycleProof(Status.NO_GUESS, str(fault), parameters, value, 0)
             print_result(common, failed.to_dict())
@@ -111,7 +111,7 @@ def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | No
 
 def _fold(common: Common, rotating: bool, number: int | None, certificate: Path | None) -> int:
     """Prove a fold of the rotating or the librating family."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_family
+    from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
     from tippedisk_verify.cycles.folds import Fold, libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
@@ -123,7 +123,7 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     fault = "no fold of this disk's limit cycles about inverted spinning was found"
     try:
         if rotating:
-            folds = (rotation_fold(rotating_family(parameters, default_engine()), digits=digits + 10),)
+            folds = (rotation_fold(locator(parameters, default_engine()).rotations, digits=digits + 10),)
         else:
             folds = libration_folds(parameters, default_engine(), digits=digits + 10)
     except (NoSuchCycleError, NoConnectionError, Shortfall) as error:
@@ -151,7 +151,7 @@ def _rotating(
     certificate: Path | None,
 ) -> int:
     """Prove a rotating cycle."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
     from tippedisk_verify.certified.cycle import Status
     from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
     from tippedisk_verify.flow import default_engine

@@ -142,7 +142,7 @@ def orbit(common: Common, rotating: bool, **asked: Any) -> int:
 
 def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
     """The fold of the rotating cycles, or all of the librating ones' family as far as it is followed."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_family
+    from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
     from tippedisk_verify.cycles.librating_family import LibratingFamily
     from tippedisk_verify.flow import default_engine
@@ -150,7 +150,7 @@ def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
     asked.refuse_unless_one("omega", "below_crit", "below_het" if rotating else "above_het", "at_fold")
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        print_result(common, rotation_fold(rotating_family(parameters, engine), digits=digits).to_dict())
+        print_result(common, rotation_fold(locator(parameters, engine).rotations, digits=digits).to_dict())
         return 0
     try:
         family = LibratingFamily(parameters, engine)
@@ -168,7 +168,7 @@ def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
 
 def _librating(common: Common, asked: _Asked) -> dict[str, object]:
     """A cycle about inverted spinning, as JSON."""
-    from tippedisk_verify.connection.near_connection import cycle_above, cycle_at
+    from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
     from tippedisk_verify.flow import default_engine
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
@@ -183,7 +183,7 @@ def _librating(common: Common, asked: _Asked) -> dict[str, object]:
 
 def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
     """A rotating cycle, as JSON."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_cycle
+    from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
     from tippedisk_verify.flow import default_engine
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
@@ -208,8 +208,7 @@ def _rotating(common: Common, asked: _Asked) -> dict[str, object]:
 @common_options
 def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool, proved: bool, out: str | None) -> int:
     """The family of limit cycles from Omega_crit towards Omega_h, through any folds, or of the rotating ones."""
-    from tippedisk_verify.atlas import branch as librating
-    from tippedisk_verify.atlas import rotating_cycle as rotations
+    from tippedisk_verify.atlas import branch as families
     from tippedisk_verify.files import output_file
     from tippedisk_verify.flow import default_engine
     from tippedisk_verify.progress import watched
@@ -231,11 +230,11 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
     speeds = None if omegas is None else omegas.split(",")
     family: Iterator[LimitCycle | RotatingCycle]
     if rotating:
-        total = 2 * len(speeds) if speeds else rotations.DEFAULT_COUNT
-        family = rotations.rotating_branch(common.parameters, engine, speeds)
+        total = 2 * len(speeds) if speeds else families.DEFAULT_ROTATIONS
+        family = families.rotating_branch(common.parameters, engine, speeds)
     else:
-        total = 801 if paper_sets else len(speeds) if speeds else librating.DEFAULT_COUNT
-        family = librating.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
+        total = 801 if paper_sets else len(speeds) if speeds else families.DEFAULT_COUNT
+        family = families.family(common.parameters, engine, paper_sets=paper_sets, omegas=speeds)
     cycles: list[LimitCycle | RotatingCycle] = list(watched(family, "limit cycles", total, not common.quiet))
     if target is not None:
         write_branch(cycles, target)
@@ -256,7 +255,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
             f"{line}  {'proved' if entries['proved'] else 'half-widths measured, not proved'}"
             for line, (entries, _) in zip(list(lines), proofs, strict=True)
         )
-    folds = _folds(common, rotating, total >= librating.MANY and common.parameters.friction == "linear")
+    folds = _folds(common, rotating, total >= families.MANY and common.parameters.friction == "linear")
     told = (f"fold at {fold.omega:.12g} rad/s  period {fold.period:.12g} s" for fold in folds)
     entries: list[object] = [fold.to_dict() for fold in folds]
     turns: dict[str, object] = {"fold": entries[0]} if rotating else {"folds": entries}
@@ -266,7 +265,7 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
 
 def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
     """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled."""
-    from tippedisk_verify.atlas.rotating_cycle import rotating_family
+    from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.cycles.family import in_batches
     from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
     from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -275,7 +274,7 @@ def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        return [rotation_fold(rotating_family(parameters, engine), digits=digits)]
+        return [rotation_fold(locator(parameters, engine).rotations, digits=digits)]
     try:
         solve = in_batches(LIBRATING, parameters, default_lanes()) if in_lanes else None
         return libration_folds(parameters, engine, digits=digits, family=LibratingFamily(parameters, engine, solve))

@@ -122,7 +122,7 @@ def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
 
     At its tightest tolerance it is near round-off, and where the smooth law's field has its kinks the error no longer
     follows the tolerance: it is another one for every sequence of steps. Each tolerance is a draw of it, all of them
-    larger than the one at hand, and their spread with the answer, taken so many times, holds it as in `cycle_budget`.
+    larger than the one at hand, and their spread with the answer, taken so many times, holds it as in `error_budget`.
     To it sixteen ulps of the speed for what the passage does to rounding.
     """
     values = [centre]

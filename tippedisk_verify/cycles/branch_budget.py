@@ -3,7 +3,7 @@
 It is derived in docs/error_budgets.md.
 
 On every fourth node of the family, and at both ends, the cycle is solved again a few times with other last bits of the
-constants, each time from the solution before (the twins of `cycle_budget`, in lanes). The largest spread of three
+constants, each time from the solution before (the twins of `error_budget`, in lanes). The largest spread of three
 neighbours is the measure of rounding, of the parameters' too. What has a pole at a fold is multiplied by what vanishes
 there. Between those nodes it is interpolated by chords, which lie above what grows like a power of Omega - Omega_h, and
 hold what vanishes at Omega_crit.

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.cycles.half_map import VARIATIONS
 from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.section import VARIATIONS
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
 from tippedisk_verify.model.equations import field, shifted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
@@ -13,7 +14,7 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["Image", "ReturnMap", "newton_step"]
+__all__ = ["FixedPoint", "Image", "ReturnMap", "newton_step"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -166,6 +167,16 @@ class ReturnMap(Generic[C]):
         if abs(float(result.state[section.fixed] - self._growth)) > _OFF:
             raise NoSuchCycleError(section.no_return)
         return result
+
+
+@dataclass(frozen=True)
+class FixedPoint(Generic[C]):
+    """Where an iteration for a fixed point of a return map ended, and how it went."""
+
+    return_map: ReturnMap[C]
+    point: tuple[Any, Any]  #: the coordinates on the section
+    image: Image  #: of the point, or of one that it has not left by more than the last step
+    residuals: tuple[float, ...]  #: their sizes, step by step
 
 
 def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
-from tippedisk_verify.cycles.continuation import followed_cycle
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at, rotating_cycle
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, pyplot
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
@@ -103,5 +102,5 @@ def _cycles(boundary: BasinBoundary) -> list[tuple[Any, str, str]]:
         image = numpy.array((math.pi - beta, (math.pi - gamma + math.pi / 2) % (2 * math.pi) - math.pi / 2, -v))
         curves.append((image[:, numpy.argsort(image[1])], colour, ""))
     with suppress(InputError, Shortfall):
-        curves.append((followed_cycle(disk, omega, engine).orbit()[1], GREEN, "limit cycle"))
+        curves.append((cycle_at(disk, omega, engine).orbit()[1], GREEN, "limit cycle"))
     return curves

@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.atlas.branch import family
-from tippedisk_verify.atlas.rotating_cycle import rotating_branch
+from tippedisk_verify.atlas.branch import family, rotating_branch
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.errors import Shortfall

@@ -12,8 +12,9 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
-from tippedisk_verify.cycles.turn_map import ROUND, TurnFlights
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import ROTATING, ROUND
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import checked_speed
@@ -28,7 +29,7 @@ __all__ = ["BasinBoundary"]
 _FORGOTTEN = 37.0  # of the fast direction exp(-this) is left, which is below a double's rounding
 _FEWEST_TURNS, _MOST_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
-_DIFFERENCES = 4  # of roots after different numbers of turns, for a half-width: as for cycles, see `cycle_budget`
+_DIFFERENCES = 4  # of roots after different numbers of turns, for a half-width: as for cycles, see `error_budget`
 _BESIDE = 1e-6  # rad; a root after another number of turns is looked for so close to the first one
 _ROUNDINGS = Fraction(1, 10**14)  # rad; what the last bits of the start and of pi do
 _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
@@ -49,7 +50,7 @@ class BasinBoundary(Printable):
         #: The unstable rotating cycle whose stable manifold the sheet of larger beta is.
         self.cycle = rotating_cycle(parameters, self.omega, engine, stable=False)
         self._top = float(self.cycle.beta_bar_top), float(self.cycle.v_top)
-        (_, b), (_, d) = TurnFlights(parameters, self.omega, engine, DOUBLE).map(self._top).matrix
+        (_, b), (_, d) = ReturnMap(ROTATING, parameters, self.omega, engine)(self._top).matrix
         # (1, w) is the left eigenvector of the turn map's derivative, which takes that coordinate from a difference.
         self._weight = b / (float(self.cycle.multiplier_slow) - d)
         forgotten = _FORGOTTEN / -float(self.cycle.log_multiplier_fast)

@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle
-from tippedisk_verify.cycles.continuation import followed_cycle
-from tippedisk_verify.cycles.turn_map import ROUND
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at, rotating_cycle
+from tippedisk_verify.cycles.section import ROUND
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
@@ -158,7 +157,7 @@ class Attractors:
         amplitude = lean = None
         period = 0.0
         with suppress(NoSuchCycleError, Shortfall):
-            cycle = followed_cycle(parameters, omega, default_engine(), digits=6)
+            cycle = cycle_at(parameters, omega, default_engine(), digits=6)
             if cycle.stable:
                 amplitude, period = float(cycle.gamma_bar_0), float(cycle.period)
         if amplitude is None:

@@ -6,12 +6,15 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.connection.near_connection import cycle_near
 from tippedisk_verify.connection.omega_h_slopes import omega_h_slopes
-from tippedisk_verify.cycles.continuation import followed_cycle
-from tippedisk_verify.cycles.half_map import newton_step
-from tippedisk_verify.cycles.shooting import LimitCycle, cycle_numbers, shoot
+from tippedisk_verify.cycles.error_budget import cycle_numbers
+from tippedisk_verify.cycles.limit_cycle import LimitCycle
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
@@ -71,7 +74,7 @@ def named_numbers(cycle: LimitCycle) -> Values:
 
 # ------------------------------------------------------------------------------------------ limit cycles
 def _shooting(case: Case, known: Values) -> Values:
-    return named_numbers(followed_cycle(case.parameters, case.inputs["Omega"], default_engine(), digits=_DIGITS))
+    return named_numbers(cycle_at(case.parameters, case.inputs["Omega"], default_engine(), digits=_DIGITS))
 
 
 def _near(case: Case, known: Values) -> Values:
@@ -191,15 +194,13 @@ def _scipy(case: Case, known: Values) -> Values:
 
 def _shot(case: Case, known: Values, engine: Engine) -> dict[str, float]:
     guess = (float(known["gamma_bar_0"]), float(known["v_0"]))
-    shot = shoot(case.parameters, case.inputs["Omega"], guess, engine)
-    here = shot.map
-    by_omega = newton_step(here.matrix, here.by_omega)
-    slope = here.time_by_state[0] * by_omega[0] + here.time_by_state[1] * by_omega[1] + here.time_by_omega
+    fixed_point = shoot(ReturnMap(LIBRATING, case.parameters, case.inputs["Omega"], engine), guess)
+    image, by_omega = fixed_point.image, fixed_point.image.fixed_point_by_omega
     return {
-        "period": 2 * here.time,
-        "gamma_bar_0": shot.state[0],
-        "v_0": shot.state[1],
-        "dperiod_domega": 2 * slope,
+        "period": 2 * image.time,
+        "gamma_bar_0": fixed_point.point[0],
+        "v_0": fixed_point.point[1],
+        "dperiod_domega": 2 * image.time_along_family,
         "dgamma_bar_0_domega": by_omega[0],
         "dv_0_domega": by_omega[1],
     }
@@ -224,8 +225,8 @@ def cycle_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
 
     def plain(moved: Case) -> dict[str, Any]:
         guess = (float(values["gamma_bar_0"]), float(values["v_0"]))
-        shot = shoot(moved.parameters, moved.inputs["Omega"], guess, default_engine())
-        numbers = cycle_numbers(moved.parameters, moved.inputs["Omega"], shot, default_engine(), DOUBLE)
+        return_map = ReturnMap(LIBRATING, moved.parameters, moved.inputs["Omega"], default_engine())
+        numbers = cycle_numbers(shoot(return_map, guess), DOUBLE)
         return {name: float(value) for name, value in numbers.items() if name in _NAMES}
 
     return by_differences(plain, Fraction(1, 10**8))(case, values)
@@ -264,8 +265,8 @@ def _beta_max_slopes(parameters: Parameters, above: Fraction) -> dict[str, Fract
     def plain(moved: Case) -> dict[str, Any]:
         change = {name: getattr(moved.parameters, name) / getattr(parameters, name) - 1 for name in by}
         omega = omega_h + above + sum(slope * change[name] for name, slope in by.items())
-        shot = shoot(moved.parameters, omega, guess, default_engine())
-        numbers = cycle_numbers(moved.parameters, omega, shot, default_engine(), DOUBLE)
+        return_map = ReturnMap(LIBRATING, moved.parameters, omega, default_engine())
+        numbers = cycle_numbers(shoot(return_map, guess), DOUBLE)
         return {"beta_max": numbers["beta_max"]}
 
     case = Case(Item("", "", parameters.name, parameters.friction, {}), parameters, {})

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any, NamedTuple
 
-from tippedisk_verify.atlas.rotating_cycle import rotating_cycle, rotating_family
-from tippedisk_verify.cycles.cycle_budget import numbers_at
+from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.folds import RotationFold, fold_near, fold_to_digits, rotation_fold
-from tippedisk_verify.cycles.half_map import EXTREME
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import ROTATING
-from tippedisk_verify.cycles.shooting import converged
+from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
+from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
+from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.cycles.spectral_fold import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
-from tippedisk_verify.cycles.turn_map import ROUND, TurnFlights
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Result
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.cycle_roads import period_from, period_multipliers
 from tippedisk_verify.reference_values.entries import Case, Method, Values
@@ -168,17 +165,20 @@ def _collocation(case: Case, known: Values) -> Values:
 
 def _in_double(case: Case, known: Values, engine: Any) -> dict[str, float]:
     """The cycle's numbers by shooting in double from the known ones."""
-    flights = TurnFlights(case.parameters, case.inputs["Omega"], engine, DOUBLE)
-    shot = converged(flights, (float(known["beta_bar_top"]), float(known["v_top"])))
-    numbers = numbers_at(flights, shot.state, shot.map, DOUBLE)
+    numbers = cycle_numbers(_shot(case, known, engine), DOUBLE)
     return {name: float(numbers[name]) for name in _NAMES}
+
+
+def _shot(case: Case, known: Values, engine: Any) -> FixedPoint[Any]:
+    return_map = ReturnMap(ROTATING, case.parameters, case.inputs["Omega"], engine)
+    return shoot(return_map, (float(known["beta_bar_top"]), float(known["v_top"])))
 
 
 def _scipy(case: Case, known: Values) -> Values:
     """Shooting with another integrator, in double; its nine digits are a claim, the distance is on record."""
-    flights = TurnFlights(case.parameters, case.inputs["Omega"], Baseline(), DOUBLE)
-    shot = converged(flights, (float(known["beta_bar_top"]), float(known["v_top"])))
-    numbers = {"period": shot.map.time, "beta_bar_top": shot.state[0], "v_top": shot.state[1]}
+    fixed_point = _shot(case, known, Baseline())
+    beta_bar, v = fixed_point.point
+    numbers = {"period": fixed_point.image.time, "beta_bar_top": beta_bar, "v_top": v}
     return {name: Measured.of(value, abs(value) * 1e-9 + 1e-12) for name, value in numbers.items()}
 
 
@@ -198,13 +198,8 @@ ROTATION = (
 
 
 # ------------------------------------------------------------------------------------------ their fold
-@lru_cache(maxsize=8)
-def _family(parameters: Parameters) -> RotatingFamily:
-    return rotating_family(parameters, default_engine())
-
-
 def _fold_by_shooting(case: Case, known: Values) -> Values:
-    fold = rotation_fold(_family(case.parameters), digits=_DIGITS)
+    fold = rotation_fold(locator(case.parameters, default_engine()).rotations, digits=_DIGITS)
     return {name: getattr(fold, name) for name in _FOLD_NAMES}
 
 
@@ -265,8 +260,8 @@ def _fold_by_scipy(case: Case, known: Values) -> Values:
 def fold_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
     """By the fold to 12 digits and more for parameters moved by 1e-8, from the same start."""
 
-    fold = _family(case.parameters).near_fold()
-    near = (*fold.start, fold.omega)
+    place = locator(case.parameters, default_engine()).rotations.near_fold()
+    near = (*place.start, place.omega)
 
     def plain(moved: Case) -> dict[str, Any]:
         fold = fold_to_digits(RotationFold, moved.parameters, near, default_engine(), 12)

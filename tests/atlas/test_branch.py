@@ -7,21 +7,20 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
-from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.branch import family, paper_speeds
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.continuation import paper_sets
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.theory.hopf import omega_crit
 
 
 def test_paper_sets_follow_their_rule(taylor) -> None:
     omega_h = bisect_omega_h(PRINTED, taylor).omega_h.value
-    sets = paper_sets(PRINTED, omega_h)
-    assert len(sets.increasing) == len(sets.decreasing) == 400
+    start, *speeds = paper_speeds(PRINTED, omega_h)
+    assert len(speeds) == 800
     crit = float(omega_crit(PRINTED, 20))
-    for end, speeds in ((crit, sets.increasing), (float(omega_h), sets.decreasing)):
-        for before, after in pairwise((sets.start, *speeds)):
+    for end, steps in ((crit, speeds[:400]), (float(omega_h), speeds[400:])):
+        for before, after in pairwise((start, *steps)):
             # The recursion in double: an ulp of Omega, 3.6e-15, per step.
             assert abs(after - (before + (end - before) / 100)) < 1e-14
 

@@ -10,8 +10,8 @@ import numpy
 import pytest
 from scipy import integrate, stats
 
-from tippedisk_verify.cycles import branch_budget, cycle_budget
-from tippedisk_verify.cycles.cycle_budget import logarithms_bounded
+from tippedisk_verify.cycles import branch_budget, error_budget
+from tippedisk_verify.cycles.error_budget import logarithms_bounded
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
@@ -35,14 +35,14 @@ def beyond(twins: int, factor: float) -> float:
 
 
 def test_the_risk_is_what_the_budget_says() -> None:
-    assert 1.5e-6 < beyond(cycle_budget.TWINS, cycle_budget.TWIN_FACTOR) < 2e-6
-    errors = numpy.random.default_rng(1).standard_normal((200_000, cycle_budget.TWINS + 1))
-    ratio = cycle_budget.TWIN_FACTOR * numpy.ptp(errors, axis=1) / numpy.abs(errors[:, 0])
+    assert 1.5e-6 < beyond(error_budget.TWINS, error_budget.TWIN_FACTOR) < 2e-6
+    errors = numpy.random.default_rng(1).standard_normal((200_000, error_budget.TWINS + 1))
+    ratio = error_budget.TWIN_FACTOR * numpy.ptp(errors, axis=1) / numpy.abs(errors[:, 0])
     assert 13 < numpy.median(ratio) < 15  # 200,000 draws: the median is within a few hundredths
 
 
 def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
-    values, factor = cycle_budget.TWINS_OF_WIDER + 1, cycle_budget.TWIN_FACTOR
+    values, factor = error_budget.TWINS_OF_WIDER + 1, error_budget.TWIN_FACTOR
     density, below = stats.norm.pdf, stats.norm.cdf
 
     def spread_below(width: float) -> float:

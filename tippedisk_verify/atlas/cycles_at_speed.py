@@ -1,0 +1,200 @@
+"""Single limit cycles: at a speed, or at a distance from Omega_h that doubles need not resolve."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from typing import TypeVar
+
+from tippedisk_verify.atlas.locator import Location, locator
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.cycles.error_budget import cycle_to_digits
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.rotating_family import unstable_top
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
+from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
+from tippedisk_verify.theory.hopf import criticality, omega_crit
+
+__all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle", "with_speed"]
+
+C = TypeVar("C", bound=Cycle)
+
+_SMALLEST = 800  # zeros after the point that a distance from Omega_h may have
+
+
+def cycle_at(
+    parameters: Parameters, omega: object, engine: Engine, *, digits: int = 12, stable: bool | None = None
+) -> LimitCycle:
+    """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
+
+    Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
+    that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    """
+    speed = checked_speed(omega)
+    checked_digits(digits)
+    cycle: LimitCycle | None = None
+    if stable is not False:  # mostly the law leads to a stable cycle, and nothing else is asked
+        fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
+        if fixed_point is not None:
+            cycle = cycle_to_digits(fixed_point, digits)
+            if cycle.stable:
+                return cycle
+    location = locator(parameters, engine).librating(speed)
+    if cycle and stable is None and not location.starts:
+        return cycle
+    cycles = location.cycles(digits)
+    wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
+    if not wanted and stable is not None:
+        kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
+        raise NoSuchCycleError(f"no {kind} limit cycle found at {float(speed):.10g} rad/s: the one found is {other}")
+    return (wanted or cycles)[0]
+
+
+def rotating_cycle(
+    parameters: Parameters, omega: object, engine: Engine, *, stable: bool = True, digits: int = 12
+) -> RotatingCycle:
+    """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
+
+    Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
+    speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    """
+    speed = checked_speed(omega)
+    checked_digits(digits)
+    if stable:
+        with suppress(NoSuchCycleError, NoConnectionError):
+            # The saddle's unstable branch leads there where the cycle is not next to the fold.
+            return_map = ReturnMap(ROTATING, parameters, speed, engine)
+            cycle = cycle_to_digits(shoot(return_map, unstable_top(parameters, speed, engine)), digits)
+            if cycle.stable:
+                return cycle
+    (cycle,) = locator(parameters, engine).rotating(speed, stable=stable).cycles(digits)
+    return cycle
+
+
+def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
+    """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
+
+    Raises InputError unless ``above`` is a positive decimal and the family reaches as far, NoSuchCycleError where none
+    is found, Shortfall if the digits are not reached.
+    """
+    distance, wanted = _checked_distance(above, "above", digits)
+    known = locator(parameters, engine)
+    room = _room_above(parameters, engine)
+    if distance >= room:
+        raise NoSuchCycleError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
+    omega_h = splitting_zero(parameters, known.omega_h, engine, wanted).omega_h
+    location = known.librating(omega_h.value + distance, omega_h.value)
+    return _at_distance(location, omega_h, distance, room, digits)
+
+
+def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
+    """The stable rotating limit cycle at Omega_h - ``below`` [rad/s], to ``digits`` significant digits.
+
+    Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, Shortfall if the digits
+    are not reached.
+    """
+    distance, wanted = _checked_distance(below, "below", digits)
+    rotations = locator(parameters, engine).rotations
+    room = rotations.omega_h - Fraction(rotations.near_fold().omega)
+    if distance >= room:
+        raise NoSuchCycleError(
+            f"stable rotating cycles lie less than {float(room):.6g} rad/s below Omega_h, not {shown(below)}"
+        )
+    omega_h = splitting_zero(parameters, rotations.omega_h, engine, wanted).omega_h
+    location = locator(parameters, engine).rotating(omega_h.value - distance, stable=True, omega_h=omega_h.value)
+    return _at_distance(location, omega_h, distance, room, digits)
+
+
+def _at_distance(location: Location[C], omega_h: Measured, distance: Fraction, room: Fraction, digits: int) -> C:
+    """The cycle on the piece next to the connection, which is a family's last, or its only stable one."""
+    if not location.starts:
+        raise NoSuchCycleError(location.refusal)
+    cycle = with_speed(location.cycle(location.starts[-1], digits), omega_h, distance, room)
+    if cycle.period.uncertainty > cycle.period.value / 10**digits:
+        raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
+    return cycle
+
+
+def _room_above(parameters: Parameters, engine: Engine) -> Fraction:
+    """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
+    omega_h = locator(parameters, engine).omega_h
+    if criticality(parameters) == "supercritical" and saddle_value_sign(parameters, omega_h) < 0:
+        return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
+    (_, start), (_, end) = locator(parameters, engine).family.ends[-2:]
+    if start < end:
+        raise NoSuchCycleError(
+            f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"
+            f" {start:.10g} rad/s: its saddle value is positive"
+        )
+    return Fraction(start) - omega_h
+
+
+def _checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, int]:
+    """A distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs for ``digits`` of its own.
+
+    Raises InputError unless it is a positive decimal that is not too small.
+    """
+    distance = exact(given)
+    if distance.pi_multiple or distance.rational <= 0:
+        raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(given)}")
+    checked_digits(digits)
+    value = distance.rational
+    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too
+    if zeros > _SMALLEST:
+        raise InputError(f"distances {side} Omega_h are offered down to 1e-{_SMALLEST} rad/s, not 1e-{zeros}")
+    if zeros + digits > MOST_DIGITS:
+        raise InputError(
+            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it need more"
+        )
+    # The speed must be right to the digits asked for, and T depends on the logarithm of the distance.
+    return value, zeros + digits + 6
+
+
+def with_speed(cycle: C, omega_h: Measured, above: Fraction, room: Fraction) -> C:
+    """The cycle ``above`` Omega_h (a rotating one: below it), its half-widths with what the speed's own does to them.
+
+    ``room`` is Omega_crit - Omega_h [rad/s], for rotating cycles their fold's distance from Omega_h. With d the
+    distance to the nearer end of the branch, close to which the numbers follow powers and logarithms of d, the
+    logarithms of the multipliers change by at most about 2 / d of themselves per unit of speed, and so do the
+    sensitivities, but for the middle of the branch, where those may vanish and change by what the number itself is to
+    the square of the room. beta_max is the connection's own, plus what changes in proportion to Omega - Omega_h, or to
+    its power -lambda_s / lambda_u if that is less than 1; towards Omega_crit it falls like a square root.
+    """
+    uncertainty = omega_h.uncertainty
+    changes: dict[str, Measured] = {"omega": Measured(cycle.omega.value, uncertainty)}
+
+    def widened(name: str, change: Fraction) -> None:
+        number = getattr(cycle, name)
+        changes[name] = Measured(number.value, number.uncertainty + change)
+
+    share = 2 * uncertainty / min(above, room - above)
+    for name in ("period", *cycle.unknowns):
+        slope = f"d{name}_domega"
+        size, steep = abs(getattr(cycle, name).value), abs(getattr(cycle, slope).value)
+        widened(name, 2 * steep * uncertainty)
+        widened(slope, (steep + 2 * size / room) * share)
+    for name in ("log_multiplier_slow", "log_multiplier_fast"):
+        widened(name, abs(getattr(cycle, name).value) * share)
+    widened("multiplier_slow", abs(cycle.multiplier_slow.value * cycle.log_multiplier_slow.value) * share)
+    for name in cycle.beside_the_saddle:
+        widened(name, abs(getattr(cycle, name).value) * share)
+    unstable, slow, _ = (
+        float(value.re) for value in equilibrium(cycle.parameters, omega_h.value, "noninverted").eigenvalues
+    )
+    distances = (
+        math.log10(room.numerator / room.denominator) - math.log10(above.numerator) + math.log10(above.denominator)
+    )
+    steeper = Fraction(10) ** math.ceil(max(0.0, 1 + slow / unstable) * distances)
+    widened("beta_max", 4 * cycle.beta_max.value * uncertainty / (room - above) * steeper)
+    return replace(cycle, **changes)  # type: ignore[arg-type]

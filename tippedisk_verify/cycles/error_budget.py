@@ -1,0 +1,275 @@
+"""The numbers of a limit cycle, and the budget of their half-widths (derived in docs/error_budgets.md).
+
+In double *twins* measure the error. Newton's iteration goes on for a few steps, each with the last bits of constants
+and speed moved: every step is solved anew with rounding of its own, its derivatives are taken at a state as far off
+as the solution itself, and with the parameters it moves what their rounding moves. So each number of each twin is
+another draw of the same error, and
+
+    half-width = TWIN_FACTOR * spread + ulp(q).
+
+Nothing else is in it: truncation is far below rounding at the integrator's own tolerance, and Newton's iteration is at
+rest to rounding. Where the equations amplify rounding the cycle is solved in the next wider arithmetic, whose error is
+the same one, smaller by the ratio of the roundings: the twins in double measure that too.
+
+With many more bits the same numbers are computed twice, in an arithmetic and in one with 64 bits more. The distance is
+the error, and what the wider run itself may be off is what its chord iteration leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any, TypeVar
+
+from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import FixedPoint, Image, ReturnMap, newton_step
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.flow.rounding import nudged
+from tippedisk_verify.model.exact import fraction
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+
+__all__ = ["cycle_in", "cycle_numbers", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
+
+C = TypeVar("C", bound=Cycle)
+
+_LOST = 3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
+_DOUBLE_DIGITS = 12  # what doubles honestly give; fewer, and the equations amplify rounding
+#: With these, and the cycle itself, an error beyond TWIN_FACTOR times the spread has a probability of 2e-6 for normal
+#: errors as large as the twins', and the half-width is 14 times the error in the median
+#: (tests/cycles/test_error_budget.py integrates both). What a unit more or less in constants and arrival does to a twin
+#: is twice what rounding does there.
+TWINS = 5
+TWIN_FACTOR = 4
+#: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
+#: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
+TWINS_OF_WIDER = 8
+#: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
+_STANDING = 4
+
+
+def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
+    """The cycle that Newton's iteration in double has found, to so many significant digits.
+
+    Raises Shortfall if the digits are not reached.
+    """
+    if digits <= _DOUBLE_DIGITS:
+        cycle = cycle_in(fixed_point, DOUBLE)
+        if _lacking(cycle, _DOUBLE_DIGITS) is None:
+            return cycle
+    for wider in (companion(DOUBLE), companion(companion(DOUBLE))):
+        if digits + _LOST <= wider.digits:
+            finer = _in_wider(fixed_point, wider)
+            if finer is not None and _lacking(finer, digits) is None:
+                return finer
+    # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
+    cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
+    if name := _lacking(cycle, digits):
+        raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
+    return cycle
+
+
+def cycle_in(fixed_point: FixedPoint[C], precision: Precision) -> C:
+    """The cycle in one arithmetic, its half-widths from twins in double, or else from a wider arithmetic.
+
+    Raises Shortfall if the chord iteration does not settle.
+    """
+    numbers, _ = _sharpened(fixed_point, precision)
+    if precision == DOUBLE:
+        return _as_cycle(fixed_point, half_widths_by_twins(numbers, [numbers, *_twins(fixed_point, TWINS)]), precision)
+    sharp, doubt = _sharpened(fixed_point, companion(precision))
+    return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
+
+
+def _in_wider(fixed_point: FixedPoint[C], wider: Precision) -> C | None:
+    """The cycle in a wider arithmetic, its half-widths from twins in double.
+
+    None if its iteration stands still above what rounding explains.
+    """
+    numbers, doubt = _sharpened(fixed_point, wider)
+    others = [cycle_numbers(fixed_point, DOUBLE), *_twins(fixed_point, TWINS_OF_WIDER)]
+    measured = half_widths_by_twins(numbers, others, wider)
+    if any(measured[name].uncertainty < left for name, left in doubt.items()):
+        return None
+    return _as_cycle(fixed_point, measured, wider)
+
+
+def _lacking(cycle: Cycle, digits: int) -> str | None:
+    """The first main result that has fewer digits than asked for."""
+    for name in ("period", *cycle.unknowns, "beta_max"):
+        measured: Measured = getattr(cycle, name)
+        if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
+            return name
+    return None
+
+
+def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
+    """The result, its numbers in this arithmetic."""
+    logarithms_bounded(measured)
+    # The true multiplier along the flow is 1: its computed distance from 1 is all error.
+    defect = measured["trivial_multiplier_defect"]
+    measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
+    slow = measured["multiplier_slow"]
+    certain = abs(abs(slow.value) - 1) > slow.uncertainty
+    return_map = fixed_point.return_map
+    return return_map.section.result(
+        omega=Measured(return_map.omega, Fraction(0)),
+        **measured,
+        stable=bool(abs(slow.value) < 1) if certain else None,
+        residuals=fixed_point.residuals,
+        parameters=return_map.parameters,
+        engine=return_map.engine.name,
+        precision=precision.name,
+    )
+
+
+# ------------------------------------------------------------------------------------------------ the numbers
+def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
+    """All numbers of the cycle in one arithmetic."""
+    return _sharpened(fixed_point, precision)[0]
+
+
+def numbers_at(
+    return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, rounding: int | None = None
+) -> dict[str, Any]:
+    """All numbers of the cycle through a fixed point of the map, from the map's derivatives there."""
+    section, laps = return_map.section, return_map.section.per_period
+    flight = return_map.flight(point, divergence=True, events=section.recorded, rounding=rounding)
+    (a, b), (c, d) = image.matrix
+    trace, determinant = a + d, a * d - b * c
+    # The larger root of l^2 - trace l + determinant; mostly the determinant is some 1e-25 and only corrects it. Of a
+    # complex pair the modulus is what tells.
+    ops = return_map.precision.ops
+    discriminant = trace * trace / 4 - determinant
+    larger = abs(trace) / 2 + ops.sqrt(discriminant) if discriminant >= 0 else ops.sqrt(determinant)
+    slow = larger * larger if laps == 2 else larger if trace >= 0 else -larger
+    log_slow = ops.log(abs(slow))
+    by_omega = image.fixed_point_by_omega
+    trivial = return_map.trivial_multiplier(point, image)
+    first, second = section.names
+    return {
+        "period": laps * image.time,
+        first: point[0],
+        second: point[1],
+        **return_map.measures(flight),
+        "multiplier_slow": slow,
+        "log_multiplier_slow": log_slow,
+        # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its logarithm.
+        "log_multiplier_fast": laps * flight.divergence - log_slow,
+        "log_multipliers": laps * flight.divergence,
+        "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
+        "dperiod_domega": laps * image.time_along_family,
+        f"d{first}_domega": by_omega[0],
+        f"d{second}_domega": by_omega[1],
+    }
+
+
+def _twins(fixed_point: FixedPoint[C], count: int) -> list[dict[str, Any]]:
+    """The numbers of the cycle near a fixed point in double, each time with other last bits."""
+    return_map, point = fixed_point.return_map, fixed_point.point
+    first, second = return_map.section.names
+    twins = []
+    for pattern in range(1, count + 1):
+        image = return_map(point, pattern)
+        numbers = numbers_at(return_map, point, image, pattern)
+        # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
+        # same, often zero, over many starts. One unit more or less in the arrival's last place brings it to light.
+        arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
+        moved = nudged(arrival, pattern + 2, DOUBLE)
+        residual = [now + (other - whole) for now, whole, other in zip(image.residual, arrival, moved, strict=True)]
+        step = newton_step(image.matrix, residual)
+        point = (point[0] + step[0], point[1] + step[1])
+        later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
+        period = numbers["period"] + return_map.section.per_period * later
+        twins.append(numbers | {first: point[0], second: point[1], "period": period})
+    return twins
+
+
+# ------------------------------------------------------------------------------------------------ the half-widths
+def half_widths_by_twins(
+    numbers: dict[str, Any], doubles: Sequence[dict[str, Any]], precision: Precision = DOUBLE
+) -> dict[str, Measured]:
+    """Numbers in double, or in an arithmetic a little wider, with half-widths from as many draws in double."""
+    share = TWIN_FACTOR * 2.0 ** (DOUBLE.bits - precision.bits)
+    ulp, measured = float(precision.epsilon), {}
+    for name, number in numbers.items():
+        values = [float(draw[name]) for draw in doubles]
+        # In doubles: what that rounds is far below what a width of five deviations knows.
+        width = share * (max(values) - min(values)) + abs(values[0]) * ulp
+        measured[name] = Measured(fraction(number), Fraction(width))
+    return measured
+
+
+def half_widths_by_wider_run(
+    rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
+) -> dict[str, Measured]:
+    """The rough numbers with half-widths from the sharp ones, and from what these may be off themselves.
+
+    ``doubt`` is what the wider iteration leaves undecided of state and period. The two runs show how far the other
+    numbers move with the state.
+    """
+    measured = {name: Measured.compared(number, sharp[name], precision.epsilon) for name, number in rough.items()}
+    unknowns = [name for name in doubt if name != "period"]
+    apart = sum(
+        max(abs(measured[name].value - fraction(sharp[name])), abs(measured[name].value) * precision.epsilon)
+        for name in unknowns
+    )
+    share = sum((doubt[name] for name in unknowns), Fraction(0)) / apart
+    for name, number in measured.items():
+        more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
+        measured[name] = Measured(number.value, number.uncertainty + more)
+    return measured
+
+
+def logarithms_bounded(measured: dict[str, Measured]) -> None:
+    """Bounds for the logarithms of multipliers that are lost in rounding.
+
+    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
+    """
+    slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
+    if 2 * slow.uncertainty < abs(slow.value):
+        return
+    highest = Fraction(math.log(abs(slow.value) + slow.uncertainty))
+    lowest = min(both.value / 2, highest)
+    middle, half = (highest + lowest) / 2, (highest - lowest) / 2 + both.uncertainty + abs(highest) / 2**50
+    measured["log_multiplier_slow"] = Measured(middle, half)
+    measured["log_multiplier_fast"] = Measured(both.value - middle, half)
+
+
+# ------------------------------------------------------------------------------------------------ the iteration
+def _sharpened(fixed_point: FixedPoint[C], precision: Precision) -> tuple[dict[str, Any], dict[str, Fraction]]:
+    """All numbers of the cycle, and what the chord iteration leaves undecided of its point and period.
+
+    Raises Shortfall if the chord iteration does not settle.
+    """
+    return_map = fixed_point.return_map
+    if precision == return_map.precision == DOUBLE:
+        return numbers_at(return_map, fixed_point.point, fixed_point.image), {}
+    return_map = return_map.within(precision)
+    point, standing = _chords(return_map, fixed_point)
+    image = return_map(point)
+    undecided = [_STANDING * step for step in standing]
+    times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
+    doubt = dict(zip(return_map.section.names, undecided, strict=True))
+    doubt["period"] = return_map.section.per_period * sum(times, Fraction(0))
+    return numbers_at(return_map, point, image), doubt
+
+
+def _chords(return_map: ReturnMap[C], fixed_point: FixedPoint[C]) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
+    """Chord steps with the fixed point's derivative, until they are below rounding; and the step where they stood."""
+    precision = return_map.precision
+    point = (precision.number(fixed_point.point[0]), precision.number(fixed_point.point[1]))
+    matrix = tuple(tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix)
+    # Below a thousand ulps only rounding is left; a step that has stopped shrinking says the same.
+    small = 1000 * precision.epsilon
+    failure = Shortfall(f"the chord iteration has not converged in {precision.name} precision")
+    iteration = NewtonIteration(precision.bits // 8 + 8, failure, small=small, fewest=2)
+    while True:
+        residual = return_map.residual(return_map.flight(point).state, point)
+        step = newton_step(matrix, residual)
+        point = (point[0] + step[0], point[1] + step[1])
+        sizes = fraction(abs(step[0])), fraction(abs(step[1]))
+        if iteration.converged(sum(sizes)):
+            return point, (Fraction(0), Fraction(0)) if sum(sizes) < small else sizes
