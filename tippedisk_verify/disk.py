@@ -242,9 +242,10 @@ class Disk(Parameters):
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Where the stable and the unstable rotating cycles meet and end. Raises as `rotating_cycle` does."""
+        from tippedisk_verify.atlas.locator import locator
         from tippedisk_verify.cycles.folds import rotation_fold
 
-        return rotation_fold(self, self._engine(engine), digits=digits)
+        return rotation_fold(locator(self, self._engine(engine)).rotations, digits=digits)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
         """What separates starts that keep standing from those that lie flat. Raises as `rotating_cycle` does."""

@@ -12,6 +12,7 @@ import pytest
 import tippedisk_verify as tv
 from tippedisk_verify.atlas.branch import rotating_branch
 from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycle
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.spectral_fold import spectral_fold
@@ -63,7 +64,7 @@ def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> N
 
 @pytest.mark.slow
 def test_the_fold_by_two_roads(taylor) -> None:
-    shot, other = rotation_fold(PRINTED, taylor), spectral_fold(PRINTED, digits=16)
+    shot, other = rotation_fold(locator(PRINTED, taylor).rotations), spectral_fold(PRINTED, digits=16)
     for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
         assert agree(getattr(shot, name), getattr(other, name), 11), name
 
@@ -71,7 +72,7 @@ def test_the_fold_by_two_roads(taylor) -> None:
 @pytest.mark.slow(minutes=2)
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_the_fold_to_30_digits(taylor, disk) -> None:
-    shot, other = rotation_fold(disk, taylor, digits=30), spectral_fold(disk, digits=40)
+    shot, other = rotation_fold(locator(disk, taylor).rotations, digits=30), spectral_fold(disk, digits=40)
     for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
         assert agree(getattr(shot, name), getattr(other, name), 30), name
 
@@ -80,7 +81,7 @@ def test_the_fold_to_30_digits(taylor, disk) -> None:
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     """By the square-root law: sqrt(Omega - Omega_fold) falls with the distance of both states, and T is its mean."""
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(disk, taylor)
+    fold = rotation_fold(locator(disk, taylor).rotations)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable) for stable in (True, False)]

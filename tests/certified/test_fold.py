@@ -9,6 +9,7 @@ import pytest
 
 from tests.certified.test_statements import is_about
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.certified.balls import arb
 from tippedisk_verify.certified.fold import FoldProof, LibrationFoldProof, RotationFoldProof, _extremum, prove_fold
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
@@ -38,7 +39,7 @@ def held(proof: FoldProof, fold: Fold, digits: int) -> None:
 
 def moved(fold: Fold, distance: Fraction) -> list[Fraction]:
     """A point beside the fold along the family, but for the square of the distance."""
-    first, second = type(fold).section.unknowns
+    first, second = type(fold).section.names
     v = getattr(fold, second).value + fold.null_vector.value * distance
     return [getattr(fold, first).value + distance, v, fold.omega.value]
 
@@ -93,7 +94,7 @@ def test_librating_folds_are_proved(taylor, disk, near, extremum) -> None:
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_rotating_folds_are_proved(taylor, disk) -> None:
-    fold = rotation_fold(disk, taylor, digits=30)
+    fold = rotation_fold(locator(disk, taylor).rotations, digits=30)
     proof = prove_fold(RotationFoldProof, disk, moved(fold, Fraction(0)), digits=12)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

@@ -64,6 +64,6 @@ def test_bounds(taylor) -> None:
 
 def test_a_node_is_interpolated_by_itself(taylor) -> None:
     branch = branch_of(PRINTED, taylor, lowest=30.3, highest=30.6)
-    inner = [omega for omega in branch.nodes.omega if branch.lowest <= omega <= branch.highest]
+    inner = [omega for omega in branch.nodes["omega"] if branch.lowest <= omega <= branch.highest]
     values = branch(inner[3:5])
-    assert abs(values.period[0] - branch.nodes.period[list(branch.nodes.omega).index(inner[3])]) < 1e-15
+    assert abs(values.period[0] - branch.nodes["period"][list(branch.nodes["omega"]).index(inner[3])]) < 1e-15

@@ -15,8 +15,8 @@ import pytest
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import METHODS, heteroclinic
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
 from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -70,7 +70,7 @@ def check_disk(disk: Parameters, taylor: Any) -> None:
     check_ends(disk, family, {"Omega_h": [omega_h]}, taylor)
 
 
-def check_cycles(family: AmplitudeFamily) -> None:
+def check_cycles(family: LibratingFamily) -> None:
     """Between two ends or folds as many cycles as the pieces have."""
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
@@ -79,7 +79,7 @@ def check_cycles(family: AmplitudeFamily) -> None:
         assert len(cycles) == len(list(family.places(speed)))
 
 
-def check_ends(disk: Parameters, family: AmplitudeFamily, last: dict[str, list[float]], taylor: Any) -> None:
+def check_ends(disk: Parameters, family: LibratingFamily, last: dict[str, list[float]], taylor: Any) -> None:
     """What is said beyond the family's ends, which are found by other roads."""
     folds = [float(fold.omega) for fold in libration_folds(disk, taylor)]
     true = {"Omega_crit": [float(omega_crit(disk))], "a fold": folds} | last

@@ -15,8 +15,8 @@ from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
 from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -100,7 +100,7 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
 def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     """Cycles are born stable, and next to the connection they are unstable: in between the speed is smallest."""
     (fold,) = libration_folds(POSITIVE_SADDLE_VALUE, taylor)
-    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
     cycles = locator(POSITIVE_SADDLE_VALUE, taylor).librating(halfway).cycles()
@@ -156,12 +156,12 @@ def rows(heading: str) -> list[list[str]]:
 def test_the_table_of_widths(taylor) -> None:
     for A, ratio, width, amplitude, down in rows("A [kg m^2]"):
         disk = PRINTED.changed(A=A)
-        known = AmplitudeFamily(disk, taylor)
+        known = LibratingFamily(disk, taylor)
         assert ratio == f"{float(disk.A / disk.Bbar):.4f}"
         assert down == f"{known.omega_crit - known.limit:.4f}"
         if known.folds:
             fold = known.place(known.folds[0])
-            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.gamma_bar:.3f}")
+            assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.start[0]:.3f}")
         else:
             assert (width[:4], amplitude) == ("none", "")
 
@@ -217,7 +217,7 @@ def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
 def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> None:
     """Next to Omega_h, which lies inside the family's speeds, and of a disk whose saddles are foci."""
     monkeypatch.setattr("tippedisk_verify.atlas.branch.MANY", 3)
-    known = AmplitudeFamily(POSITIVE_SADDLE_VALUE, taylor)
+    known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(family(POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]))
     assert len(cycles) == 3

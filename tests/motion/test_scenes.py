@@ -9,6 +9,7 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.errors import InputError
@@ -109,7 +110,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
 def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(taylor, friction) -> None:
     """Just below the fold orbits linger, for longer than a scene lasts, where just above it a cycle is."""
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(disk, taylor).omega.value
+    fold = rotation_fold(locator(disk, taylor).rotations).omega.value
     for distance in ("-2e-4", "-3e-5", "-1e-7"):
         kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
         assert kinds <= {"flat", "undecided"}, distance

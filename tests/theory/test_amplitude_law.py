@@ -11,7 +11,8 @@ from hypothesis import given, settings
 
 from tests.problems import physical_parameters
 from tests.theory.formal_cycles import formal_cycles
-from tippedisk_verify.cycles.amplitude_family import one_at_a_time
+from tippedisk_verify.cycles.family import one_at_a_time
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -52,7 +53,7 @@ def test_cycles_of_small_amplitude_obey_it(taylor: Taylor, changes: dict[str, st
     crit, frequency = float(omega_crit(parameters)), math.sqrt(critical_frequency_squared(parameters))
     a = numpy.linspace(0.1, 0.45, 8)
     linear = (-(frequency**2) / crit * a, numpy.full(8, math.pi / frequency), numpy.full(8, crit))
-    cycles = one_at_a_time(parameters, taylor)(a, *linear)
+    cycles = one_at_a_time(LIBRATING, parameters, taylor)(a, *linear)
     inverse = numpy.linalg.inv(numpy.vander(a**2, increasing=True))
     # Each Omega is known to some 30 ulps; what the interpolation makes of that exceeds the terms of order a^18.
     widths = abs(inverse) @ (30 * 2.0**-52 * crit / a**2)

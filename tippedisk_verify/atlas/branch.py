@@ -15,9 +15,12 @@ import numpy
 from tippedisk_verify.atlas.locator import Locator, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
+from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
+from tippedisk_verify.cycles.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -35,6 +38,7 @@ DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
 _FEWEST = 5  # of them on a piece between folds
 _UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do not tell cycles apart
 _MOST = 1_000_000
+_DOUBLE_DIGITS = 12
 _STEPS = 400  # of each of the paper's sets
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
@@ -182,7 +186,7 @@ def rotating_branch(
 def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
     """Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached."""
     family, half = known.rotations, DEFAULT_ROTATIONS // 2
-    fold = Fraction(float(rotation_fold(known.parameters, known.engine, family=family).omega))
+    fold = Fraction(float(rotation_fold(family).omega))
     below, beyond = family.omega_h - fold, omega_crit(known.parameters, 20).value + Fraction(1, 2) - fold
     for n in range(half, 0, -1):
         yield from known.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
@@ -192,10 +196,16 @@ def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
 
 def _rotating_together(known: Locator, speeds: Sequence[Fraction]) -> Iterator[RotatingCycle]:
     """All of them in lanes, whatever the engine is; those that doubles do not hold one at a time."""
-    family = known.rotations
+    lanes = default_lanes()
+    family = RotatingFamily(
+        known.parameters, known.engine, known.omega_h, in_batches(ROTATING, known.parameters, lanes)
+    )
     asked = [(speed, side) for speed in speeds for side in (True, False) if speed < family.omega_h or not side]
     omegas = numpy.array([float(speed) for speed, _ in asked])
     stable = numpy.array([side for _, side in asked])
-    in_lanes = RotatingInterpolant(family, default_lanes(), omegas, stable).cycles(omegas, stable)
+    in_lanes: list[RotatingCycle | None] = [None] * len(asked)
+    with suppress(NoSuchCycleError):
+        family.reach(omegas.max())
+        in_lanes = FamilyInterpolant(family, lanes).results_where(omegas, stable, digits=_DOUBLE_DIGITS)
     for (speed, side), cycle in zip(asked, in_lanes, strict=True):
         yield from known.rotating(speed, stable=side).cycles() if cycle is None else (cycle,)

@@ -19,7 +19,7 @@ import numpy
 from tippedisk_verify.atlas.fold_curves import Plane, interpolated
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero, splitting_zero_in_double
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
@@ -108,10 +108,10 @@ def _sample(plane: Plane, share: float) -> Sample:
     folds: tuple[tuple[float, Any], ...] = ()
     missing = []
     try:
-        family = AmplitudeFamily(disk, engine)
+        family = LibratingFamily(disk, engine)
         near = Fraction(family.limit)
         places = map(family.place, family.folds)
-        folds = tuple((one.s, numpy.array([one.v / one.gamma_bar, one.omega, share])) for one in places)
+        folds = tuple((one.s, numpy.array([one.start[1] / one.start[0], one.omega, share])) for one in places)
     except (InputError, Shortfall) as fault:
         missing.append(Missing("fold", value, str(fault)))
     try:

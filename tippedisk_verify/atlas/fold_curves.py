@@ -1,6 +1,6 @@
 """Curves of folds of librating cycles in the plane of one parameter and the speed, in double, by continuation.
 
-Their parameter is the abscissa s of `amplitude_family`, with gamma_bar_0 = pi tanh(s). A family never turns back in
+Their parameter is the abscissa s of `librating_family`, with gamma_bar_0 = pi tanh(s). A family never turns back in
 it, so neither does a curve of folds, although it may in the disk's parameter. Such a curve begins at a Bautin point,
 s = 0, or at the range's border, and ends there too or where the saddle value vanishes on the curve of Omega_h, at
 infinite s. It approaches that point with all its derivatives, so it is followed until doubles hold no more of it.
@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.amplitude_family import amplitude
-from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_to_digits
-from tippedisk_verify.cycles.half_map import HalfFlights
+from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
+from tippedisk_verify.cycles.librating_family import amplitude
 from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters
@@ -191,24 +192,19 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
 def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
     """(v_0 / gamma_bar_0, Omega, share) of the fold of that amplitude, by Newton's iteration on three conditions."""
     a, near = float(amplitude(s)), 1 / math.cosh(s) ** 2
+    scales = numpy.array([a, 1.0, 1.0])  # of v_0, Omega and the share
 
-    def mapped(unknowns: Any) -> Any:
-        ratio, omega, share = map(float, unknowns)
-        return HalfFlights(plane.at(plane.value(share)), omega, engine, DOUBLE).map((a, ratio * a))
-
-    def conditions(there: Any) -> Any:
-        (p, q), (r, t) = there.matrix
-        return numpy.array([*(part / a for part in there.residual), ((1 - p) * (1 - t) - q * r) / math.tanh(s) ** 2])
+    def mapped(at: Sequence[float]) -> Image:
+        return ReturnMap(LIBRATING, plane.at(plane.value(at[3])), at[2], engine)(at[:2])
 
     iteration = NewtonIteration(8, Shortfall("the iteration for a fold of given amplitude does not settle"),
                                 small=_SETTLED * near)  # fmt: skip
     unknowns = numpy.array(guess, dtype=float)
     while True:
-        columns = []
-        for away in numpy.diag((abs(unknowns[0]), near**2, near**2)) * _DIFFERENCE:
-            above, below = (conditions(mapped(unknowns + side * away)) for side in (1, -1))
-            columns.append((above - below) / (2 * away.max()))
-        step = numpy.linalg.solve(numpy.array(columns).T, conditions(mapped(unknowns)))
+        at = [a, *(unknowns * scales).tolist()]
+        shifts = [None, abs(at[1]) * _DIFFERENCE, near**2 * _DIFFERENCE, near**2 * _DIFFERENCE]
+        conditions, jacobian = fold_system(mapped, at, shifts)
+        step = numpy.linalg.solve(jacobian, conditions) / scales
         unknowns = unknowns - step
         if iteration.converged(float(numpy.abs(step).max())):
             return unknowns

@@ -19,8 +19,9 @@ from typing import Generic, TypeVar
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily, Place, amplitude
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
+from tippedisk_verify.cycles.family import Place
+from tippedisk_verify.cycles.librating_family import LibratingFamily, amplitude
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
@@ -103,14 +104,14 @@ class Locator:
         return bisect_omega_h(self.parameters, self.engine, confirm=False).omega_h.value
 
     @cached_property
-    def family(self) -> AmplitudeFamily:
+    def family(self) -> LibratingFamily:
         """The librating cycles. Raises NoSuchCycleError where they cannot be followed."""
-        return AmplitudeFamily(self.parameters, self.engine)
+        return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
     def rotations(self) -> RotatingFamily:
         """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they are not found."""
-        return RotatingFamily(self.parameters, self.engine)
+        return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def omega_h_beside(self, omega: Fraction) -> Fraction:
         """Omega_h [rad/s] to six digits of its distance from a speed. Raises as its methods do."""
@@ -176,7 +177,7 @@ class Locator:
         return Location(ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
 
 
-def _start(family: AmplitudeFamily, place: Place) -> Start[LimitCycle]:
+def _start(family: LibratingFamily, place: Place) -> Start[LimitCycle]:
     """At the family's ends, which are no folds, a cycle may lie a little beyond the nodes."""
     low, high = family.breaks[place.piece : place.piece + 2]
     lowest = -math.inf if low == family.s_start else float(amplitude(low))

@@ -16,9 +16,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.connection.heteroclinic import Heteroclinic, heteroclinic
 from tippedisk_verify.cycles.folds import fold_in_double
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
@@ -180,7 +180,7 @@ class Audit(Printable):
         if name not in self._folds:
             self._folds[name] = None
             with suppress(NoSuchCycleError, NoConnectionError, Shortfall):
-                self._folds[name] = fold_in_double(RotatingFamily(self._set(name), self.engine))
+                self._folds[name] = fold_in_double(locator(self._set(name), self.engine).rotations)
         return self._folds[name]
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:

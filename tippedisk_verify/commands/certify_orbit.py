@@ -111,6 +111,7 @@ def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | No
 
 def _fold(common: Common, rotating: bool, number: int | None, certificate: Path | None) -> int:
     """Prove a fold of the rotating or the librating family."""
+    from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
     from tippedisk_verify.cycles.folds import Fold, libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
@@ -122,7 +123,7 @@ def _fold(common: Common, rotating: bool, number: int | None, certificate: Path 
     fault = "no fold of this disk's limit cycles about inverted spinning was found"
     try:
         if rotating:
-            folds = (rotation_fold(parameters, default_engine(), digits=digits + 10),)
+            folds = (rotation_fold(locator(parameters, default_engine()).rotations, digits=digits + 10),)
         else:
             folds = libration_folds(parameters, default_engine(), digits=digits + 10)
     except (NoSuchCycleError, NoConnectionError, Shortfall) as error:

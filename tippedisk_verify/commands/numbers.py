@@ -142,17 +142,18 @@ def orbit(common: Common, rotating: bool, **asked: Any) -> int:
 
 def _at_fold(common: Common, rotating: bool, asked: _Asked) -> int:
     """The fold of the rotating cycles, or all of the librating ones' family as far as it is followed."""
-    from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+    from tippedisk_verify.atlas.locator import locator
     from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
+    from tippedisk_verify.cycles.librating_family import LibratingFamily
     from tippedisk_verify.flow import default_engine
 
     asked.refuse_unless_one("omega", "below_crit", "below_het" if rotating else "above_het", "at_fold")
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        print_result(common, rotation_fold(parameters, engine, digits=digits).to_dict())
+        print_result(common, rotation_fold(locator(parameters, engine).rotations, digits=digits).to_dict())
         return 0
     try:
-        family = AmplitudeFamily(parameters, engine)
+        family = LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:
         raise Shortfall(str(fault)) from None
     folds = [fold.to_dict() for fold in libration_folds(parameters, engine, digits=digits, family=family)]
@@ -264,17 +265,19 @@ def branch(common: Common, paper_sets: bool, omegas: str | None, rotating: bool,
 
 def _folds(common: Common, rotating: bool, in_lanes: bool) -> Sequence[Fold]:
     """The folds of the family; none where it is known at single speeds only. Lanes serve if they are compiled."""
-    from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
-    from tippedisk_verify.cycles.branch_interpolant import all_at_once
+    from tippedisk_verify.atlas.locator import locator
+    from tippedisk_verify.cycles.family import in_batches
     from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
+    from tippedisk_verify.cycles.librating_family import LibratingFamily
+    from tippedisk_verify.cycles.section import LIBRATING
     from tippedisk_verify.flow import default_engine, default_lanes
 
     parameters, engine, digits = common.parameters, default_engine(), common.digits
     if rotating:
-        return [rotation_fold(parameters, engine, digits=digits)]
+        return [rotation_fold(locator(parameters, engine).rotations, digits=digits)]
     try:
-        solve = all_at_once(parameters, default_lanes()) if in_lanes else None
-        return libration_folds(parameters, engine, digits=digits, family=AmplitudeFamily(parameters, engine, solve))
+        solve = in_batches(LIBRATING, parameters, default_lanes()) if in_lanes else None
+        return libration_folds(parameters, engine, digits=digits, family=LibratingFamily(parameters, engine, solve))
     except (NoSuchCycleError, Shortfall):
         return []
 

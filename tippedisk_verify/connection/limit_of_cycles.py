@@ -11,7 +11,7 @@ import math
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
@@ -102,10 +102,10 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
 
 def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
     """Cycles of the family in double, from where no fold is ahead as far as the slopes keep a few digits."""
-    family = AmplitudeFamily(parameters, engine, closest=_FOLLOWED)
+    family = LibratingFamily(parameters, engine, closest=_FOLLOWED)
     refuse_focus(parameters, Fraction(family.limit))
     start = family.place(max([_FIRST, *(fold + _BEYOND_A_FOLD for fold in family.folds)]))
-    points = [cycle_at_half_period(parameters, start.half_period, (*start.start, start.omega), engine)]
+    points = [cycle_at_half_period(parameters, start.flight, (*start.start, start.omega), engine)]
     for point in lengthened(parameters, points[0], engine, longest=30.0):
         points.append(point)
         growth = max(

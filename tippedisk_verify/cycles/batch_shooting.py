@@ -10,16 +10,14 @@ Either Omega is given, or the first coordinate, and Omega is an unknown: a famil
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Self
+from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.half_map import EXTREME, VARIATIONS, HalfFlights
-from tippedisk_verify.cycles.turn_map import BOTTOM, TurnFlights
+from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
@@ -28,17 +26,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = [
-    "LIBRATING",
-    "ROTATING",
-    "BatchCycles",
-    "BatchSection",
-    "Cycles",
-    "Guess",
-    "RotatingCycles",
-    "corrected",
-    "measured_cycles",
-]
+__all__ = ["BatchCycles", "shoot_batch"]
 
 _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
@@ -51,147 +39,94 @@ _FIRST, _OMEGA = 0, 3  # which of the two coordinates, the flight time and Omega
 
 
 @dataclass(frozen=True)
-class Guess:
-    """Where to start: (n,) arrays of the section's two coordinates and of the flight time."""
-
-    first: Array  #: gamma_bar_0, or beta_bar_top [rad]
-    second: Array  #: v_0, or v_top [rad/s]
-    flight: Array  #: half a period, or a whole one [s]
-
-
-@dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles as (n,) arrays of doubles; NaN where none was found."""
+    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where none was found.
 
-    omega: Array  #: [rad/s]
-    period: Array  #: T [s]
-    v_0: Array  #: [rad/s]
-    beta_max: Array  #: [rad]
-    map_multiplier: Array  #: of the section's map, the larger one; of a complex pair its modulus, signed [1]
-    multiplier_slow: Array  #: of a whole period [1]
-    log_multiplier_slow: Array
-    log_multiplier_fast: Array
-    trivial_multiplier_defect: Array
-    dperiod_domega: Array  #: [s^2/rad]
-    converged: Any  #: whether Newton's iteration ended
-    residual: Array  #: |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed [rad]
+    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``map_multiplier``, the larger
+    one of the section's map (of a complex pair its modulus, signed), ``log_multipliers``, the sum of both logarithms,
+    which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of (beta_bar,
+    gamma_bar, v / 10), summed [rad].
+    """
+
+    section: Section[Any]
+    numbers: Mapping[str, Array]
+    converged: Any  #: (n,) whether Newton's iteration ended
     last_step: Array  #: (n, 3) the last Newton step, of the unknowns: derivatives were taken before it
 
-    @property
-    def log_multipliers(self) -> Any:
-        """The sum of both logarithms, which is the integral of the divergence."""
-        return self.log_multiplier_slow + self.log_multiplier_fast
-
-    def only(self, which: Any) -> Self:
-        """Some of them."""
-        return replace(self, **{item.name: getattr(self, item.name)[which] for item in fields(self)})
-
-
-@dataclass(frozen=True)
-class Cycles(BatchCycles):
-    """Librating ones; `cycles.LimitCycle` says what each number is."""
-
-    gamma_bar_0: Array  #: [rad]
-    dgamma_bar_0_domega: Array  #: [s]
-    dv_0_domega: Array  #: [1]
-
-
-@dataclass(frozen=True)
-class RotatingCycles(BatchCycles):
-    """Rotating ones; `cycles.RotatingCycle` says what each number is."""
-
-    beta_bar_top: Array  #: [rad]
-    v_top: Array  #: [rad/s]
-    beta_bar_0: Array  #: [rad]
-    dbeta_bar_top_domega: Array  #: [s]
-    dv_top_domega: Array  #: [1]
-
-
-@dataclass(frozen=True)
-class BatchSection:
-    """Where the cycles of a kind start, and what closes them."""
-
-    flights: type[HalfFlights]  #: the same section for one cycle at a time
-    cycles: type[BatchCycles]  #: what many of them are
-    across: int  #: the component of the state that is fixed there
-    unknowns: list[int]  #: the other two
-    moving: tuple[int, ...]  #: those that change there
-    image: float  #: the linear part of the symmetry that follows the flow
-    turn: tuple[float, float]  #: by how much the fixed component grows, and what its rounding left [rad]
-    possible: Callable[[Array, Array], Any]  #: which coordinates a start may have
-    measures: tuple[str, ...]  #: what the events of a flight give
+    def __getitem__(self, name: str) -> Array:
+        return self.numbers[name]
 
     @property
-    def laps(self) -> int:
-        """Flights that make up a period."""
-        return self.flights.per_period
+    def coordinate(self) -> Array:
+        """The section's first coordinate."""
+        return self.numbers[self.section.names[0]]
 
     @property
-    def names(self) -> tuple[str, str]:
-        """Names of the two coordinates."""
-        return self.flights.unknowns
+    def slope(self) -> Any:
+        """|dOmega / d(first coordinate)| along the family."""
+        return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
 
     @property
-    def numbers(self) -> tuple[str, ...]:
-        """All numbers of a cycle that have half-widths."""
-        by_omega = (f"d{name}_domega" for name in ("period", *self.names))
-        multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
-        return ("period", *self.names, *self.measures, *multipliers, *by_omega)
-
-    def guess(self, cycles: BatchCycles) -> Any:
+    def guess(self) -> Any:
         """(3, n): what Newton's iteration starts from to find these cycles again."""
-        first, second = (getattr(cycles, name) for name in self.names)
-        return numpy.stack((first, second, cycles.period / self.laps))
+        first, second = (self.numbers[name] for name in self.section.names)
+        return numpy.stack((first, second, self.numbers["period"] / self.section.per_period))
+
+    def only(self, which: Any) -> BatchCycles:
+        """Some of them."""
+        numbers = {name: values[which] for name, values in self.numbers.items()}
+        return BatchCycles(self.section, numbers, self.converged[which], self.last_step[which])
+
+    def results(self, widths: Mapping[str, Array], parameters: Parameters) -> list[Any]:
+        """The result objects that single speeds give, with these half-widths (n,) of the section's numbers."""
+        columns = {name: (self[name].tolist(), widths[name].tolist()) for name in self.section.numbers}
+        defects, residuals = self["trivial_multiplier_defect"].tolist(), self["residual"].tolist()
+        results = []
+        for index, omega in enumerate(self["omega"].tolist()):
+            measured = {
+                name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
+                for name, (values, uncertainties) in columns.items()
+            }
+            slow = measured["multiplier_slow"]
+            certain = abs(abs(slow.value) - 1) > slow.uncertainty
+            results.append(
+                self.section.result(
+                    omega=Measured(Fraction(omega), Fraction(0)),
+                    **measured,
+                    trivial_multiplier_defect=Measured.of(defects[index], 2 * defects[index] + 2 * _UNIT),
+                    stable=bool(abs(slow.value) < 1) if certain else None,
+                    residuals=(residuals[index],),
+                    parameters=parameters,
+                    engine="lanes",
+                    precision=DOUBLE.name,
+                )
+            )
+        return results
 
 
-#: gamma' is zero on the section, and v < 0 tells its sides apart.
-LIBRATING = BatchSection(
-    flights=HalfFlights,
-    cycles=Cycles,
-    across=0,
-    unknowns=[1, 2],
-    moving=(0, 2),
-    image=-1.0,
-    turn=(0.0, 0.0),
-    possible=lambda gamma_bar, v: (abs(gamma_bar) < math.pi) & (gamma_bar != 0) & (v < 0),
-    measures=("beta_max",),
-)
-#: 2 pi is not a double: the difference is known.
-ROTATING = BatchSection(
-    flights=TurnFlights,
-    cycles=RotatingCycles,
-    across=1,
-    unknowns=[0, 2],
-    moving=(0, 1, 2),
-    image=1.0,
-    turn=(2 * math.pi, 2.4492935982947064e-16),
-    possible=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < math.pi / 2),
-    measures=("beta_max", "beta_bar_0", "v_0"),
-)
-
-
-def corrected(
+def shoot_batch(
+    section: Section[Any],
     constants: Any,
     omegas: Any,
-    guess: Guess,
+    guess: Any,
     lanes: BatchTaylor,
     *,
-    section: BatchSection = LIBRATING,
     whole: bool = True,
     tolerance: Any = _SMALL_STEP,
     free_omega: bool = False,
-) -> Any:
-    """Newton's iteration for every speed, then all numbers of the cycles found, as the section's ``cycles``.
+) -> BatchCycles:
+    """Newton's iteration for every speed, then all numbers of its cycle.
 
-    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`. With ``whole=False`` the section's ``measures``
-    and the fast multiplier, which take another flight, are left out (NaN). ``tolerance``, one or (n,), is the relative
-    step after which it ends. With ``free_omega`` the first coordinate is given, and ``omegas`` [rad/s] are guesses.
+    ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`, and ``guess`` (3, n): the section's coordinates
+    and the flight time. With ``whole=False`` the section's measures and the fast multiplier, which take another
+    flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after which it ends. With
+    ``free_omega`` the first coordinate is given, and ``omegas`` [rad/s] are guesses.
     """
     omegas = numpy.asarray(omegas, dtype=float)
-    count, laps = len(omegas), section.laps
+    count, flights = len(omegas), section.per_period
     tolerance = numpy.broadcast_to(tolerance, count)
     constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
-    unknowns = numpy.stack((guess.first, guess.second, guess.flight, omegas), axis=1).astype(float)
+    unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     converged, last = _iterated(constants, unknowns, tolerance, lanes, section, _FIRST if free_omega else _OMEGA)
     if free_omega:
         omegas = unknowns[:, _OMEGA]
@@ -201,64 +136,35 @@ def corrected(
     root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
     # Of a complex pair the modulus, with the sign that the larger one has where they meet.
     larger = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
-    slow = larger**laps
+    slow = larger**flights
     log_slow = numpy.log(numpy.abs(slow))
-    measures = dict.fromkeys(section.measures, numpy.full(count, numpy.nan))
-    log_fast = numpy.full(count, numpy.nan)
+    measures = {measure.name: numpy.full(count, numpy.nan) for measure in section.measures}
+    divergence = numpy.full(count, numpy.nan)
     if whole:
-        measures, divergence = _measured(constants, omegas, unknowns, converged, lanes, section)
-        log_fast = laps * divergence - log_slow
+        _measure(measures, divergence, constants, omegas, unknowns, converged, lanes, section)
     first, second = section.names
-    numbers = {first: unknowns[:, 0], second: unknowns[:, 1], **measures}
-    for index, name in enumerate(section.names):
-        numbers[f"d{name}_domega"] = last["by_omega"][:, index]
-    return section.cycles(
-        omega=omegas,
-        period=laps * unknowns[:, 2],
-        map_multiplier=larger,
-        multiplier_slow=slow,
-        log_multiplier_slow=log_slow,
-        log_multiplier_fast=log_fast,
-        trivial_multiplier_defect=abs(last["trivial"] ** laps - 1),
-        dperiod_domega=laps * last["by_omega"][:, 2],
-        converged=converged,
-        residual=last["residual"],
-        last_step=last["step"],
-        **numbers,
-    )
-
-
-def measured_cycles(
-    cycles: BatchCycles, widths: dict[str, Array], section: BatchSection, parameters: Parameters
-) -> Any:
-    """A list of the result objects that single speeds give, with these half-widths (n,) of the section's numbers."""
-    columns = {name: (getattr(cycles, name).tolist(), widths[name].tolist()) for name in section.numbers}
-    defects, residuals = cycles.trivial_multiplier_defect.tolist(), cycles.residual.tolist()
-    results = []
-    for index, omega in enumerate(cycles.omega.tolist()):
-        measured = {
-            name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
-            for name, (values, uncertainties) in columns.items()
-        }
-        slow = measured["multiplier_slow"]
-        certain = abs(abs(slow.value) - 1) > slow.uncertainty
-        results.append(
-            section.flights.result(
-                omega=Measured(Fraction(omega), Fraction(0)),
-                **measured,
-                trivial_multiplier_defect=Measured.of(defects[index], 2 * defects[index] + 2 * _UNIT),
-                stable=bool(abs(slow.value) < 1) if certain else None,
-                residuals=(residuals[index],),
-                parameters=parameters,
-                engine="lanes",
-                precision=DOUBLE.name,
-            )
-        )
-    return results
+    numbers = {
+        "omega": omegas,
+        "period": flights * unknowns[:, 2],
+        first: unknowns[:, 0],
+        second: unknowns[:, 1],
+        **measures,
+        "map_multiplier": larger,
+        "multiplier_slow": slow,
+        "log_multiplier_slow": log_slow,
+        "log_multiplier_fast": flights * divergence - log_slow,
+        "log_multipliers": flights * divergence,
+        "trivial_multiplier_defect": abs(last["trivial"] ** flights - 1),
+        f"d{first}_domega": last["by_omega"][:, 0],
+        f"d{second}_domega": last["by_omega"][:, 1],
+        "dperiod_domega": flights * last["by_omega"][:, 2],
+        "residual": last["residual"],
+    }
+    return BatchCycles(section, numbers, converged, last["step"])
 
 
 def _iterated(
-    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: BatchSection, given: int
+    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: Section[Any], given: int
 ) -> tuple[Any, dict[str, Any]]:
     """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
 
@@ -291,24 +197,24 @@ def _iterated(
     return converged, last
 
 
-def _possible(unknowns: Array, section: BatchSection) -> Any:
+def _possible(unknowns: Array, section: Section[Any]) -> Any:
     """Which runs may go on: within the section, and forward in time."""
     first, second, flight, omega = unknowns.T
     inside = section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
     return inside & numpy.isfinite(unknowns).all(axis=1)
 
 
-def _starts(unknowns: Array, section: BatchSection) -> Array:
+def _starts(unknowns: Array, section: Section[Any]) -> Array:
     starts = numpy.zeros((len(unknowns), 3))
-    starts[:, section.unknowns] = unknowns[:, :2]
+    starts[:, list(section.free)] = unknowns[:, :2]
     return starts
 
 
-def _errors(flights: BatchResult, starts: Array, section: BatchSection) -> Array:
+def _errors(flights: BatchResult, starts: Array, section: Section[Any]) -> Array:
     """How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
     errors = section.image * flights.states - starts
-    for part in section.turn:
-        errors[:, section.across] -= part
+    for part in section.growth:
+        errors[:, section.fixed] -= part
     return errors
 
 
@@ -328,7 +234,7 @@ class _Step:
         constants: Array,
         unknowns: Array,
         lanes: BatchTaylor,
-        section: BatchSection,
+        section: Section[Any],
         free: Any,
         given: int,
     ) -> None:
@@ -336,7 +242,7 @@ class _Step:
         flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
         rates = _rates(constants, omegas, flights.states)
         errors = _errors(flights, starts, section)
-        rows, moved_axes = flights.derivatives, section.unknowns
+        rows, moved_axes = flights.derivatives, list(section.free)
         matrix = numpy.empty((len(omegas), 3, 4))
         matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, moved_axes], section.image * rates
         matrix[:, :, 3] = section.image * rows[:, :, 3]
@@ -355,10 +261,8 @@ class _Step:
             self.by_omega = by_given[:, :3] / by_given[:, 3:]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
         # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
-        flight = -rows[:, section.across, moved_axes] / rates[:, section.across, None]
-        moved = [
-            rows[:, k, moved_axes] + (rates[:, k, None] * flight if k in section.moving else 0.0) for k in moved_axes
-        ]
+        flight = -rows[:, section.fixed, moved_axes] / rates[:, section.fixed, None]
+        moved = [rows[:, k, moved_axes] + rates[:, k, None] * flight for k in moved_axes]
         self.map = section.image * numpy.stack(moved, axis=1)
 
 
@@ -377,30 +281,34 @@ def _inverse(matrices: Array) -> Any:
         return inverses
 
 
-def _measured(
-    constants: Array, omegas: Array, unknowns: Array, converged: Any, lanes: BatchTaylor, section: BatchSection
-) -> tuple[dict[str, Array], Array]:
-    """The section's measures, and the integral of the divergence over a flight."""
-    measures = {name: numpy.full(len(omegas), numpy.nan) for name in section.measures}
-    divergence = numpy.full(len(omegas), numpy.nan)
+def _measure(
+    measures: dict[str, Array],
+    divergence: Array,
+    constants: Array,
+    omegas: Array,
+    unknowns: Array,
+    converged: Any,
+    lanes: BatchTaylor,
+    section: Section[Any],
+) -> None:
+    """Fill in the section's measures, and the integral of the divergence over a flight, of the runs that converged."""
     solved = numpy.flatnonzero(converged)
-    if len(solved):
-        states = unknowns[solved]
-        flights = lanes(
-            constants[solved],
-            omegas[solved],
-            _starts(states, section),
-            states[:, 2],
-            shifted=True,
-            divergence=True,
-            events=section.flights.recorded,
-        )
-        divergence[solved] = flights.divergence
-        largest = numpy.zeros(len(solved))
-        for name, run, _, (beta, _, v) in flights.crossings:
-            if name == EXTREME.name:
-                largest[run] = max(largest[run], abs(beta))
-            elif name == BOTTOM.name:
-                measures["beta_bar_0"][solved[run]], measures["v_0"][solved[run]] = beta, v
-        measures["beta_max"][solved] = largest
-    return measures, divergence
+    if not len(solved):
+        return
+    states = unknowns[solved]
+    flights = lanes(
+        constants[solved],
+        omegas[solved],
+        _starts(states, section),
+        states[:, 2],
+        shifted=True,
+        divergence=True,
+        events=section.recorded,
+    )
+    divergence[solved] = flights.divergence
+    events: list[list[tuple[str, Any]]] = [[] for _ in solved]
+    for name, run, _, state in flights.crossings:
+        events[run].append((name, state))
+    for run, of_run in zip(solved.tolist(), events, strict=True):
+        for name, value in section.measured(of_run, 0.0).items():
+            measures[name][run] = value

@@ -1,26 +1,27 @@
 """Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
 
-Unknown are the two coordinates on the section and Omega; a fixed point of the section's map P is wanted at which
-det(1 - P') = 0. That determinant's gradient is taken by differences in double. It serves in chord steps of any
-precision, each of which gains some seven digits, so that second derivatives of the flow are never needed to more digits
-than doubles give.
+Of the two coordinates on the section, Omega and a parameter of the disk three are unknown: a fixed point of the
+section's map P is wanted at which det(1 - P') = 0. With the parameter given that is a fold of one family, with the
+first coordinate given a point on a curve of folds (`atlas.fold_curves`). The determinant's gradient is taken by
+differences, in double mostly. It serves in chord steps of any precision, each of which gains some seven digits, so that
+second derivatives of the flow are never needed to more digits than doubles give.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy
 
-from tippedisk_verify.cycles.amplitude_family import AmplitudeFamily
-from tippedisk_verify.cycles.half_map import HalfFlights
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.turn_map import TurnFlights
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
@@ -39,6 +40,7 @@ __all__ = [
     "fold_in",
     "fold_in_double",
     "fold_near",
+    "fold_system",
     "fold_to_digits",
     "libration_folds",
     "rotation_fold",
@@ -55,7 +57,7 @@ _GUARD = 12  # digits that two nearly parallel conditions and the flight cost
 class Fold(Printable):
     """What folds have in common; each number's half-width holds the truth."""
 
-    section: ClassVar[type[HalfFlights]]  #: whose map has the fold's cycle as a fixed point
+    section: ClassVar[Section[Any]]  #: whose map has the fold's cycle as a fixed point
 
     omega: Measured  #: the speed, extreme on the family [rad/s]
     period: Measured  #: T of the cycle there [s]
@@ -72,8 +74,8 @@ class Fold(Printable):
 class LibrationFold(Fold):
     """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
 
-    section = HalfFlights
-    first = ("omega", "period", *section.unknowns)
+    section = LIBRATING
+    first = ("omega", "period", *LIBRATING.names)
 
     gamma_bar_0: Measured  #: gamma - pi/2 at beta = pi/2 with v < 0 [rad]; v_0 is v there
 
@@ -82,39 +84,38 @@ class LibrationFold(Fold):
 class RotationFold(Fold):
     """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) / d(beta_bar_top)."""
 
-    section = TurnFlights
-    first = ("omega", "period", *section.unknowns)
+    section = ROTATING
+    first = ("omega", "period", *ROTATING.names)
 
     beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
     v_top: Measured  #: v there [rad/s]
     beta_bar_0: Measured  #: beta - pi/2 at gamma = -pi/2 [rad]; v_0 is v there
 
 
-def rotation_fold(
-    parameters: Parameters, engine: Engine, *, digits: int = 12, family: RotatingFamily | None = None
-) -> RotationFold:
+def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
     """The fold of the rotating limit cycles, to ``digits`` significant digits of its speed and cycle.
 
-    Raises NoSuchCycleError or NoConnectionError where the disk has no such family, Shortfall if the digits are not
-    reached.
+    Raises NoSuchCycleError where the family has none, Shortfall if the digits are not reached.
     """
     checked_digits(digits)
-    near = (family or RotatingFamily(parameters, engine)).near_fold().at
-    fold: RotationFold = fold_to_digits(RotationFold, parameters, near, engine, digits)
+    near = family.near_fold()
+    fold: RotationFold = fold_to_digits(
+        RotationFold, family.parameters, (*near.start, near.omega), family.engine, digits
+    )
     return fold
 
 
 def libration_folds(
-    parameters: Parameters, engine: Engine, *, digits: int = 12, family: AmplitudeFamily | None = None
+    parameters: Parameters, engine: Engine, *, digits: int = 12, family: LibratingFamily | None = None
 ) -> tuple[LibrationFold, ...]:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
-    They are those of the part of the family that `AmplitudeFamily` follows. Raises Shortfall where it cannot be
+    They are those of the part of the family that `LibratingFamily` follows. Raises Shortfall where it cannot be
     followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
     """
     checked_digits(digits)
     try:
-        family = family or AmplitudeFamily(parameters, engine)
+        family = family or LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:
         raise Shortfall(str(fault)) from None
     starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
@@ -154,8 +155,9 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
 
     Nothing is compiled for them that the cycles' family does not need.
     """
-    near, jacobian = fold_near(TurnFlights, family.parameters, family.near_fold().at, family.engine)
-    numbers = _numbers(TurnFlights, family.parameters, near, jacobian, family.engine, DOUBLE)
+    fold = family.near_fold()
+    near, jacobian = fold_near(ROTATING, family.parameters, (*fold.start, fold.omega), family.engine)
+    numbers = _numbers(ROTATING, family.parameters, near, jacobian, family.engine, DOUBLE)
     return {name: float(number) for name, number in numbers.items()}
 
 
@@ -167,7 +169,7 @@ def fold_to_digits(
     Raises Shortfall if it is not found, or the digits are not reached.
     """
     fold = fold_in(kind, parameters, near, engine, bits(bits_for_digits(digits + _GUARD)))
-    for name in ("omega", "period", *kind.section.unknowns):
+    for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
             raise Shortfall(f"{name} of the fold has fewer than {digits} digits: ask for {digits + 20}")
@@ -181,13 +183,13 @@ def fold_in(
 
     Raises Shortfall if it is not found.
     """
-    for known in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
+    for arithmetic in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
         try:
-            start, jacobian = fold_near(kind.section, parameters, near, engine, known)
+            start, jacobian = fold_near(kind.section, parameters, near, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
             sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
         except (Shortfall, NoSuchCycleError, numpy.linalg.LinAlgError):
-            if known is _WIDE:
+            if arithmetic is _WIDE:
                 raise
         else:
             break
@@ -195,20 +197,43 @@ def fold_in(
     return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
 
-def _conditions(mapped: Any) -> tuple[Any, Any, Any]:
+def _conditions(image: Image) -> tuple[Any, Any, Any]:
     """The map's residual and det(1 - P'), which are zero at the fold."""
-    (a, b), (c, d) = mapped.matrix
-    return (*mapped.residual, (1 - a) * (1 - d) - b * c)
+    (a, b), (c, d) = image.matrix
+    return (*image.residual, (1 - a) * (1 - d) - b * c)
+
+
+def fold_system(
+    mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
+) -> tuple[tuple[Any, Any, Any], list[Any]]:
+    """The conditions of a fold, the map's residual and det(1 - P'), and their derivatives as rows.
+
+    The derivatives are by both coordinates, Omega and any further unknowns.
+
+    ``mapped`` gives the image for such unknowns. Those of the residual by the first three come with the image, the
+    others by differences, each over its shift to either side; an unknown without shift (None) is given: it has no
+    column.
+    """
+    image, columns = mapped(at), []
+    (a, b), (c, d) = image.matrix
+    by_map = ((a - 1, c), (b, d - 1), image.by_omega)
+    for axis, shift in enumerate(shifts):
+        if shift is not None:
+            beside = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+            above, below = (_conditions(mapped(unknowns)) for unknowns in beside)
+            column = [(high - low) / (2 * shift) for high, low in zip(above, below, strict=True)]
+            columns.append([*by_map[axis], column[2]] if axis < len(by_map) else column)
+    return _conditions(image), [list(row) for row in zip(*columns, strict=True)]
 
 
 def _mapped(
-    section: type[HalfFlights], parameters: Parameters, at: Sequence[Any], engine: Engine, precision: Precision
-) -> Any:
-    return section(parameters, at[2], engine, precision).map(at[:2])
+    section: Section[Any], parameters: Parameters, engine: Engine, precision: Precision
+) -> Callable[[Sequence[Any]], Image]:
+    return lambda at: ReturnMap(section, parameters, at[2], engine, precision)(at[:2])
 
 
 def fold_near(
-    section: type[HalfFlights],
+    section: Section[Any],
     parameters: Parameters,
     at: Sequence[Any],
     engine: Engine,
@@ -220,29 +245,23 @@ def fold_near(
     """
     lost = Shortfall("the iteration for the fold of the limit cycles does not settle")
     iteration = NewtonIteration(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
-    at = [precision.number(float(part)) for part in at]
+    at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
-        mapped = _mapped(section, parameters, at, engine, precision)
-        (a, b), (c, d) = mapped.matrix
-        gradient = []
-        for axis in range(3):
-            # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
-            room = min(1.0, abs(float(at[axis])), section.room([float(x) for x in at]) ** (2 if axis == 2 else 1))
-            away = precision.number(share * room)
-            beside = [[x + sign * away * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
-            above, below = (_conditions(_mapped(section, parameters, state, engine, precision))[2] for state in beside)
-            gradient.append((above - below) / (2 * away))
-        rows = [[a - 1, b, mapped.by_omega[0]], [c, d - 1, mapped.by_omega[1]], gradient]
-        jacobian = numpy.array([[float(entry) for entry in row] for row in rows])
-        step = numpy.linalg.solve(jacobian, [float(part) for part in _conditions(mapped)])
+        # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
+        near_saddle = section.saddle_scale([float(x) for x in at])
+        rooms = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
+        shifts = [precision.number(share * room) for room in rooms]
+        conditions, rows = fold_system(mapped, at, shifts)
+        jacobian = numpy.array([[float(x) for x in row] for row in rows])
+        step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
         at = [x - precision.number(float(part)) for x, part in zip(at, step, strict=True)]
         if iteration.converged(float(numpy.abs(step).max())):
             return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
 
 def _numbers(
-    section: type[HalfFlights],
+    section: Section[Any],
     parameters: Parameters,
     near: Sequence[float],
     jacobian: Any,
@@ -251,24 +270,24 @@ def _numbers(
 ) -> dict[str, Any]:
     """All numbers of the fold in one arithmetic, by chord steps from doubles."""
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
-    at = [precision.number(float(part)) for part in near]
+    at, mapped = [precision.number(float(x)) for x in near], _mapped(section, parameters, engine, precision)
     lost = Shortfall(f"the iteration for the fold has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
-        conditions = _conditions(_mapped(section, parameters, at, engine, precision))
+        conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
-        at = [part - step for part, step in zip(at, steps, strict=True)]
+        at = [x - step for x, step in zip(at, steps, strict=True)]
         if iteration.converged(sum((fraction(abs(step)) for step in steps), Fraction(0))):
             break
-    flights = section(parameters, at[2], engine, precision)
-    mapped = flights.map(at[:2])
-    flight = flights(at[:2], divergence=True, events=flights.recorded)
-    (a, b), _ = mapped.matrix
+    return_map = ReturnMap(section, parameters, at[2], engine, precision)
+    image = return_map(at[:2])
+    flight = return_map.flight(at[:2], divergence=True, events=section.recorded)
+    (a, b), _ = image.matrix
     return {
         "omega": at[2],
-        "period": section.per_period * mapped.time,
-        **dict(zip(section.unknowns, at, strict=False)),
-        **flights.measures(flight),
+        "period": section.per_period * image.time,
+        **dict(zip(section.names, at, strict=False)),
+        **return_map.measures(flight),
         "null_vector": (1 - a) / b,
         "log_multiplier_fast": section.per_period * flight.divergence,
     }

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cycles.error_budget import cycle_numbers
-from tippedisk_verify.cycles.folds import fold_near, rotation_fold
+from tippedisk_verify.cycles.folds import RotationFold, fold_near, fold_to_digits, rotation_fold
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
 from tippedisk_verify.cycles.shooting import shoot
 from tippedisk_verify.cycles.spectral_fold import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
-from tippedisk_verify.cycles.turn_map import TurnFlights
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Result
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.cycle_roads import period_from, period_multipliers
 from tippedisk_verify.reference_values.entries import Case, Method, Values
@@ -201,13 +198,8 @@ ROTATION = (
 
 
 # ------------------------------------------------------------------------------------------ their fold
-@lru_cache(maxsize=8)
-def _family(parameters: Parameters) -> RotatingFamily:
-    return RotatingFamily(parameters, default_engine())
-
-
 def _fold_by_shooting(case: Case, known: Values) -> Values:
-    fold = rotation_fold(case.parameters, default_engine(), digits=_DIGITS)
+    fold = rotation_fold(locator(case.parameters, default_engine()).rotations, digits=_DIGITS)
     return {name: getattr(fold, name) for name in _FOLD_NAMES}
 
 
@@ -260,16 +252,19 @@ def _fold_by_collocation(case: Case, known: Values) -> Values:
 def _fold_by_scipy(case: Case, known: Values) -> Values:
     """With another integrator, in double: its seven digits are a claim, the distance is on record."""
     beta_bar, v, omega = (float(known[name]) for name in ("beta_bar_top", "v_top", "omega"))
-    at, _ = fold_near(TurnFlights, case.parameters, (beta_bar, v, omega), Baseline())
+    at, _ = fold_near(ROTATING, case.parameters, (beta_bar, v, omega), Baseline())
     numbers = dict(zip(("beta_bar_top", "v_top", "omega"), at, strict=True))
     return {name: Measured.of(value, abs(value) * 1e-7) for name, value in numbers.items()}
 
 
 def fold_condition(case: Case, values: Values) -> dict[str, dict[str, Any]]:
-    """By the fold to 12 digits and more for parameters moved by 1e-8, from the same family."""
+    """By the fold to 12 digits and more for parameters moved by 1e-8, from the same start."""
+
+    place = locator(case.parameters, default_engine()).rotations.near_fold()
+    near = (*place.start, place.omega)
 
     def plain(moved: Case) -> dict[str, Any]:
-        fold = rotation_fold(moved.parameters, default_engine(), family=_family(case.parameters))
+        fold = fold_to_digits(RotationFold, moved.parameters, near, default_engine(), 12)
         return {name: getattr(fold, name).value for name in _FOLD_NAMES}
 
     return by_differences(plain, Fraction(1, 10**8))(case, values)

@@ -9,9 +9,10 @@ import pytest
 
 from tippedisk_verify.atlas.branch import rotating_branch
 from tippedisk_verify.atlas.locator import locator
-from tippedisk_verify.cycles.batch_shooting import ROTATING
+from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.rotating_interpolant import RotatingInterpolant
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.parameters import PRINTED
@@ -23,7 +24,7 @@ _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 def drawn(family: RotatingFamily, count: int, seed: int) -> tuple[numpy.ndarray, numpy.ndarray]:
     """Speeds and sides of the fold: even ones, and as many crowded towards the fold, as far as lanes go."""
     random = numpy.random.default_rng(seed)
-    fold = family.near_fold().omega  # less than 1e-4 rad/s above it
+    fold = family.near_fold().omega
     stable = random.random(count) < 0.5
     # No closer than 5e-4 rad/s to the fold and a tenth of the stable family to Omega_h: there lanes hold twelve digits.
     width = numpy.where(stable, 0.9 * (float(family.omega_h) - fold), _FAR)
@@ -35,7 +36,7 @@ def drawn(family: RotatingFamily, count: int, seed: int) -> tuple[numpy.ndarray,
 
 @pytest.fixture(scope="module")
 def family(taylor) -> RotatingFamily:
-    return RotatingFamily(PRINTED, taylor)
+    return locator(PRINTED, taylor).rotations
 
 
 def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) -> None:
@@ -60,18 +61,35 @@ def test_many_speeds_through_lanes_are_those_of_the_single_road(taylor, family) 
             assert number.uncertainty <= abs(number.value) / 10**12, (name, omega)
 
 
-def test_the_polynomial_errs_by_little_more_than_rounding(family) -> None:
+def test_the_polynomials_err_by_little_more_than_rounding(taylor, family) -> None:
     """So one Newton step suffices. Nodes next to the fold and to Omega_h feel rounding a hundredfold."""
     speeds, stable = drawn(family, 60, 3)
-    found = RotatingInterpolant(family, _LANES, speeds, stable)
-    s = found._abscissas(speeds, stable)
-    cycles = found.cycles(speeds, stable)
-    for column, name in enumerate((*ROTATING.names, "period")):
-        away = numpy.abs(
-            (found._ratios(s) @ found._known)[:, column] - [float(getattr(cycle, name)) for cycle in cycles]
-        )
-        assert away.max() < 1e-10, name
-        assert numpy.median(away) < 1e-12, name
+    in_lanes = RotatingFamily(PRINTED, taylor, family.omega_h, in_batches(ROTATING, PRINTED, _LANES))
+    in_lanes.reach(speeds.max())
+    s = in_lanes.abscissas_where(speeds, stable)
+    assert numpy.isfinite(s).all()
+    cycles = FamilyInterpolant(in_lanes, _LANES).solved(speeds, s)
+    second, flight, _, _ = in_lanes.at(s)
+    for name, values in (("beta_bar_top", in_lanes.coordinate(s)), ("v_top", second), ("period", flight)):
+        distance = numpy.abs(values - cycles[name])
+        assert distance.max() < 1e-10, name
+        assert numpy.median(distance) < 1e-12, name
+
+
+@pytest.mark.parametrize("changes", [{}, {"friction": "smooth"}, {"e": "5e-3"}, {"e": "1e-3"}, {"mu": "1"}], ids=str)
+def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
+    """It falls to one fold and rises from there; a place on it is a cycle but for what few nodes leave."""
+    disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
+    known = locator(disk, taylor)
+    family = known.rotations
+    fold = family.near_fold()
+    assert fold.omega < family.omega_h
+    family.reach(float(family.omega_h) + 1)
+    assert family.falls == [True, False]
+    for omega, stable in (((fold.omega + float(family.omega_h)) / 2, True), (float(family.omega_h) + 0.5, False)):
+        (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
+        guess = family.guess(omega, stable=stable)
+        assert numpy.abs(numpy.subtract(guess, [float(cycle.beta_bar_top), float(cycle.v_top)])).max() < 1e-6
 
 
 def test_speeds_below_the_fold_are_refused(taylor) -> None:

@@ -1,0 +1,371 @@
+"""A family of limit cycles, librating or rotating, by the first coordinate on its section.
+
+Omega may turn round along a family, the first coordinate does not. The abscissa is s, of which that coordinate x is a
+function of the form c0 + c1 tanh(s): the second coordinate, the flight time and Omega are then analytic in s, and so
+they are towards the connection, where the distance from the saddle goes like exp(-2 |s|). They are polynomials through
+Chebyshev nodes on panels of s, each solved from the panel before.
+
+A subclass says what x is as a function of s, where the family begins and how far it is followed.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property, partial
+from itertools import pairwise
+from typing import Any, ClassVar, NamedTuple
+
+import numpy
+
+from tippedisk_verify.cycles.batch_shooting import shoot_batch
+from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import Section
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
+from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.parameters import Parameters
+
+__all__ = ["Family", "Place", "Solved", "Solver", "in_batches", "one_at_a_time"]
+
+_SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels and of the others
+_GROUP = 8  # nodes that are solved together
+_DEGREE = 7  # of the extrapolation to the next ones, through values and slopes
+_JUMPED = 0.3  # relative; a cycle farther than this from its guess is another family's
+_UNCONTINUED = 0.15  # of the change between neighbours
+_NEXT_TO_A_NODE = 1e-3  # of s; where nodes would have to be closer together the family is lost
+_MOST_STEPS = 10  # of Newton's iteration for an abscissa
+_SETTLED = 1e-9  # a relative step that rounding follows
+
+
+class Solved(NamedTuple):
+    """Cycles of given first coordinates as (n,) arrays; NaN where none was found. Slopes are by that coordinate."""
+
+    second: Array  #: the section's other coordinate [rad/s]
+    flight: Array  #: flight time of the section's map [s]
+    omega: Array  #: [rad/s]
+    second_slope: Array
+    flight_slope: Array
+    omega_slope: Array
+
+
+#: (first coordinate, second one, flight time, Omega), the first given and the others guessed, as (n,) arrays.
+Solver = Callable[[Array, Array, Array, Array], Solved]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A cycle of a family, in double, as far as the polynomials tell."""
+
+    s: float
+    start: tuple[float, float]  #: both coordinates on the section
+    flight: float  #: flight time of the section's map [s]
+    omega: float  #: [rad/s]
+    piece: int  #: counted from where the family begins, one more after each fold
+
+
+class Family(ABC):
+    """The family of one disk under its friction law, in double, on panels of ``nodes`` each.
+
+    ``solve`` finds cycles of given first coordinates. Raises NoSuchCycleError where the family cannot be followed.
+    """
+
+    section: ClassVar[Section[Any]]
+    #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of linear estimates.
+    origin: ClassVar[float] = -math.inf
+
+    def __init__(self, parameters: Parameters, engine: Engine, solve: Solver | None, nodes: int) -> None:
+        self.parameters, self.engine = parameters, engine
+        self._solve = one_at_a_time(self.section, parameters, engine) if solve is None else solve
+        self._count, self._begin = nodes, 0.0
+        angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
+        self._places = (1 + numpy.cos(angles)) / 2
+        self._weights = (-1.0) ** numpy.arange(nodes) * numpy.sin(angles)
+        self._panels = numpy.empty((0, nodes, 7))
+        self._rows = numpy.empty((0, 7))  # what the next panel is solved from
+
+    @abstractmethod
+    def coordinate(self, s: Any) -> Any:
+        """The first coordinate at the abscissa."""
+
+    @abstractmethod
+    def coordinate_rate(self, s: Any) -> Any:
+        """Its derivative."""
+
+    @abstractmethod
+    def abscissa(self, coordinate: Any) -> Any:
+        """The inverse of `coordinate`."""
+
+    @abstractmethod
+    def scale(self, s: Any) -> Any:
+        """What the second coordinate is divided by to be analytic and of order one [rad]."""
+
+    @abstractmethod
+    def scale_rate(self, s: Any) -> Any:
+        """Its derivative."""
+
+    # ------------------------------------------------------------------------------------------------ the panels
+    def begin(self, row: Any) -> None:
+        """Begin with what is known of one cycle: s, second coordinate / scale, flight, Omega and their slopes by s."""
+        self._rows, self._begin = numpy.array([row], dtype=float), float(row[0])
+
+    def extend(self) -> None:
+        """One more panel. Raises NoSuchCycleError where the family is lost."""
+        index = len(self._panels)
+        start, end = self._edge(index), self._edge(index + 1)
+        wanted, rows = start + (end - start) * self._places, numpy.empty((self._count, 7))
+        rows_before, solved = self._rows, 0
+        while solved < self._count:
+            group = self._solved(wanted[solved : solved + _GROUP], rows_before)
+            if not len(group):
+                rows_before = self._between(rows_before, wanted[solved])
+                continue
+            rows[solved : solved + len(group)] = group
+            rows_before = numpy.concatenate((rows_before, group))
+            solved += len(group)
+        self._rows = rows
+        self._panels = numpy.concatenate((self._panels, rows[None]))
+        for name in ("folds", "_sampled"):
+            self.__dict__.pop(name, None)
+
+    def _edge(self, index: int) -> float:
+        """Where the panel of that number begins."""
+        return self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
+
+    def _between(self, rows: Array, target: float) -> Array:
+        """More cycles on the way to a node that was not reached; the last of them is halfway there."""
+        begin = rows[-1, 0]
+        if target - begin < _NEXT_TO_A_NODE:
+            raise NoSuchCycleError(self._lost(target))
+        group = self._solved(begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP), rows)
+        if not len(group):
+            raise NoSuchCycleError(self._lost(target))
+        return numpy.concatenate((rows, group))
+
+    def _solved(self, s: Array, rows: Array) -> Array:
+        """Rows as those of the panels, up to the first abscissa at which no cycle of the family was found."""
+        guess = self._guess(s, rows)
+        x, scale, rate = self.coordinate(s), self.scale(s), self.coordinate_rate(s)
+        with numpy.errstate(invalid="ignore"):
+            solved = Solved(*self._solve(x, guess[0] * scale, guess[1], guess[2]))
+            values = numpy.stack((solved.second / scale, solved.flight, solved.omega))
+            jumped = (numpy.abs(values - guess) > _JUMPED * numpy.abs(guess)).any(axis=0)
+            second_slope = (solved.second_slope * rate - values[0] * self.scale_rate(s)) / scale
+        slopes = numpy.stack((second_slope, solved.flight_slope * rate, solved.omega_slope * rate))
+        new = numpy.concatenate((s[None], values, slopes)).T
+        good = numpy.isfinite(new[:, 3]) & ~jumped & ~_uncontinued(new, rows)
+        return new[: int(numpy.argmin(numpy.append(good, False)))]
+
+    def _guess(self, s: Array, rows: Array) -> Any:
+        """(3, n): second coordinate / scale, flight time and Omega on the polynomials through the last rows."""
+        near = rows[-_GROUP:]
+        offset, size = near[:, 0] - s[0], near[-1, 0] - near[0, 0] + s[0] - near[-1, 0]
+        size = size or 1.0
+        degree = min(_DEGREE, 2 * len(near) - 1)
+        powers, rates = _powers_and_rates(offset / size, degree)
+        right = numpy.concatenate((near[:, 1:4], near[:, 4:] * size))
+        coefficients = numpy.linalg.lstsq(numpy.concatenate((powers, rates)), right, rcond=None)[0]
+        return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
+
+    def _lost(self, s: float) -> str:
+        return f"the family of {self.section.name} cycles could not be followed to {self.coordinate(s):.6g} rad"
+
+    # ------------------------------------------------------------------------------------------------ what it tells
+    @property
+    def nodes(self) -> Array:
+        """(n, 7) rows of all nodes: s, second coordinate / scale, flight time, Omega and their slopes by s."""
+        return self._panels.reshape(-1, 7)
+
+    @property
+    def nodes_per_panel(self) -> int:
+        return self._count
+
+    @property
+    def s_end(self) -> float:
+        """The abscissa of the last node."""
+        return float(self._panels[-1, -1, 0])
+
+    @property
+    def s_start(self) -> float:
+        """The abscissa of the first node."""
+        return float(self._panels[0, 0, 0])
+
+    def between_nodes(self, s: Array, values: Array) -> Any:
+        """What has these ``values`` (m, n) at the nodes, (m, k) at the abscissas (k,)."""
+        ratios, panels = self.ratios(s)
+        by_panel = values.reshape(len(values), -1, self._count)
+        middle = by_panel[:, :, self._count // 2]  # without it the sum rounds what varies on the panel only
+        return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
+
+    def ratios(self, s: Array) -> tuple[Any, Any]:
+        """Barycentric weights (k, nodes of a panel), each row with the sum 1, and the panel of each."""
+        panels = numpy.searchsorted([self._edge(k) for k in range(1, len(self._panels))], s)
+        offset = s[:, None] - self._panels[panels, :, 0]
+        offset[offset == 0] = 2.0**-80  # at a node nothing else counts
+        ratios = self._weights / offset
+        return ratios / ratios.sum(axis=1, keepdims=True), panels
+
+    def at(self, s: Array) -> Any:
+        """(4, k): second coordinate / scale, flight time, Omega and dOmega/ds at abscissas (k,)."""
+        return self.between_nodes(s, self.nodes[:, [1, 2, 3, 6]].T)
+
+    @cached_property
+    def folds(self) -> tuple[float, ...]:
+        """The abscissas at which Omega is extreme, in rising order."""
+        s = numpy.linspace(self.s_start, self.s_end, 4 * len(self.nodes))
+        slopes = self.at(s)[3]
+        turns = []
+        for k in numpy.flatnonzero(slopes[:-1] * slopes[1:] < 0):
+            low, high = s[k], s[k + 1]
+            while (middle := (low + high) / 2) not in (low, high):
+                beyond = self.at(numpy.array([middle]))[3, 0] * slopes[k] <= 0
+                low, high = (low, middle) if beyond else (middle, high)
+            turns.append(float(middle))
+        return tuple(turns)
+
+    def to_fold(self, s: Array) -> Any:
+        """How far from a fold the first coordinate is at abscissas (k,) [rad]; infinite if there is none."""
+        folds = numpy.array([*self.folds, numpy.inf])
+        return numpy.abs(s[:, None] - folds).min(axis=1) * self.coordinate_rate(s)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """The abscissas between which Omega is monotonic: both ends and the folds."""
+        return (self.s_start, *self.folds, self.s_end)
+
+    @property
+    def falls(self) -> list[bool]:
+        """Whether Omega falls with s, on each piece."""
+        omega = self.at(numpy.array(self.breaks))[2]
+        return [bool(end < begin) for begin, end in pairwise(omega)]
+
+    @cached_property
+    def _sampled(self) -> list[tuple[Array, Array]]:
+        """Omega, rising, and s on each piece: what inversion starts from."""
+        samples = []
+        for low, high in pairwise(self.breaks):
+            # Closer together towards both ends, at which Omega may be flat.
+            s = (low + high) / 2 - (high - low) / 2 * numpy.cos(numpy.linspace(0, numpy.pi, 2 * len(self.nodes)))
+            omega = self.at(s)[2]
+            samples.append((omega, s) if omega[-1] > omega[0] else (omega[::-1], s[::-1]))
+        return samples
+
+    def abscissas(self, omegas: Array) -> Any:
+        """(pieces, n): where each piece has these speeds [rad/s]; NaN where it does not."""
+        rows = []
+        for (speeds, abscissas), (low, high) in zip(self._sampled, pairwise(self.breaks), strict=True):
+            s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
+            inside = numpy.isfinite(s)
+            root, wanted = s[inside], omegas[inside]
+            for _ in range(_MOST_STEPS):  # next to a fold each of the first ones halves the error only
+                before, (_, _, omega, slope) = root, self.at(root)
+                with numpy.errstate(divide="ignore", invalid="ignore"):
+                    root = numpy.clip(numpy.nan_to_num(root - (omega - wanted) / slope, nan=low), low, high)
+                if not (numpy.abs(root - before) > _SETTLED).any():
+                    break
+            s[inside] = root
+            rows.append(s)
+        return numpy.stack(rows)
+
+    def abscissas_where(self, omegas: Array, falls: Any) -> Any:
+        """(n,): where Omega has these speeds [rad/s] and falls with s, or rises (n,); NaN where it does not.
+
+        Stable cycles are those at which it falls.
+        """
+        on_piece = numpy.array(self.falls)[:, None] == falls
+        return numpy.fmax.reduce(numpy.where(on_piece, self.abscissas(omegas), numpy.nan))
+
+    def places(self, omega: float) -> Iterator[Place]:
+        """The family's cycles at a speed [rad/s], from the smallest first coordinate on."""
+        for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
+            if math.isfinite(s):
+                yield self.place(float(s), piece)
+
+    def place(self, s: float, piece: int = 0) -> Place:
+        """The cycle at an abscissa."""
+        ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
+        return Place(s, (float(self.coordinate(s)), ratio * float(self.scale(s))), flight, omega, piece)
+
+
+def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
+    """What a polynomial's coefficients are multiplied by for its values and for its derivatives at x (n,)."""
+    powers = numpy.vander(x, degree + 1)
+    rates = numpy.zeros_like(powers)
+    rates[:, :-1] = powers[:, 1:] * numpy.arange(degree, 0, -1)
+    return powers, rates
+
+
+def _uncontinued(new: Array, rows: Array) -> Any:
+    """(n,) whether a row does not continue the one before: no value has changed by what the slopes say.
+
+    Over so short a way the trapezoidal rule is off by a few percent of the change on a family; on another orbit by all.
+    """
+    chain = numpy.concatenate((rows[-1:], new))
+    step = numpy.diff(chain[:, 0])[:, None]
+    change, slopes = numpy.diff(chain[:, 1:4], axis=0), chain[:, 4:]
+    off = numpy.abs(change - step * (slopes[1:] + slopes[:-1]) / 2)
+    size = numpy.abs(change) + step * numpy.maximum(numpy.abs(slopes[1:]), numpy.abs(slopes[:-1]))
+    with numpy.errstate(invalid="ignore"):
+        broken = (off > _UNCONTINUED * size + 1e-9 * numpy.abs(chain[1:, 1:4])).sum(axis=1) >= 2
+    return numpy.logical_or.accumulate(broken)
+
+
+# ---------------------------------------------------------------------------------------------------- the solvers
+def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
+    """Newton's iteration on all flights at once, with the second coordinate, flight time and Omega as the unknowns."""
+    return partial(_in_batches, section, field_constants(parameters), lanes)
+
+
+def _in_batches(section: Section[Any], constants: Array, lanes: BatchTaylor, *guess: Array) -> Solved:
+    *start, omega = guess
+    cycles = shoot_batch(section, constants, omega, start, lanes, whole=False, tolerance=1e-8, free_omega=True)
+    first, second = section.names
+    slope, flights = 1 / cycles[f"d{first}_domega"], section.per_period
+    return Solved(
+        second=cycles[second],
+        flight=cycles["period"] / flights,
+        omega=cycles["omega"],
+        second_slope=cycles[f"d{second}_domega"] * slope,
+        flight_slope=cycles["dperiod_domega"] / flights * slope,
+        omega_slope=slope,
+    )
+
+
+def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine) -> Solver:
+    """Newton's iteration on the return map for each first coordinate, with the second one and Omega as the unknowns."""
+
+    def solve(first: Array, second: Array, flight: Array, omega: Array) -> Solved:
+        rows = numpy.full((len(first), len(Solved._fields)), numpy.nan)
+        for index, (x, *guess) in enumerate(zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)):
+            try:
+                rows[index] = _one(section, parameters, engine, x, *guess)
+            except NoSuchCycleError:
+                break
+        return Solved(*rows.T)
+
+    return solve
+
+
+def _one(section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float) -> Any:
+    failure = NoSuchCycleError(f"the iteration at fixed {section.names[0]} does not settle")
+    iteration = NewtonIteration(10, failure, small=_SETTLED)
+    while True:
+        if not 0 < omega < math.inf:
+            raise NoSuchCycleError(f"the iteration at fixed {section.names[0]} left the positive speeds")
+        image = ReturnMap(section, parameters, Fraction(omega), engine)((x, y))
+        (a, b), (c, d) = image.matrix
+        rows = numpy.array([[b, image.by_omega[0]], [d - 1, image.by_omega[1]]])
+        right = numpy.array([[image.residual[0], a - 1], [image.residual[1], c]])
+        if not numpy.isfinite(rows).all() or not numpy.linalg.det(rows):
+            raise NoSuchCycleError(f"the iteration at fixed {section.names[0]} met a singular matrix")
+        (y_step, y_slope), (omega_step, omega_slope) = -numpy.linalg.solve(rows, right)
+        y, omega = y + y_step, omega + omega_step
+        if iteration.converged(abs(y_step / y) + abs(omega_step / omega)):
+            by_x, by_y = image.time_by_state
+            rate = by_x + by_y * y_slope + image.time_by_omega * omega_slope
+            return y, image.time, omega, y_slope, rate, omega_slope

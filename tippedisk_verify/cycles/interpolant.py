@@ -1,0 +1,107 @@
+"""Many cycles of a family at once, predicted by polynomials and corrected in one step of all lanes.
+
+All numbers of a family's cycles at its nodes are solved to rounding. Omega(s) is inverted piece by piece, so that a
+speed at which two cycles coexist gives both. What is claimed for a number is the subject of `branch_budget`.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy
+
+from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.branch_budget import BranchBudget
+from tippedisk_verify.cycles.family import Family
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
+from tippedisk_verify.model.arrays import Array
+
+__all__ = ["FamilyInterpolant"]
+
+_FLAT = 0.05  # of the way in the first coordinate to a fold, an error that is no longer linear
+
+
+class FamilyInterpolant:
+    """The cycles of a family of the linear law, as far as it is followed.
+
+    Raises NoSuchCycleError where one of the family's nodes is not found again.
+    """
+
+    def __init__(self, family: Family, lanes: BatchTaylor) -> None:
+        self.family, self._lanes = family, lanes
+        self._constants = field_constants(family.parameters)
+        nodes = family.nodes.T
+        self._s = nodes[0]
+        guess = numpy.stack((family.coordinate(self._s), nodes[1] * family.scale(self._s), nodes[2]))
+        #: The cycles at the nodes of the family.
+        self.nodes: BatchCycles = shoot_batch(
+            family.section, self._constants, nodes[3], guess, lanes, tolerance=1e-9, free_omega=True
+        )
+        if not self.nodes.converged.all():
+            raise NoSuchCycleError(f"the family of {family.section.name} cycles could not be followed")
+
+    @cached_property
+    def _budget(self) -> BranchBudget:
+        s, slope = self._s, numpy.abs(self.family.nodes[:, 6])
+        bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], s))
+        # The way to the Hopf point, to a fold and to the connection, each as the slope there foretells it.
+        way = numpy.minimum(numpy.minimum((s - self.family.origin) / 2, 0.25), slope / (2 * bend))
+        return BranchBudget(self._constants, self.nodes, s, slope * way, self._lanes)
+
+    def half_widths(self, cycles: BatchCycles) -> dict[str, Array]:
+        """For each number of cycles on this family the half-width that holds the truth, as (n,) arrays.
+
+        Infinite next to a fold, where errors in double reach beyond it.
+        """
+        s = self.family.abscissa(cycles.coordinate)
+        return self._unless_next_to_a_fold(self._budget.all_half_widths(cycles, s), s)
+
+    def _unless_next_to_a_fold(self, widths: dict[str, Any], s: Array) -> dict[str, Array]:
+        lost = widths[self.family.section.names[0]] > _FLAT * self.family.to_fold(s)
+        return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
+
+    def solved(self, speeds: Array, s: Array) -> BatchCycles:
+        """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
+        second, flight, _, slope = self.family.at(s)
+        # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
+        resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
+        guess = numpy.stack((self.family.coordinate(s), second * self.family.scale(s), flight))
+        section = self.family.section
+        cycles = shoot_batch(section, self._constants, speeds, guess, self._lanes, tolerance=resolved)
+        # Next to a fold the iteration may have gone beyond it.
+        cycles.converged[slope * cycles[f"d{section.names[0]}_domega"] < 0] = False
+        return cycles
+
+    def results(self, speeds: Array, s: Array, *, digits: int = 0) -> list[Any]:
+        """The same as the result objects that single speeds give; None where one is not found, or next to a fold.
+
+        Only those whose period, coordinates and largest lean have so many digits.
+        """
+        cycles = self.solved(speeds, s)
+        widths = self.half_widths(cycles)
+        held = cycles.converged
+        for name in ("period", *cycles.section.names, "beta_max"):
+            held = held & (widths[name] < numpy.abs(cycles[name]) * 10.0**-digits)
+        measured = cycles.only(held).results(
+            {name: width[held] for name, width in widths.items()}, self.family.parameters
+        )
+        return _spread_out(measured, held)
+
+    def results_where(self, speeds: Array, stable: Any, *, digits: int) -> list[Any]:
+        """The stable cycle at each speed (n,), or the unstable one; None where doubles do not hold it.
+
+        It is not held if the multiplier leaves open on which side of a fold it lies.
+        """
+        s = self.family.abscissas_where(speeds, stable)
+        inside = numpy.isfinite(s)
+        cycles = _spread_out(self.results(speeds[inside], s[inside], digits=digits), inside)
+        return [cycle if cycle and cycle.stable is bool(side) else None
+                for cycle, side in zip(cycles, stable, strict=True)]  # fmt: skip
+
+
+def _spread_out(values: list[Any], where: Any) -> list[Any]:
+    """The values at the places where ``where`` (n,) is true, None at the others."""
+    rest = iter(values)
+    return [next(rest) if inside else None for inside in where]
