@@ -33,9 +33,5 @@ class NoSuchCycleError(InputError):
     """There is no limit cycle, or none was found, where one was asked for; the message says what and why."""
 
 
-class OutsideFamilyError(NoSuchCycleError):
-    """The speed lies outside the family of limit cycles; the message says between which speeds that lies."""
-
-
 class NoConnectionError(InputError):
     """The parameters have no heteroclinic connection of the kind looked for; the message says why."""

@@ -12,12 +12,14 @@ from scipy import integrate, stats
 
 from tippedisk_verify.cycles import branch_budget, error_budget
 from tippedisk_verify.cycles.error_budget import logarithms_bounded
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.disk import Disk
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, companion
 
 
 def beyond(twins: int, factor: float) -> float:
@@ -90,6 +92,24 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
         assert measured["log_multiplier_slow"].holds(Fraction(truth))
         assert measured["log_multiplier_fast"].holds(Fraction(-300 - truth))
     assert not measured["log_multiplier_slow"].holds(-33)
+
+
+@pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")
+@pytest.mark.parametrize(
+    ("few", "many", "arithmetic"),
+    [(15, 20, EXTENDED), pytest.param(20, 40, QUADRUPLE, marks=pytest.mark.slow)],
+)
+@pytest.mark.parametrize(("kind", "omega"), [("librating", "30.4"), ("librating", "30.7"), ("rotating", "30.02")])
+def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arithmetic) -> None:
+    """Every number holds that of many more digits, by half-widths that leave most of the arithmetic's digits."""
+    disk = Disk("printed")
+    ask = disk.limit_cycle if kind == "librating" else disk.rotating_cycle
+    cycle, sharp = (ask(omega, digits=digits) for digits in (few, many))
+    assert cycle.precision == arithmetic.name
+    for name in ROTATING.numbers if kind == "rotating" else LIBRATING.numbers:
+        number = getattr(cycle, name)
+        assert number.holds(getattr(sharp, name).value), name
+        assert number.uncertainty < abs(number.value) / 10 ** (few - 1), name
 
 
 @pytest.mark.slow

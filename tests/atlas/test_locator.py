@@ -1,0 +1,61 @@
+"""What the locator answers: which cycles a speed has, on which side of Omega_h it lies, and what it keeps."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import pytest
+
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.locator import locator
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.model.parameters import PRINTED
+
+FOLDING = PRINTED.changed(A="0.229e-3")  # cycles are born unstable, above Omega_crit
+
+
+def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
+    known = locator(PRINTED, taylor)
+    assert locator(PRINTED.changed(name="printed"), taylor) is known
+    assert locator(PRINTED.with_friction("smooth"), taylor) is not known
+    assert locator(FOLDING, taylor) is not known
+    assert known.librating(Fraction(30)).starts == ()
+    assert known.__dict__["family"] is known.family
+
+
+@pytest.mark.parametrize(
+    ("omega", "told"),
+    [
+        ("29", "1 rad/s below the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit = 30.88659 rad/s"),
+        ("31.5", "0.61 rad/s above the family, which lies between Omega_h = 30.04887 rad/s and Omega_crit"),
+    ],
+)
+def test_a_refused_speed_is_told_where_the_family_lies(taylor, monkeypatch, omega, told) -> None:
+    """By the family alone: nothing is shot for, and Omega_h is not searched."""
+    known = locator(PRINTED, taylor)
+    assert known.family.connected
+    for name in ("atlas.locator.shoot", "atlas.locator.bisect_omega_h", "atlas.locator.splitting_zero"):
+        monkeypatch.setattr(f"tippedisk_verify.{name}", None)
+    with pytest.raises(NoSuchCycleError, match=told):
+        cycle_at(PRINTED, omega, taylor)
+
+
+def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
+    known = locator(FOLDING, taylor)
+    for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
+        assert [start.piece for start in known.librating(Fraction(omega)).starts] == pieces
+    for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
+        assert [start.piece for start in locator(PRINTED, taylor).rotating(Fraction(omega)).starts] == pieces
+
+
+def test_next_to_omega_h_its_digits_tell_the_side(taylor) -> None:
+    """A millionth of what doubles resolve there, librating cycles lie above it and rotating ones below."""
+    known, near = locator(PRINTED, taylor), Fraction(1, 10**20)
+    omega_h = known.omega_h_beside(known.omega_h)
+    assert known.omega_h_beside(omega_h + near) != known.omega_h
+    above, below = known.librating(omega_h + near), known.librating(omega_h - near)
+    assert [start.guess for start in above.starts] == [None]
+    assert not below.starts
+    assert "1e-20 rad/s below Omega_h" in below.refusal
+    assert [start.guess for start in known.rotating(omega_h - near, stable=True).starts] == [None]
+    assert not known.rotating(omega_h + near, stable=True).starts
