@@ -16,7 +16,8 @@ from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.half_map import half_map
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
@@ -110,7 +111,7 @@ def test_the_determinant_by_liouville_is_that_of_the_matrix() -> None:
 
 def test_a_half_flight_off_the_cycle_against_the_ordinary_road(taylor) -> None:
     """In double: the half map amplifies rounding some hundred times, and its derivatives are of size 1."""
-    ordinary = half_map(PRINTED, OMEGA, (1.5, -1.6), taylor)
+    ordinary = ReturnMap(LIBRATING, PRINTED, OMEGA, taylor)((1.5, -1.6))
     with working_precision(80):
         flight = half_flight(model(), ball("1.5"), ball("-1.6"), derivatives=True)
     assert flight.status is HalfStatus.RETURNED

@@ -19,7 +19,8 @@ from tippedisk_verify.certified.frame import Frame
 from tippedisk_verify.certified.lane_flight import HalfFlights, half_flights, lane_of
 from tippedisk_verify.certified.lanes import Lanes
 from tippedisk_verify.certified.section import HalfFlight, Status, half_flight
-from tippedisk_verify.cycles.half_map import HalfFlights as OrdinaryFlights
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.model.precision import bits
@@ -99,7 +100,8 @@ def test_ten_thousand_boxes_hold_their_points(taylor: Taylor) -> None:
     for lane in np.flatnonzero(found.returned):
         rows = zip(boxes.mid[:, lane], boxes.rad[:, lane], some_point(rng), strict=True)
         gamma_bar, v, omega = (Fraction(m) + Fraction(r) * Fraction(share) for m, r, share in rows)
-        true = OrdinaryFlights(PRINTED, omega, taylor, precision)((precision.number(gamma_bar), precision.number(v)))
+        return_map = ReturnMap(LIBRATING, PRINTED, omega, taylor, precision)
+        true = return_map.flight((precision.number(gamma_bar), precision.number(v)))
         mine = lane_of(found, int(lane))
         for ball_, number in zip((mine.time, *mine.image), (true.time, -true.state[1], -true.state[2]), strict=True):
             held = measured(ball_)

@@ -14,11 +14,11 @@ from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.rotation import prove_rotation, turn_flight
 from tippedisk_verify.certified.section import Status as FlightStatus
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
-from tippedisk_verify.cycles.turn_map import TurnFlights
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE
 
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -31,7 +31,7 @@ def flown(beta_bar, v, omega="30.0388", **options):
 
 def test_a_turn_off_the_cycle_against_the_ordinary_road(taylor) -> None:
     """In double: the turn map amplifies rounding some thousand times."""
-    ordinary = TurnFlights(PRINTED, Fraction("30.2"), taylor, DOUBLE).map((0.5, 0.6))
+    ordinary = ReturnMap(ROTATING, PRINTED, Fraction("30.2"), taylor)((0.5, 0.6))
     flight = flown("0.5", "0.6", "30.2", derivatives=True)
     assert flight.status is FlightStatus.RETURNED
     pairs = [

@@ -1,17 +1,14 @@
 """A family of limit cycles, librating or rotating, by the first coordinate on its section.
 
-Omega may turn round along a family, the first coordinate does not. The abscissa is s, of which that coordinate x is a
-function of the form c0 + c1 tanh(s): the second coordinate, the flight time and Omega are then analytic in s, and so
-they are towards the connection, where the distance from the saddle goes like exp(-2 |s|). They are polynomials through
-Chebyshev nodes on panels of s, each solved from the panel before.
-
-A subclass says what x is as a function of s, where the family begins and how far it is followed.
+Omega may turn round along a family, the first coordinate does not. The abscissa is s, of which that coordinate is the
+function middle + half tanh(s): its ratio to the second coordinate, the flight time and Omega are then analytic in s,
+and so they are towards the connection, where the distance from the saddle goes like exp(-2 |s|). They are polynomials
+through Chebyshev nodes on panels of s, each solved from the panel before.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -69,58 +66,50 @@ class Place:
     piece: int  #: counted from where the family begins, one more after each fold
 
 
-class Family(ABC):
+class Family:
     """The family of one disk under its friction law, in double, on panels of ``nodes`` each.
 
-    ``solve`` finds cycles of given first coordinates. Raises NoSuchCycleError where the family cannot be followed.
+    ``middle`` and ``half`` [rad] say what the first coordinate is as a function of s, and ``begin`` what is known of
+    one cycle: s, second coordinate / first, flight time, Omega and their derivatives by s. ``solve`` finds cycles of
+    given first coordinates. Raises NoSuchCycleError where the family cannot be followed.
     """
 
     section: ClassVar[Section[Any]]
     #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of linear estimates.
     origin: ClassVar[float] = -math.inf
 
-    def __init__(self, parameters: Parameters, engine: Engine, solve: Solver | None, nodes: int) -> None:
-        self.parameters, self.engine = parameters, engine
-        self._solve = one_at_a_time(self.section, parameters, engine) if solve is None else solve
-        self._count, self._begin = nodes, 0.0
-        angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
-        self._places = (1 + numpy.cos(angles)) / 2
-        self._weights = (-1.0) ** numpy.arange(nodes) * numpy.sin(angles)
+    def __init__(
+        self, parameters: Parameters, engine: Engine, solve: Solver, nodes: int, middle: float, half: float, begin: Any
+    ) -> None:
+        self.parameters, self.engine, self.nodes_per_panel = parameters, engine, nodes
+        self._solve, self._middle, self._half = solve, middle, half
+        self._rows = numpy.array([begin], dtype=float)  # what the next panel is solved from
+        self._begin = float(begin[0])
         self._panels = numpy.empty((0, nodes, 7))
-        self._rows = numpy.empty((0, 7))  # what the next panel is solved from
+        angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
+        self._chebyshev = (1 + numpy.cos(angles)) / 2
+        self._weights = (-1.0) ** numpy.arange(nodes) * numpy.sin(angles)
 
-    @abstractmethod
     def coordinate(self, s: Any) -> Any:
-        """The first coordinate at the abscissa."""
+        """The first coordinate [rad] at the abscissa."""
+        return self._middle + self._half * numpy.tanh(s)
 
-    @abstractmethod
     def coordinate_rate(self, s: Any) -> Any:
         """Its derivative."""
+        return self._half / numpy.cosh(s) ** 2
 
-    @abstractmethod
     def abscissa(self, coordinate: Any) -> Any:
         """The inverse of `coordinate`."""
-
-    @abstractmethod
-    def scale(self, s: Any) -> Any:
-        """What the second coordinate is divided by to be analytic and of order one [rad]."""
-
-    @abstractmethod
-    def scale_rate(self, s: Any) -> Any:
-        """Its derivative."""
+        return numpy.arctanh((coordinate - self._middle) / self._half)
 
     # ------------------------------------------------------------------------------------------------ the panels
-    def begin(self, row: Any) -> None:
-        """Begin with what is known of one cycle: s, second coordinate / scale, flight, Omega and their slopes by s."""
-        self._rows, self._begin = numpy.array([row], dtype=float), float(row[0])
-
     def extend(self) -> None:
         """One more panel. Raises NoSuchCycleError where the family is lost."""
         index = len(self._panels)
         start, end = self._edge(index), self._edge(index + 1)
-        wanted, rows = start + (end - start) * self._places, numpy.empty((self._count, 7))
+        wanted, rows = start + (end - start) * self._chebyshev, numpy.empty((self.nodes_per_panel, 7))
         rows_before, solved = self._rows, 0
-        while solved < self._count:
+        while solved < self.nodes_per_panel:
             group = self._solved(wanted[solved : solved + _GROUP], rows_before)
             if not len(group):
                 rows_before = self._between(rows_before, wanted[solved])
@@ -150,19 +139,19 @@ class Family(ABC):
     def _solved(self, s: Array, rows: Array) -> Array:
         """Rows as those of the panels, up to the first abscissa at which no cycle of the family was found."""
         guess = self._guess(s, rows)
-        x, scale, rate = self.coordinate(s), self.scale(s), self.coordinate_rate(s)
+        x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):
-            solved = Solved(*self._solve(x, guess[0] * scale, guess[1], guess[2]))
-            values = numpy.stack((solved.second / scale, solved.flight, solved.omega))
+            solved = Solved(*self._solve(x, guess[0] * x, guess[1], guess[2]))
+            values = numpy.stack((solved.second / x, solved.flight, solved.omega))
             jumped = (numpy.abs(values - guess) > _JUMPED * numpy.abs(guess)).any(axis=0)
-            second_slope = (solved.second_slope * rate - values[0] * self.scale_rate(s)) / scale
-        slopes = numpy.stack((second_slope, solved.flight_slope * rate, solved.omega_slope * rate))
+            ratio_slope = (solved.second_slope - values[0]) / x
+        slopes = numpy.stack((ratio_slope, solved.flight_slope, solved.omega_slope)) * rate
         new = numpy.concatenate((s[None], values, slopes)).T
         good = numpy.isfinite(new[:, 3]) & ~jumped & ~_uncontinued(new, rows)
         return new[: int(numpy.argmin(numpy.append(good, False)))]
 
     def _guess(self, s: Array, rows: Array) -> Any:
-        """(3, n): second coordinate / scale, flight time and Omega on the polynomials through the last rows."""
+        """(3, n): second coordinate / first, flight time and Omega on the polynomials through the last rows."""
         near = rows[-_GROUP:]
         offset, size = near[:, 0] - s[0], near[-1, 0] - near[0, 0] + s[0] - near[-1, 0]
         size = size or 1.0
@@ -178,12 +167,8 @@ class Family(ABC):
     # ------------------------------------------------------------------------------------------------ what it tells
     @property
     def nodes(self) -> Array:
-        """(n, 7) rows of all nodes: s, second coordinate / scale, flight time, Omega and their slopes by s."""
+        """(n, 7) rows of all nodes: s, second coordinate / first, flight time, Omega and their slopes by s."""
         return self._panels.reshape(-1, 7)
-
-    @property
-    def nodes_per_panel(self) -> int:
-        return self._count
 
     @property
     def s_end(self) -> float:
@@ -198,8 +183,8 @@ class Family(ABC):
     def between_nodes(self, s: Array, values: Array) -> Any:
         """What has these ``values`` (m, n) at the nodes, (m, k) at the abscissas (k,)."""
         ratios, panels = self.ratios(s)
-        by_panel = values.reshape(len(values), -1, self._count)
-        middle = by_panel[:, :, self._count // 2]  # without it the sum rounds what varies on the panel only
+        by_panel = values.reshape(len(values), -1, self.nodes_per_panel)
+        middle = by_panel[:, :, self.nodes_per_panel // 2]  # without it the sum rounds what varies on the panel only
         return middle[:, panels] + ((by_panel - middle[:, :, None])[:, panels] * ratios).sum(axis=-1)
 
     def ratios(self, s: Array) -> tuple[Any, Any]:
@@ -211,7 +196,7 @@ class Family(ABC):
         return ratios / ratios.sum(axis=1, keepdims=True), panels
 
     def at(self, s: Array) -> Any:
-        """(4, k): second coordinate / scale, flight time, Omega and dOmega/ds at abscissas (k,)."""
+        """(4, k): second coordinate / first, flight time, Omega and dOmega/ds at abscissas (k,)."""
         return self.between_nodes(s, self.nodes[:, [1, 2, 3, 6]].T)
 
     @cached_property
@@ -289,7 +274,8 @@ class Family(ABC):
     def place(self, s: float, piece: int = 0) -> Place:
         """The cycle at an abscissa."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
-        return Place(s, (float(self.coordinate(s)), ratio * float(self.scale(s))), flight, omega, piece)
+        first = float(self.coordinate(s))
+        return Place(s, (first, ratio * first), flight, omega, piece)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:

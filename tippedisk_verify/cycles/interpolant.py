@@ -34,7 +34,8 @@ class FamilyInterpolant:
         self._constants = field_constants(family.parameters)
         nodes = family.nodes.T
         self._s = nodes[0]
-        guess = numpy.stack((family.coordinate(self._s), nodes[1] * family.scale(self._s), nodes[2]))
+        first = family.coordinate(self._s)
+        guess = numpy.stack((first, nodes[1] * first, nodes[2]))
         #: The cycles at the nodes of the family.
         self.nodes: BatchCycles = shoot_batch(
             family.section, self._constants, nodes[3], guess, lanes, tolerance=1e-9, free_omega=True
@@ -64,10 +65,10 @@ class FamilyInterpolant:
 
     def solved(self, speeds: Array, s: Array) -> BatchCycles:
         """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
-        second, flight, _, slope = self.family.at(s)
+        first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
         # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
-        guess = numpy.stack((self.family.coordinate(s), second * self.family.scale(s), flight))
+        guess = numpy.stack((first, ratio * first, flight))
         section = self.family.section
         cycles = shoot_batch(section, self._constants, speeds, guess, self._lanes, tolerance=resolved)
         # Next to a fold the iteration may have gone beyond it.

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.family import Family, Solver
+from tippedisk_verify.cycles.family import Family, Solver, one_at_a_time
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -52,25 +52,15 @@ class LibratingFamily(Family):
     def __init__(
         self, parameters: Parameters, engine: Engine, solve: Solver | None = None, closest: float = _CLOSEST
     ) -> None:
-        super().__init__(parameters, engine, solve, _NODES)
         self.omega_crit = float(omega_crit(parameters))
         frequency = math.sqrt(critical_frequency_squared(parameters))
-        self.begin((0.0, -(frequency**2) / self.omega_crit, math.pi / frequency, self.omega_crit, 0.0, 0.0, 0.0))
+        begin = (0.0, -(frequency**2) / self.omega_crit, math.pi / frequency, self.omega_crit, 0.0, 0.0, 0.0)
+        solve = solve or one_at_a_time(LIBRATING, parameters, engine)
+        super().__init__(parameters, engine, solve, _NODES, 0.0, math.pi, begin)
         while not len(self._panels) or (self._left > closest and len(self._panels) < _MOST_PANELS):
             self.extend()
         if not self._left < math.inf:
             raise NoSuchCycleError(self._lost(self.s_end))
-
-    def coordinate(self, s: Any) -> Any:
-        return amplitude(s)
-
-    def coordinate_rate(self, s: Any) -> Any:
-        return numpy.pi / numpy.cosh(s) ** 2
-
-    def abscissa(self, coordinate: Any) -> Any:
-        return numpy.arctanh(coordinate / numpy.pi)
-
-    scale, scale_rate = coordinate, coordinate_rate  # v_0 vanishes with the amplitude
 
     @property
     def _left(self) -> float:

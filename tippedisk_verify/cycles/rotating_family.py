@@ -2,8 +2,7 @@
 
 Below Omega_h the unstable branch of the saddle goes over the top and leads to the stable rotating cycle. From there on
 the disk leans more and more at the top of its turn: beta_bar_top rises from what it is at the connection towards pi/2,
-through the fold in Omega, beyond which the cycles are unstable and lie at rising speeds. That range over tanh(s) is the
-abscissa.
+through the fold in Omega, beyond which the cycles are unstable and lie at rising speeds. s goes over the whole line.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.family import Family, Place, Solver, one_at_a_time
-from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import ROTATING, ROUND
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
@@ -63,36 +61,26 @@ class RotatingFamily(Family):
     section = ROTATING
 
     def __init__(self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None) -> None:
-        super().__init__(parameters, engine, solve, _GUESSING_NODES if solve is None else _NODES)
         self.omega_h = omega_h
-        self._lowest = float(unstable_top(parameters, omega_h, engine)[0])
-        first = omega_h * _FIRST
+        first, singly = omega_h * _FIRST, one_at_a_time(ROTATING, parameters, engine)
+        lowest, _ = map(float, unstable_top(parameters, omega_h, engine))
         beta, v = map(float, unstable_top(parameters, first, engine))
-        if not self._lowest < beta:
+        if not lowest < beta:
             raise NoSuchCycleError("no rotating cycle found below Omega_h: the unstable branch leans less there")
-        s = float(self.abscissa(beta))
-        flight = float(ReturnMap(ROTATING, parameters, first, engine).flight((beta, v)).time)
-        guess = (numpy.array([part]) for part in (beta, v, flight, float(first)))
-        row = numpy.array(one_at_a_time(ROTATING, parameters, engine)(*guess))[:, 0]
-        if not numpy.isfinite(row).all():
+        # The flight time is no unknown where the engine meets the section.
+        second, flight, omega, *slopes = (
+            float(part[0]) for part in singly(*(numpy.array([part]) for part in (beta, v, math.nan, float(first))))
+        )
+        if math.isnan(omega):
             raise NoSuchCycleError(f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h")
-        self.begin((s, *row[:3], *(row[3:] * self.coordinate_rate(s))))
+        middle, half = (math.pi / 2 + lowest) / 2, (math.pi / 2 - lowest) / 2
+        s = math.atanh((beta - middle) / half)
+        rate = half / math.cosh(s) ** 2
+        ratio_slope = (slopes[0] - second / beta) / beta
+        begin = (s, second / beta, flight, omega, *(rate * slope for slope in (ratio_slope, *slopes[1:])))
+        nodes = _GUESSING_NODES if solve is None else _NODES
+        super().__init__(parameters, engine, solve or singly, nodes, middle, half, begin)
         self.extend()
-
-    def coordinate(self, s: Any) -> Any:
-        return self._lowest + (math.pi / 2 - self._lowest) / (1 + numpy.exp(-2 * s))
-
-    def coordinate_rate(self, s: Any) -> Any:
-        return (math.pi / 2 - self._lowest) / 2 / numpy.cosh(s) ** 2
-
-    def abscissa(self, coordinate: Any) -> Any:
-        return numpy.log((coordinate - self._lowest) / (math.pi / 2 - coordinate)) / 2
-
-    def scale(self, s: Any) -> Any:
-        return numpy.ones_like(s)
-
-    def scale_rate(self, s: Any) -> Any:
-        return numpy.zeros_like(s)
 
     def reach(self, omega: float) -> None:
         """Follow the family beyond its fold to a speed [rad/s]. Raises NoSuchCycleError if it ends before."""
