@@ -9,11 +9,12 @@ from fractions import Fraction
 import pytest
 
 from tests.connection.passages import passage_times
-from tippedisk_verify.atlas.cycles_at_speed import cycle_above, with_speed
+from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import cycle_near
+from tippedisk_verify.connection.near_connection import with_speed
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -47,17 +48,15 @@ def test_cycles_close(taylor, distance) -> None:
     check_closed(taylor, PRINTED, distance)
 
 
-@pytest.mark.parametrize("above", ["1e-4", "0.01", "0.3", "0.8"])
+@pytest.mark.parametrize("above", ["1e-7", "1e-4", "0.01", "0.3", "0.8"])
 def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
     """Against the cycle at a speed that is off by so much, near Omega_h, between, and near Omega_crit."""
-    omega_h = heteroclinic(PRINTED, taylor).omega_h
+    omega_h = heteroclinic(PRINTED, taylor, digits=20).omega_h
     distance = Fraction(above)
     room = omega_crit(PRINTED, 20).value - omega_h.value
     off = min(distance, room - distance) / 1000
-    here, there = (
-        cycle_near(PRINTED, omega_h.value + distance + change, omega_h.value, taylor, digits=9) for change in (0, off)
-    )
-    widened = with_speed(here, Measured(omega_h.value, off), distance, room)
+    here, there = (cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9) for change in (0, off))
+    widened = with_speed(here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor)
     over = []
     for name in widened.__dataclass_fields__:
         number = getattr(widened, name)

@@ -95,11 +95,8 @@ def test_a_lost_multiplier_is_bounded_by_what_is_known() -> None:
 
 
 @pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")
-@pytest.mark.parametrize(
-    ("few", "many", "arithmetic"),
-    [(15, 20, EXTENDED), pytest.param(20, 40, QUADRUPLE, marks=pytest.mark.slow)],
-)
 @pytest.mark.slow
+@pytest.mark.parametrize(("few", "many", "arithmetic"), [(15, 20, EXTENDED), (20, 40, QUADRUPLE)])
 @pytest.mark.parametrize(("kind", "omega"), [("librating", "30.4"), ("librating", "30.7"), ("rotating", "30.02")])
 def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arithmetic) -> None:
     """Every number holds that of many more digits, by half-widths that leave most of the arithmetic's digits."""

@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.period_continuation import PeriodPoint, cycle_at_half_period, lengthened
+from tippedisk_verify.cycles.period_continuation import PeriodPoint, cycle_at_half_period, lengthened, predicted_state
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient
@@ -55,8 +55,10 @@ class PeriodContinuation:
         ahead = max(100 * self.change, least)
         if not ahead < abs(self.above):
             ahead = abs(self.above) / 4
+        above = ahead if self.above > 0 else -ahead
         precision = resolving(self.parameters, self.asymptotics.omega_h, ahead, 12)
-        half_period, guess = self.asymptotics.at(ahead if self.above > 0 else -ahead, self.latest, precision)
+        half_period = precision.number(self.asymptotics.half_period(above))
+        guess = (*predicted_state(self.latest, half_period, precision), self.asymptotics.omega_h + above)
         try:
             point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
         except NoSuchCycleError as fault:
@@ -117,33 +119,31 @@ def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:
 
 
 class PeriodAsymptotics:
-    """The three-term law through two cycles."""
+    """The three-term law Omega(T) = Omega_h + C exp(-lambda_u T / 2) + B exp(lambda_s T / 2) through two cycles."""
 
-    def __init__(self, parameters: Parameters, before: PeriodPoint, here: PeriodPoint, precision: Precision) -> None:
-        ctx = bits(precision.bits + 16).context
+    def __init__(self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision) -> None:
+        ctx = self._ctx = bits(precision.bits + 16).context
 
         def mpf(value: Any) -> Any:
-            exact = fraction(value)
-            return quotient(ctx, exact)
+            return quotient(ctx, fraction(value))
 
         eigenvalues = equilibrium(
-            parameters, fraction(here.omega), "noninverted", max(15, precision.digits)
+            parameters, fraction(second.omega), "noninverted", max(15, precision.digits)
         ).eigenvalues
-        self._ctx = ctx
         self._unstable, self._stable = (mpf(value.re.value) for value in eigenvalues[:2])
-        self._half_period, ahead = mpf(here.half_period), mpf(before.half_period) - mpf(here.half_period)
+        self._half_period = mpf(second.half_period)
+        ahead = mpf(first.half_period) - self._half_period
         # Derivatives at both: -lambda_u C e + lambda_s B f, with e = f = 1 at the second.
         e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
-        first, second = mpf(before.slopes[2]), mpf(here.slopes[2])
+        slopes = mpf(first.slopes[2]), mpf(second.slopes[2])
         determinant = -self._unstable * self._stable * (e - f)
-        self._c = (first * self._stable - second * self._stable * f) / determinant
-        self._b = (-self._unstable * e * second + self._unstable * first) / determinant
-        self.omega_h = fraction(mpf(here.omega) - self._c - self._b)
+        self._c = (slopes[0] - slopes[1] * f) * self._stable / determinant
+        self._b = (slopes[0] - slopes[1] * e) * self._unstable / determinant
+        self.omega_h = fraction(mpf(second.omega) - self._c - self._b)
 
-    def at(self, above: Fraction, here: PeriodPoint, precision: Precision) -> tuple[Any, list[Any]]:
-        """Half the period of the cycle that far above Omega_h, and a guess of its state and speed."""
-        ctx = self._ctx
-        target = quotient(ctx, above)
+    def half_period(self, above: Fraction) -> Fraction:
+        """T / 2 [s] of the cycle that far above Omega_h [rad/s], below it if negative."""
+        ctx, target = self._ctx, quotient(self._ctx, above)
         # Of the two terms that which prevails tells where to begin.
         ahead = max(
             ctx.log(term / target) / rate
@@ -156,15 +156,4 @@ class PeriodAsymptotics:
             ahead -= step
             if abs(step) < 1e-6:
                 break
-        rest = self._c * ctx.exp(-self._unstable * ahead) + self._b * ctx.exp(self._stable * ahead)
-        number = precision.number
-        gamma, v, slope_gamma, slope_v = (
-            quotient(ctx, x) for x in map(fraction, (here.gamma_bar_0, here.v_0, here.slopes[0], here.slopes[1]))
-        )
-        left = (ctx.pi - gamma) * ctx.exp(-slope_gamma / (ctx.pi - gamma) * ahead)
-        omega = quotient(ctx, self.omega_h) + rest
-        return number(fraction(self._half_period + ahead)), [
-            number(fraction(ctx.pi - left)),
-            number(fraction(v * ctx.exp(slope_v / v * ahead))),
-            number(fraction(omega)),
-        ]
+        return fraction(self._half_period + ahead)

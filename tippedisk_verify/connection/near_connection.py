@@ -8,7 +8,6 @@ iteration needs no derivative to begin with. Else the family followed in its per
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeVar
@@ -17,6 +16,7 @@ from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, log1
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.period_continuation import predicted_state
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
@@ -64,8 +64,7 @@ def cycle_near(
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
     else:
-        predicted = _predicted(return_map, omega - omega_h) if section is LIBRATING else _end_of_branch(return_map)
-        point = (precision.number(predicted[0]), precision.number(predicted[1]))
+        point = _predicted(return_map, omega - omega_h) if section is LIBRATING else _end_of_branch(return_map)
         matrix = return_map(point).matrix
     return cycle_in(_fixed_point(return_map, point, matrix, distance), precision, bits(precision.bits + _WIDER))
 
@@ -100,14 +99,13 @@ def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
     return return_map.residual(result.state, (0, 0))
 
 
-def _predicted(return_map: ReturnMap[C], above: Fraction) -> Sequence[Any]:
+def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
     """(gamma_bar_0, v_0) near the cycle, by the family followed in its period to about the square root of ``above``."""
     family = PeriodContinuation(return_map.parameters, return_map.engine)
     while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
         family.further(4 * abs(above))
-    precision = resolving(return_map.parameters, family.asymptotics.omega_h, above, 20)
-    _, guess = family.asymptotics.at(above, family.latest, precision)
-    return guess[:2]
+    half_period = return_map.precision.number(family.asymptotics.half_period(above))
+    return predicted_state(family.latest, half_period, return_map.precision)
 
 
 def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction) -> FixedPoint[C]:

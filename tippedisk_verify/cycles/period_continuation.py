@@ -20,7 +20,7 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["PeriodPoint", "cycle_at_half_period", "lengthened"]
+__all__ = ["PeriodPoint", "cycle_at_half_period", "lengthened", "predicted_state"]
 
 _MOST_STEPS = 15
 
@@ -112,10 +112,10 @@ def _solved(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
             rows[below] = [entry - factor * above for entry, above in zip(rows[below], rows[column], strict=True)]
     solution: list[Any] = [None, None, None]
     for row in (2, 1, 0):
-        known = rows[row][3]
+        rest = rows[row][3]
         for column in range(row + 1, 3):
-            known = known - rows[row][column] * solution[column]
-        solution[row] = known / rows[row][row]
+            rest = rest - rows[row][column] * solution[column]
+        solution[row] = rest / rows[row][row]
     return solution
 
 
@@ -134,36 +134,41 @@ def lengthened(
     halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
     happens where Omega - Omega_h drowns in rounding.
     """
-    here, before = first, first
-    number = precision.number
+    point, before = first, first
     step = 0.02
-    while 2 * float(here.half_period) < longest:
+    while 2 * float(point.half_period) < longest:
         if step < 5e-4:
             raise NoSuchCycleError(
-                f"at the period {2 * float(here.half_period):.4g} s the family drowns in rounding: compute in more bits"
+                f"at the period {2 * float(point.half_period):.4g} s the family drowns in rounding:"
+                " compute in more bits"
             )
         step = min(step, longest_step)
-        half_period = min(float(here.half_period) + step, longest / 2)
+        half_period = precision.number(min(float(point.half_period) + step, longest / 2))
+        state = predicted_state(point, half_period, precision)
+        guess = (*state, _predicted_speed(point, before, half_period, precision))
         try:
-            guess = _predicted(here, before, number(half_period), precision)
-            point = cycle_at_half_period(parameters, half_period, guess, engine, precision)
+            before, point = point, cycle_at_half_period(parameters, half_period, guess, engine, precision)
         except NoSuchCycleError:
             step /= 2
             continue
-        before, here = here, point
-        yield here
+        yield point
         step *= 1.5 if len(point.residuals) <= 4 else 1.0 if len(point.residuals) <= 6 else 0.7
 
 
-def _predicted(here: PeriodPoint, before: PeriodPoint, half_period: Any, precision: Precision) -> list[Any]:
-    """Along the tangent: exponentials for the state's distance from the saddle and for the speed's from its limit."""
-    exp = precision.ops.exp
-    ahead = half_period - here.half_period
-    left = precision.pi - here.gamma_bar_0
-    gamma_bar = precision.pi - left * exp(-here.slopes[0] / left * ahead)
-    v = here.v_0 * exp(here.slopes[1] / here.v_0 * ahead)
-    falls = here.slopes[2] / before.slopes[2]
+def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) -> tuple[Any, Any]:
+    """(gamma_bar_0, v_0) at another half period [s]: along the tangent, in logarithms of distances from the saddle."""
+    number, exp = precision.number, precision.ops.exp
+    ahead = half_period - number(point.half_period)
+    gamma_slope, v_slope = number(point.slopes[0]), number(point.slopes[1])
+    left, v = precision.pi - number(point.gamma_bar_0), number(point.v_0)
+    return precision.pi - left * exp(-gamma_slope / left * ahead), v * exp(v_slope / v * ahead)
+
+
+def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: Any, precision: Precision) -> Any:
+    """Along the tangent, in the logarithm of the distance from the limit that the last two slopes have in common."""
+    ahead = half_period - point.half_period
+    falls = point.slopes[2] / before.slopes[2]
     if not 0 < falls < 1:  # the first one, and where the speed is not on its way to a limit yet
-        return [gamma_bar, v, here.omega + here.slopes[2] * ahead]
-    rate = precision.ops.log(falls) / (here.half_period - before.half_period)
-    return [gamma_bar, v, here.omega + here.slopes[2] * (exp(rate * ahead) - 1) / rate]
+        return point.omega + point.slopes[2] * ahead
+    rate = precision.ops.log(falls) / (point.half_period - before.half_period)
+    return point.omega + point.slopes[2] * (precision.ops.exp(rate * ahead) - 1) / rate
