@@ -191,28 +191,10 @@ def _pi_bounds(working_bits: int) -> tuple[Fraction, Fraction]:
 
 def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
     """Nearest ``mantissa * 2**exponent``, ties to even; the mantissa is odd or zero, so the pair is unique."""
-    numerator, denominator = abs(value.numerator), value.denominator
-    if not numerator:
-        return 0, 0
-    exponent = numerator.bit_length() - denominator.bit_length() - mantissa_bits
-    if exponent >= 0:
-        mantissa, rest = divmod(numerator, denominator << exponent)
-        whole = denominator << exponent
-    else:
-        mantissa, rest = divmod(numerator << -exponent, denominator)
-        whole = denominator
-    # The quotient has mantissa_bits or one bit more; bring it to mantissa_bits, keeping what was cut off.
-    extra = mantissa.bit_length() - mantissa_bits
-    if extra > 0:
-        rest += whole * (mantissa & ((1 << extra) - 1))
-        whole <<= extra
-        mantissa >>= extra
-        exponent += extra
-    if 2 * rest > whole or (2 * rest == whole and mantissa & 1):
-        mantissa += 1
-    shift = (mantissa & -mantissa).bit_length() - 1
-    mantissa >>= shift
-    return (-mantissa if value < 0 else mantissa), exponent + shift
+    from mpmath.libmp import from_rational, round_nearest
+
+    sign, mantissa, exponent, _ = from_rational(value.numerator, value.denominator, mantissa_bits, round_nearest)
+    return (-int(mantissa) if sign else int(mantissa)), exponent
 
 
 PI = Exact(Fraction(0), Fraction(1))
