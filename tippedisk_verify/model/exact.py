@@ -117,20 +117,21 @@ def exact(value: object) -> Exact:
         return Exact(Fraction(value))
     if isinstance(value, Decimal):
         return _parse(str(value))
-    return Exact(fraction(value))
+    if isinstance(value, Known):
+        return Exact(value.value)
+    pair = mantissa_exponent(value)
+    if pair is None:
+        raise InputError(f"a finite number is needed, not {shown(value)}")
+    mantissa, exponent = pair
+    return Exact(Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent))
 
 
 def fraction(value: object) -> Fraction:
-    """The exact value of one finite number of any kind, as a Fraction. Raises InputError for anything else."""
-    if isinstance(value, Known):
-        return value.value
-    if isinstance(value, int | Fraction):
-        return Fraction(value)
-    man_exp = mantissa_exponent(value)
-    if man_exp is None:
-        raise InputError(f"a finite number is needed, not {shown(value)}")
-    mantissa, exponent = man_exp
-    return Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
+    """The rational number that ``value`` stands for. Raises InputError as `exact` does, and for multiples of pi."""
+    number = exact(value)
+    if number.pi_multiple:
+        raise InputError(f"a number without a multiple of pi is needed, not {shown(value)}")
+    return number.rational
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact, quotient, shown
+from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.model.results import Printable
@@ -111,17 +111,15 @@ class Parameters(Printable):
             if item.name not in _QUANTITIES or (item.name == "C" and value is None):
                 continue
             try:
-                number = exact(value)
-                if number.pi_multiple:
-                    raise InputError("a multiple of pi is not a rational number")
+                number = fraction(value)
             except InputError as fault:
                 faults.append(f"parameter {item.name}: {fault}")
                 continue
-            if number.rational <= 0:
+            if number <= 0:
                 faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
-            elif not _SMALLEST <= number.rational <= 1 / _SMALLEST:
+            elif not _SMALLEST <= number <= 1 / _SMALLEST:
                 faults.append(f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, not {shown(value)}")
-            object.__setattr__(self, item.name, number.rational)
+            object.__setattr__(self, item.name, number)
         checked_friction(self.friction)
         if not faults:
             faults = self._inconsistencies()
