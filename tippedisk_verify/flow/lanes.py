@@ -98,8 +98,9 @@ class BatchTaylor:
         """
         names = parameter_names(checked_friction(friction))
         try:
-            given = (numpy.asarray(part, dtype=float) for part in (constants, omegas, states, durations))
-            constants, omegas, states, durations = given
+            constants, omegas, states, durations = (
+                numpy.asarray(values, dtype=float) for values in (constants, omegas, states, durations)
+            )
         except (TypeError, ValueError, OverflowError):
             raise InputError("constants, speeds, states and durations of many runs are arrays of numbers") from None
         count = omegas.size
@@ -192,8 +193,8 @@ class _Batch:
     def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
         """``pars`` (m, n) are the speeds and the constants, in the order of `parameter_names`."""
         count, width = len(durations), self._rest.shape[1]
-        given = products(constants_of(pars, self._friction), pars[0])[: self._products]
-        pars = numpy.vstack((pars, *(numpy.broadcast_to(product, count) for product in given)))
+        extra = products(constants_of(pars, self._friction), pars[0])[: self._products]
+        pars = numpy.vstack((pars, *(numpy.broadcast_to(product, count) for product in extra)))
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
         finished = numpy.zeros(count, dtype=bool)
         crossings: list[_Crossing] = []

@@ -94,18 +94,18 @@ class Taylor:
 
     def _with_error(self, request: Request, result: Result) -> Result:
         """By the run's defect, or where that cannot tell by a wider run."""
-        found = from_defect(request, result)
-        if found is None and request.digits > PLAIN_DIGITS:
+        refined = from_defect(request, result)
+        if refined is None and request.digits > PLAIN_DIGITS:
             return self(
                 replace(
                     request, precision=bits(bits_for_digits(request.digits + 8)), tolerance=None, digits=PLAIN_DIGITS
                 )
             )
-        if found is None:
+        if refined is None:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
-            found = compared(self, request, result)
-        return found._replace(series=None)
+            refined = compared(self, request, result)
+        return refined._replace(series=None)
 
 
 def _outside(request: Request, result: Result) -> bool:

@@ -236,10 +236,10 @@ def _heyoka_mantissa(value: Any, precision_bits: int) -> tuple[int, int] | None:
         return None
     if value == 0:
         return 0, 0
-    near = abs(float(value))
+    size = abs(float(value))
     # A shift by too much is harmless (the integer only gets zero bits at its end), by too little would lose bits.
-    if 1e-290 < near < 1e290:
-        magnitude = math.frexp(near)[1]
+    if 1e-290 < size < 1e290:
+        magnitude = math.frexp(size)[1]
     else:
         import numpy
 

@@ -203,14 +203,14 @@ class Bounded(Known):
             )
         if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
             raise InputError(f"exp of {self} may lie beyond 1e±43000")
-        bits, width = 128, None
+        bits, before = 128, Fraction(0)
         while True:
-            before, (least, most) = width, _enclosure(name, low, high, bits)
+            least, most = _enclosure(name, low, high, bits)
             middle, width = (least + most) / 2, (most - least) / 2
-            settled = self.uncertainty and before is not None and before - width <= width / 1000
+            settled = self.uncertainty and abs(before - width) <= width / 1000
             if settled or width <= abs(middle) / 10**50:
                 return Measured(middle, width)
-            bits *= 2
+            bits, before = 2 * bits, width
 
     sqrt = partialmethod(_of, "sqrt")
     log = partialmethod(_of, "log")
