@@ -22,7 +22,7 @@ from tippedisk_verify.certified.closed_forms import proved_hopf
 from tippedisk_verify.certified.cycle_interval import prove_interval
 from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.flow.baseline import Baseline
-from tippedisk_verify.model.equations import right_hand_side
+from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
@@ -105,7 +105,7 @@ def test_a_solution_is_what_scipy_gives(friction) -> None:
     times = numpy.linspace(0, 2, 21)
     mine = disk.integrate("30.4", START, 2, t_eval=times)
     theirs = solve_ivp(
-        lambda t, y: right_hand_side(math, constants, 30.4, y, friction),
+        lambda t, y: field(math, constants, 30.4, friction)(*y),
         (0, 2),
         (math.pi / 2, math.pi / 2 + 0.4, 0.0),
         "DOP853",
@@ -265,7 +265,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     assert abs(y[:, 0] - y[:, -1]).max() < 1e-12
     constants = disk.at(DOUBLE)
     theirs = solve_ivp(
-        lambda t, y: right_hand_side(math, constants, 30.4, y, friction),
+        lambda t, y: field(math, constants, 30.4, friction)(*y),
         (t[2], t[-1]),
         y[:, 2],
         "DOP853",

@@ -82,15 +82,6 @@ def test_a_second_sweep_takes_out_what_is_of_second_order(taylor: Taylor, monkey
     assert after < 1e-4 * before
 
 
-@pytest.mark.parametrize("friction", LAWS)
-def test_its_transition_matrix_is_that_of_the_variational_equations(taylor: Taylor, friction: Friction, monkeypatch):
-    request = Request(PRINTED.with_friction(friction), "30.4", START, 3)
-    found = Defect(request, series_of(taylor, request, monkeypatch), EXTENDED, 12).transition
-    derivatives = taylor(replace(request, variations=("beta", "gamma", "v"))).derivatives
-    # Both are in doubles: some hundred roundings of their entries, which grow and fall by a few powers of ten.
-    assert abs(found - derivatives).max() < 1e-12 * abs(derivatives).max()
-
-
 @pytest.mark.parametrize("digits", [12, 15, 20, 25])
 @pytest.mark.parametrize("friction", LAWS)
 @pytest.mark.parametrize("number", range(len(REQUESTS)))

@@ -213,14 +213,14 @@ def test_what_has_not_run_for_longest_leaves() -> None:
     first, second, third, fourth = _tolerances(4)
     for request in (first, second, third, first, fourth):
         engine(request)
-    assert {key[2] for key in engine._integrators} == {first.tolerance, third.tolerance, fourth.tolerance}
+    assert {key[2] for key in engine._integrators._slots} == {first.tolerance, third.tolerance, fourth.tolerance}
     builds = engine.builds
     assert len(builds) == 3
     for request in (third, fourth, first):
         engine(request)
     assert engine.builds == builds  # none of these was compiled again
     assert (engine(second).state == Taylor()(second).state).all()
-    assert {key[2] for key in engine._integrators} == {second.tolerance, fourth.tolerance, first.tolerance}
+    assert {key[2] for key in engine._integrators._slots} == {second.tolerance, fourth.tolerance, first.tolerance}
 
 
 @pytest.mark.usefixtures("three_kept")
@@ -231,7 +231,7 @@ def test_compiled_code_that_leaves_is_given_back(friction: Friction) -> None:
     events = (SECTION, Event("reverses", SLIDING_REVERSAL.function, terminal=False))
     for request in _tolerances(6, friction=friction, events=events, times=[0.05]):
         engine(request)
-        (newest,) = (one.runner for key, one in engine._integrators.items() if key[2] == request.tolerance)
+        (newest,) = (one.runner for key, one in engine._integrators._slots.items() if key[2] == request.tolerance)
         left += [weakref.ref(newest), weakref.ref(newest._stepper)]
     del newest
     gc.collect()
@@ -253,7 +253,7 @@ def test_compiled_batches_that_leave_are_given_back(friction: Friction) -> None:
             friction=friction,
             events=events,
         )
-        newest = list(lanes._batches.values())[-1].runner
+        newest = lanes._batches.kept()[-1]
         left += [weakref.ref(newest), weakref.ref(newest._stepper)]
     del newest
     gc.collect()

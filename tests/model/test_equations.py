@@ -93,7 +93,7 @@ def test_normal_force_is_the_weight_at_rest() -> None:
     constants = PRINTED.at(DOUBLE)
     for gamma in (math.pi / 2, -math.pi / 2):
         state = (math.pi / 2, gamma, 0.0)
-        acceleration = equations.acceleration(math, constants, 30.4, *state, "linear")
+        acceleration = equations.field(math, constants, 30.4, "linear")(*state)[2]
         ratio = equations.normal_force_over_weight(math, constants, 30.4, state, acceleration)
         # pi/2 is off by half an ulp, and its effect is multiplied by accelerations of up to 1e3.
         assert ratio == pytest.approx(1, abs=1e3 * 2.0**-52)  # a thousand roundings
@@ -101,8 +101,8 @@ def test_normal_force_is_the_weight_at_rest() -> None:
 
 def test_arrays_are_welcome() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
-    together = equations.right_hand_side(numpy, PRINTED.at(DOUBLE), 30.4, (beta, gamma, v), "smooth")[2]
-    alone = equations.acceleration(math, PRINTED.at(DOUBLE), 30.4, beta[1, 0, 1], gamma[1, 0, 1], v[1, 0, 1], "smooth")
+    together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)[2]
+    alone = equations.field(math, PRINTED.at(DOUBLE), 30.4, "smooth")(beta[1, 0, 1], gamma[1, 0, 1], v[1, 0, 1])[2]
     # numpy's and the C library's sine may differ in the last bit.
     assert together[1, 0, 1] == pytest.approx(alone, rel=64 * 2.0**-52)
 

@@ -249,6 +249,6 @@ def test_moments_balance_with_the_normal_force() -> None:
 def test_state_rates() -> None:
     """The first two components of the right-hand side are the kinematics, whatever the friction."""
     for friction in ("linear", "smooth"):
-        beta_rate, gamma_rate, _ = equations.right_hand_side(sp, CONSTANTS, OMEGA, (BETA, GAMMA, V), friction)
+        beta_rate, gamma_rate, _ = equations.field(sp, CONSTANTS, OMEGA, friction)(BETA, GAMMA, V)
         assert same(beta_rate, V)
         assert same(gamma_rate, motion().rates[GAMMA])

@@ -83,9 +83,8 @@ def test_no_half_width_is_wider_than_it_must_be(name: Any) -> None:
         )
         found = getattr(number, name)() if isinstance(name, str) else number**name
         needed = max(abs(fraction(end - middle)) for end in ends)
-        if name in ("sin", "cos") and needed < number.uncertainty / 50:
-            continue  # next to a turning point, where the bound is by the second derivative
-        assert needed * (1 - Fraction(1, 10**6)) <= found.uncertainty <= needed * Fraction(11, 10)
+        assert all(abs(fraction(end) - found.value) <= found.uncertainty * (1 + _TRUTH) for end in (middle, *ends))
+        assert found.uncertainty <= needed * Fraction(11, 10)
 
 
 def test_what_is_not_defined_or_open_says_so() -> None:

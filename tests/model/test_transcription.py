@@ -163,8 +163,7 @@ def package_values(
 ) -> dict[str, Any]:
     """Everything the package computes at one state, under the names of `reference`."""
     terms = equations.terms(ops, c, omega, *state)
-    beta_rate, gamma_rate, acceleration = equations.right_hand_side(ops, c, omega, state, friction)
-    assert acceleration == equations.acceleration(ops, c, omega, *state, friction)
+    beta_rate, gamma_rate, acceleration = equations.field(ops, c, omega, friction)(*state)
     force = equations.friction_force(c, terms.sliding_velocity, friction)
     rates = {"beta_rate": beta_rate, "gamma_rate": gamma_rate, "acceleration": acceleration}
     return terms._asdict() | {"force": force} | rates
@@ -253,7 +252,7 @@ def test_acceleration_is_the_quotient_in_rationals(
     state = (Angle.from_half_tangent(half_beta), Angle.from_half_tangent(half_gamma), p.v)
     terms = equations.terms(CircleOps, c, p.omega, *state)
     force = equations.friction_force(c, terms.sliding_velocity, friction)
-    assert equations.acceleration(CircleOps, c, p.omega, *state, friction) == quotient(c, terms, force)
+    assert equations.field(CircleOps, c, p.omega, friction)(*state)[2] == quotient(c, terms, force)
 
 
 @pytest.mark.parametrize("friction", LAWS)
@@ -263,9 +262,9 @@ def test_point_symmetry(friction: str, p: Parameters, half_beta: Fraction, half_
     """(beta, gamma, v) -> (pi - beta, pi - gamma, -v) maps solutions to solutions: it reverses all three rates."""
     c = constants(p, Fraction)
     beta, gamma = Angle.from_half_tangent(half_beta), Angle.from_half_tangent(half_gamma)
-    rates = equations.right_hand_side(CircleOps, c, p.omega, (beta, gamma, p.v), friction)
+    rates = equations.field(CircleOps, c, p.omega, friction)(beta, gamma, p.v)
     image = (beta.supplement(), gamma.supplement(), -p.v)
-    assert equations.right_hand_side(CircleOps, c, p.omega, image, friction) == tuple(-rate for rate in rates)
+    assert equations.field(CircleOps, c, p.omega, friction)(*image) == tuple(-rate for rate in rates)
 
 
 @pytest.mark.parametrize(("friction", "branch"), [("linear", 1), ("smooth", 1), ("smooth", -1)])
@@ -283,7 +282,7 @@ def test_acceleration_is_the_quotient_in_symbols(friction: str, branch: int) -> 
     state = (Angle(cb, sb), Angle(cg, sg), v)
     terms = equations.terms(CircleOps, c, omega, *state)
     force = equations.friction_force(c, terms.sliding_velocity, friction)
-    factored = equations.acceleration(CircleOps, c, omega, *state, friction)
+    factored = equations.field(CircleOps, c, omega, friction)(*state)[2]
     magnitude = branch * terms.sliding_velocity
     for value in factored.atoms(sp.Abs) | force.atoms(sp.Abs):
         assert sp.expand(value.args[0] ** 2 - magnitude**2) == 0

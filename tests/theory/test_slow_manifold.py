@@ -110,7 +110,7 @@ def test_residual_by_jets_against_numerical_differences() -> None:
     v = surface(beta, gamma)
     by_beta = (surface(beta + step, gamma) - surface(beta - step, gamma)) / (2 * step)
     by_gamma = (surface(beta, gamma + step) - surface(beta, gamma - step)) / (2 * step)
-    _, gamma_rate, rate = equations.right_hand_side(ctx, constants, omega, (beta, gamma, v), "linear")
+    _, gamma_rate, rate = equations.field(ctx, constants, omega, "linear")(beta, gamma, v)
     outside = constants.epsilon * (by_beta * v + by_gamma * gamma_rate - rate)
     inside = invariance_residuals(ctx, constants, omega, beta, gamma, 3)[-1]
     # Central differences: step^2 = 1e-60 times third derivatives.

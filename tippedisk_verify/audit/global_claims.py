@@ -82,7 +82,7 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
     """The smallest lambda_N / (m g) along the sampled orbits; negative would mean that the contact opens."""
     import numpy
 
-    from tippedisk_verify.model.equations import acceleration, normal_force_over_weight
+    from tippedisk_verify.model.equations import field, normal_force_over_weight
     from tippedisk_verify.model.precision import DOUBLE
 
     constants = audit.sets[name].at(DOUBLE)
@@ -92,7 +92,7 @@ def _contact(audit: Audit, name: str) -> tuple[str, bool]:
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = acceleration(numpy, constants, omega, beta, gamma, v, audit.parameters.friction)
+            rate = field(numpy, constants, omega, audit.parameters.friction)(beta, gamma, v)[2]
             smallest.append(float(normal_force_over_weight(numpy, constants, omega, state, rate).min()))
     text = f"at least {min(smallest[:2]):.3g} of the weight in scene a, {min(smallest[2:]):.3g} in the others"
     return text, min(smallest) > 0

@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import acceleration, shifted
+from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -220,10 +220,8 @@ def _errors(flights: BatchResult, starts: Array, section: Section[Any]) -> Array
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """(n, 3): the field at shifted states."""
-    beta, gamma, v = states.T
-    field = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
-    v_rate = acceleration(shifted(numpy), field, omegas, beta, gamma, v, "linear")
-    return numpy.stack((v, omegas * numpy.sin(beta), v_rate), axis=1)
+    by_name = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
+    return numpy.stack(field(shifted(numpy), by_name, omegas, "linear")(*states.T), axis=1)
 
 
 class _Step:

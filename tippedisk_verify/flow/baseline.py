@@ -29,6 +29,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import at_rest, start_window, starts_on
+from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import Ops, field, jacobian, shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Constants
@@ -101,11 +102,11 @@ class Baseline:
             return self(replace(request, events=()))
         number = DOUBLE.number
         start = [number(part) for part in request.state]
-        duration, omega = number(request.duration), number(request.omega)
-        constants = request.parameters.at(DOUBLE)
+        constants, omega = request.parameters.at(DOUBLE), number(request.omega)
         ops = shifted(math) if request.shifted else math
         if request.domain != "none" and ops.sin(start[0]) <= 0:
             return Result(Status.FLAT, 0.0, numpy.array(start), 0)
+        duration = number(request.duration)
         if not duration:
             none = None if request.times is None else numpy.array([start] * len(request.times))
             return Result(Status.REACHED, 0.0, numpy.array(start), 0, samples=none)
@@ -118,7 +119,7 @@ class Baseline:
 
         vector_field = field(ops, constants, omega, request.friction)
         slope = jacobian(ops, constants, omega, request.friction)
-        initial = numpy.array(start)
+        initial, options = numpy.array(start), {}
         if request.variations:
             rates, initial = _with_variations(request, constants, omega, vector_field, slope, initial)
         else:
@@ -126,15 +127,13 @@ class Baseline:
             def rates(t: float, y: Any) -> Any:
                 return vector_field(*y.tolist())  # Python floats: several times faster than numpy scalars
 
+            if self.method in _TAKES_JACOBIAN:
+                options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
         watched = list(request.events)
         if request.domain != "none" and FLAT not in watched:
             watched.append(FLAT)
         counted = _Counted(rates, initial, request.max_steps * _PER_STEP)
-        options: dict[str, Any] = {}
-        if self.method in _TAKES_JACOBIAN and not request.variations:
-            options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
-        times = None if request.times is None else numpy.asarray([DOUBLE.number(t) for t in request.times])
         events = [_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
         # SciPy's error norms overflow where a motion leaves the doubles, and a status says so.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -145,8 +144,7 @@ class Baseline:
                     (0.0, duration),
                     initial,
                     method=self.method,
-                    t_eval=times,
-                    dense_output=request.dense or bool(request.events),
+                    dense_output=request.dense or request.times is not None or bool(request.events),
                     rtol=tolerance,
                     atol=tolerance,
                     events=events or None,
@@ -159,38 +157,41 @@ class Baseline:
                 raise
             status = Status.STEP_LIMIT if limited else Status.NON_FINITE
             return Result(status, float(counted.time), numpy.array(last[:3]), 0, evaluations=counted.calls)
-        return self._result(request, solution, watched, initial, times)
+        return _result(request, solution, watched)
 
-    def _result(self, request: Request, solution: Any, watched: list[Event], initial: Any, times: Any) -> Result:
-        records = [
-            EventRecord(event.name, float(when), state[:3].copy())
-            for event, times_of, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
-            for when, state in zip(times_of, states, strict=True)
-        ]
-        records.sort(key=lambda record: abs(record.time))
-        status, when, final = _ending(solution, watched)
-        if final is None:
-            final = solution.y[:, -1] if len(solution.y) and solution.y.size else initial
-        duration, dense = DOUBLE.number(request.duration), solution.sol
-        if times is not None and status is Status.REACHED and (not len(times) or times[-1] != duration):
-            final = dense(duration) if dense is not None else self._end(request)
-        derivatives = final[3:].reshape(3, -1).copy() if request.variations else None
-        return Result(
-            status=status,
-            time=when if when is not None else duration,
-            state=numpy.array(final[:3]),
-            steps=len(solution.t) - 1 if times is None else 0,
-            samples=None if times is None else (solution.y[:3].T.copy() if len(solution.y) else numpy.empty((0, 3))),
-            dense=(lambda t: dense(numpy.asarray(t))[:3].T) if request.dense else None,
-            derivatives=derivatives,
-            events=tuple(records),
-            evaluations=int(solution.nfev),
-        )
 
-    def _end(self, request: Request) -> Any:
-        result = self(replace(request, times=None))
-        parts = [result.state] if result.derivatives is None else [result.state, result.derivatives.ravel()]
-        return numpy.concatenate(parts)
+def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
+    end, final, dense = float(solution.t[-1]), solution.y[:, -1], solution.sol
+    records = [
+        EventRecord(event.name, float(when), state[:3].copy())
+        for event, times, states in zip(watched, solution.t_events or (), solution.y_events or (), strict=True)
+        for when, state in zip(times, states, strict=True)
+    ]
+    records.sort(key=lambda record: abs(record.time))
+    if solution.status == 0:
+        status = Status.REACHED
+    elif solution.status == 1:
+        ending = {event.name for event in watched if event.terminal} & {one.name for one in records if one.time == end}
+        status = Status.FLAT if FLAT.name in ending else Status.EVENT
+    elif not numpy.isfinite(final).all():
+        status = Status.NON_FINITE
+    else:
+        status = Status.STEP_TOO_SMALL if "step size" in str(solution.message).lower() else Status.FAILED
+    samples = None
+    if request.times is not None:
+        times = numpy.array([DOUBLE.number(time) for time in request.times])
+        samples = dense(times[abs(times) <= abs(end)])[:3].T.copy()
+    return Result(
+        status=status,
+        time=end,
+        state=final[:3].copy(),
+        steps=len(solution.t) - 1,
+        samples=samples,
+        dense=(lambda t: dense(numpy.asarray(t))[:3].T) if request.dense else None,
+        derivatives=final[3:].reshape(3, -1).copy() if request.variations else None,
+        events=tuple(records),
+        evaluations=int(solution.nfev),
+    )
 
 
 def _event(
@@ -237,39 +238,17 @@ def _with_variations(
 def _stepped(request: Request, constants: Constants, omega: float, name: str) -> Any:
     """The field with one parameter moved by an imaginary step; its imaginary part is the derivative."""
     step = complex(0.0, _COMPLEX_STEP)
-    ops, plain = (shifted(cmath), shifted(math)) if request.shifted else (cmath, math)
-    linear = request.friction == "linear"
-    names = ("r", "e", "a", "b", "g", *(("k",) if linear else ()))
-    if name != "Omega" and name not in names:
-        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, Omega, {', '.join(names)}")
-    speed: complex = omega
-    if name == "Omega":
-        speed = omega + step
-    else:
-        constants = constants._replace(**{name: getattr(constants, name) + step})
-    if linear:
-        return field(ops, constants, speed, "linear")
-    sides = {side: field(ops, constants, speed, "smooth", side) for side in (1, -1)}
-    real = Constants(*(value.real for value in constants))
+    ops, real_ops = (shifted(cmath), shifted(math)) if request.shifted else (cmath, math)
+    names = parameter_names(request.friction)[:6] + ("k",) * (request.friction == "linear")
+    if name not in names:
+        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}")
+    moved = constants if name == "Omega" else constants._replace(**{name: getattr(constants, name) + step})
+    speed = omega + step if name == "Omega" else omega
+    sides = {side: field(ops, moved, speed, request.friction, side) for side in (1, -1)}
 
-    def branch(beta: float, gamma: float, v: float) -> Any:
-        # The absolute value has no complex derivative: the branch that the state is on does its work.
-        sliding = plain.sin(beta) * SLIDING_REVERSAL.function(plain, real, omega, beta, gamma, v)
+    def on_side(beta: float, gamma: float, v: float) -> Any:
+        # The absolute value has no complex derivative: the sign of gamma_y does its work.
+        sliding = real_ops.sin(beta) * SLIDING_REVERSAL.function(real_ops, constants, omega, beta, gamma, v)
         return sides[1 if sliding >= 0 else -1](beta, gamma, v)
 
-    return branch
-
-
-def _ending(solution: Any, watched: list[Event]) -> tuple[Status, float | None, Any]:
-    """Status, and the time and full state of a terminal event if one ended the run."""
-    if solution.status == 1:
-        for event, times, states in zip(watched, solution.t_events, solution.y_events, strict=True):
-            if event.terminal and len(times):
-                return (Status.FLAT if event.name == FLAT.name else Status.EVENT), float(times[-1]), states[-1]
-    if solution.status == 0:
-        return Status.REACHED, None, None
-    if len(solution.y) and not numpy.all(numpy.isfinite(solution.y[:, -1:])):
-        return Status.NON_FINITE, float(solution.t[-1]), None
-    small = "step size" in str(solution.message).lower()
-    when = float(solution.t[-1]) if len(solution.t) else 0.0
-    return (Status.STEP_TOO_SMALL if small else Status.FAILED), when, None
+    return on_side

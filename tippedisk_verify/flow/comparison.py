@@ -107,9 +107,9 @@ def _parted(one: Result, other: Result) -> bool:
         return False
     for mine, theirs in ((one.state, other.state), (one.samples, other.samples)):
         if mine is not None and len(mine):
-            known = mine.astype(float)
-            away, size = abs(theirs.astype(float) - known), 1 + abs(known)
-            if (away[..., :2] > _IN_PROPORTION).any() or (away[..., 2] > _IN_PROPORTION * size[..., 2]).any():
+            values = mine.astype(float)
+            distance, size = abs(theirs.astype(float) - values), 1 + abs(values)
+            if (distance[..., :2] > _IN_PROPORTION).any() or (distance[..., 2] > _IN_PROPORTION * size[..., 2]).any():
                 return True
     return False
 

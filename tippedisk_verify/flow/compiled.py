@@ -84,7 +84,7 @@ class Compiled:
         def ending(name: str, **options: Any) -> Any:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
 
-        events = [ending(event.name, direction=direction_of(hy, event.direction)) for event in self._terminal]
+        events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
         if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
             events.append(ending(SWITCH.name, callback=self._branch.callback()))
             if FLAT not in self._terminal:
@@ -97,7 +97,7 @@ class Compiled:
             hy.nt_event(
                 self._crossings[event.name],
                 self._recorder(event.name),
-                direction=direction_of(hy, event.direction),
+                direction=direction_of(event),
                 fp_type=fp_type,
             )
             for event in events

@@ -271,11 +271,11 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
     native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.
-        plain = times if native else precision.array(times)
+        values = times if native else precision.array(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
-    if plain.ndim != 1:
+    if values.ndim != 1:
         raise InputError("sample times must be a list of numbers")
-    ahead = plain if duration >= 0 else -plain
+    ahead = values if duration >= 0 else -values
     if not (ahead[0] >= 0 and (ahead[1:] > ahead[:-1]).all() and float(ahead[-1]) <= abs(duration)):
         raise InputError("sample times must be strictly monotonic, from the start on and up to the end of the run")

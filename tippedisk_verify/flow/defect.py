@@ -31,8 +31,6 @@ __all__ = ["Defect"]
 _DRAWS = 16
 #: Terms of a polynomial, in parts of the state, that are summed in doubles where the wide arithmetic has 64 bits.
 _FEW_BITS = 2.0**-10
-#: How many of them where the sum is rounded to a double.
-_FOR_DOUBLES = 3
 #: Steps to both sides over which a distance between two numbers of nodes counts: at one it may be small by chance.
 _NEIGHBOURS = 8
 #: And shares of a step: inside one the errors are less exact than at its ends.
@@ -56,29 +54,29 @@ class Defect:
         ops, law = shifted(numpy) if request.shifted else numpy, request.friction
         self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
         places = lengths * self._places.astype(wide.type)
-        self._nodes, self._slopes = (self._polynomial(places, self._leading, derivative=k) for k in (0, 1))
+        self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))
         setting = ops, request.parameters.at(DOUBLE), DOUBLE.number(request.omega), law
-        near = self._nodes.astype(float)
-        matrices = _matrices(jacobian(*setting)(*near))
+        in_doubles = self._nodes.astype(float)
+        matrices = _matrices(jacobian(*setting)(*in_doubles))
         self._system = _system(self._steps[:, 0], _integrals(self._places, self._basis), matrices)
 
         fastest, growing = self._rates_times_steps(matrices)
         self.fastest, self.growing = float(fastest.max()), float(growing.max())
         #: The largest last term of a polynomial, in parts of the state.
         self.last_term = float((self._terms[-1] / (self._sizes + numpy.finfo(float).tiny)).max())
-        rates = numpy.stack(self._field(*self._nodes))
+        rates = self.rates(self._nodes)
         defect = numpy.moveaxis((rates - self._slopes).astype(float), 0, 2)
         # What doubles do to the field: parts of it, where it is small beside its terms.
-        rounded = abs(numpy.stack(field(*setting)(*near)) - rates).astype(float) * 2.0**53
+        rounded = abs(numpy.stack(field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
         solved = self._solved(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]
         self._carry = numpy.eye(3) + self._gained(self._homogeneous)
         starts = series.coefficients[0].astype(wide.type)
         gained = self._gained(solved[..., 3:])
-        gained[:-1, :, 0] += (self._polynomial(lengths, self._leading)[:, :-1, 0] - starts[:, 1:]).T.astype(float)
+        gained[:-1, :, 0] += (self._polynomial(lengths)[:, :-1, 0] - starts[:, 1:]).T.astype(float)
         start = (wide.array(request.state) - starts[:, 0]).astype(float)
-        noise = _roundings(numpy.maximum(self._terms[0], abs(near).max(axis=2)), moves)
+        noise = _roundings(numpy.maximum(self._terms[0], abs(in_doubles).max(axis=2)), moves)
         carried = _carried(
             self._carry, numpy.column_stack((start, noise[0])), numpy.concatenate((gained, noise), axis=2)
         )
@@ -107,10 +105,9 @@ class Defect:
     def sweep(self) -> float:
         """Correct the errors by the defect that they leave; by how many carried roundings, at the most."""
         errors = self._along(self._places)
-        rest = self._defect(
-            self._nodes + numpy.moveaxis(errors, 2, 0), self._slopes + numpy.moveaxis(self._rates, 2, 0)
-        )
-        solved = self._solved(rest[..., None])
+        slopes = self._slopes + numpy.moveaxis(self._rates, 2, 0)
+        rest = (self.rates(self._nodes + numpy.moveaxis(errors, 2, 0)) - slopes).astype(float)
+        solved = self._solved(numpy.moveaxis(rest, 0, 2)[..., None])
         carried = _carried(self._carry, numpy.zeros((3, 1)), self._gained(solved))[:, :, 0]
         self.errors = self.errors + carried
         self._rates = self._rates + self._rates_of(carried, solved[..., 0])
@@ -118,36 +115,27 @@ class Defect:
 
     def compare(self, other: Defect) -> None:
         """Take for what the nodes leave out the distance to errors by fewer nodes, the largest of several steps."""
-        away = abs(self._along(_PLACES) - other._along(_PLACES)).max(axis=1)
-        padded = numpy.pad(away, ((_NEIGHBOURS, _NEIGHBOURS + 1), (0, 0)), mode="edge")
+        distances = abs(self._along(_PLACES) - other._along(_PLACES)).max(axis=1)
+        padded = numpy.pad(distances, ((_NEIGHBOURS, _NEIGHBOURS + 1), (0, 0)), mode="edge")
         self._left_out = sliding_window_view(padded, 2 * _NEIGHBOURS + 1, axis=0).max(axis=2)
 
     def _along(self, shares: Any) -> Any:
         """(n, k, 3): the errors at these shares of every step."""
         return self.errors[:-1, None] + self._steps[:, :, None] * (_integrals(shares, self._basis) @ self._rates)
 
-    def at(self, times: Any, roughly: bool = False) -> tuple[Any, Any, Any, Any]:
-        """At wide times (k,), along the run: polynomials, errors, carried roundings, and what is left out, (3, k).
-
-        That is what nodes leave out, and if only as many terms are summed in wide arithmetic as doubles need
-        (``roughly``), what that rounds.
-        """
+    def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
+        """At wide times (k,), along the run: polynomials, errors, carried roundings, what nodes leave out: (3, k)."""
         counts = numpy.bincount(self._series.step_of(times.astype(float)), minlength=len(self._steps))
-        away = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
+        since = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
         lengths = numpy.repeat(self._steps[:, 0], counts)
         errors = numpy.repeat(self.errors[:-1].T, counts, axis=1)
-        integrals = _integrals(away.astype(float) / lengths, self._basis).T * lengths
+        integrals = _integrals(since.astype(float) / lengths, self._basis).T * lengths
         for integral, rates in zip(integrals, self._rates.transpose(1, 2, 0), strict=True):
             errors += integral * numpy.repeat(rates, counts, axis=1)
-        roundings, left_out = self._margins()
-        leading = min(_FOR_DOUBLES, self._leading) if roughly else self._leading
-        if leading < self._leading:
-            roundings_each = numpy.arange(2 * leading + 1, 2 * len(self._terms) + 1, 2)  # by Horner's rule
-            left_out = left_out + 2.0**-53 * numpy.tensordot(roundings_each, self._terms[leading:], 1)
-        roundings, left_out = (numpy.repeat(of, counts, axis=1) for of in (roundings, left_out))
-        return self._polynomial(away, leading, counts), errors, roundings, left_out
+        roundings, left_out = (numpy.repeat(of, counts, axis=1) for of in self._margins())
+        return self._polynomial(since, counts), errors, roundings, left_out
 
-    def known(self) -> tuple[Any, Any, Any, Any, Any]:
+    def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
         """Times (k,), and the same at them, at the nodes of all steps in their order."""
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (numpy.repeat(of, len(self._places), axis=1) for of in self._margins())
@@ -158,23 +146,17 @@ class Defect:
         """Carried roundings and what nodes leave out, (3, n) the larger of both ends of each step."""
         return [numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._left_out)]
 
-    @property
-    def transition(self) -> Any:
-        """(3, 3) the derivative of the final state by the start, without variational equations."""
-        return _carried(self._carry, numpy.eye(3), numpy.zeros(self._carry.shape))[-1]
-
     def rates(self, states: Any) -> Any:
         """The field (3, k) at wide states (3, k)."""
         return numpy.stack(self._field(*states))
 
-    def _polynomial(self, away: Any, leading: int, counts: Any = None, derivative: int = 0) -> Any:
+    def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:
         """The polynomials, or their derivatives, at wide times since the starts of their steps.
 
-        (3, n, k) at times (n, k) of all steps, or (3, k) at times (k,), of which so many lie in each step. The
-        ``leading`` terms are summed in wide arithmetic.
+        (3, n, k) at times (n, k) of all steps, or (3, k) at times (k,), of which so many lie in each step.
         """
         terms = self._coefficients
-        first = terms[: leading + derivative].astype(self._wide.type)
+        first = terms[: self._leading + derivative].astype(self._wide.type)
         if derivative:  # the products of the first terms would be rounded in doubles
             powers = numpy.arange(1, len(terms))[:, None, None]
             terms, first = terms[1:] * powers, first[1:] * powers[: len(first) - 1]
@@ -182,21 +164,15 @@ class Defect:
         def spread(term: Any) -> Any:
             return term[:, :, None] if counts is None else numpy.repeat(term, counts, axis=1)
 
-        near, total = away.astype(float), numpy.zeros((3, *away.shape))
+        in_doubles, total = since.astype(float), numpy.zeros((3, *since.shape))
         for term in terms[: len(first) - 1 : -1]:
-            total *= near
+            total *= in_doubles
             total += spread(term)
         total = total.astype(self._wide.type)
         for term in first[::-1]:
-            total *= away
+            total *= since
             total += spread(term)
         return total
-
-    def _defect(self, states: Any, slopes: Any) -> Any:
-        """(n, nodes, 3) in doubles."""
-        return numpy.stack(
-            [(rate - slope).astype(float) for rate, slope in zip(self._field(*states), slopes, strict=True)], axis=-1
-        )
 
     def _solved(self, right: Any) -> Any:
         """The errors' rates (n, nodes, 3, k) at the nodes for errors that begin with zero."""
@@ -249,11 +225,11 @@ def _signs(count: int) -> Any:
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:
     """(n + 1, 3, k): a start that each step carries on, with what the step adds."""
-    here, found = start, numpy.empty((len(carry) + 1, *start.shape))
-    found[0] = start
-    for n, (matrix, more) in enumerate(zip(carry, gained, strict=True), 1):
-        found[n] = here = matrix @ here + more
-    return found
+    errors = numpy.empty((len(carry) + 1, *start.shape))
+    errors[0] = start
+    for n, (matrix, more) in enumerate(zip(carry, gained, strict=True)):
+        errors[n + 1] = matrix @ errors[n] + more
+    return errors
 
 
 @lru_cache(maxsize=16)
@@ -268,6 +244,6 @@ def _integrals(shares: Any, basis: Any) -> Any:
 
     By the discrete orthogonality on Gauss nodes, and (2 k + 1) P_k = P_(k+1)' - P_(k-1)'. Powers would lose digits.
     """
-    known = legendre.legvander(2 * shares - 1, len(basis))
-    before = numpy.column_stack((-known[:, 0], known[:, :-2]))
-    return (known[:, 1:] - before) / 2 @ basis
+    polynomials = legendre.legvander(2 * shares - 1, len(basis))
+    lower = numpy.column_stack((-polynomials[:, 0], polynomials[:, :-2]))
+    return (polynomials[:, 1:] - lower) / 2 @ basis

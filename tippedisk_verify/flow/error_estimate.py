@@ -84,34 +84,33 @@ def from_defect(request: Request, result: Result) -> Result | None:
     for method in _METHODS:
         if request.digits <= method.digits and _has(method.wide):
             try:
-                found = _refined(request, result, method)
+                refined = _refined(request, result, method)
             except Unresolved:
                 continue
             except NotInProportion:
                 return None
             if request.digits <= PLAIN_DIGITS:
-                return found
-            if _reached(request.digits, found):
-                return _handed_out(found, method.wide)
+                return refined
+            if _reached(request.digits, refined):
+                return refined._replace(precision=EXTENDED) if method.wide is EXTENDED else _as_mpfr(refined)
     return None
 
 
-def _handed_out(found: Result, wide: Precision) -> Result:
+def _as_mpfr(result: Result) -> Result:
     """The result in numbers that users of the engine know: quadruple ones as MPFR's of as many bits."""
-    if wide is EXTENDED:
-        return found._replace(precision=EXTENDED)
-    precision = bits(wide.bits)
+    precision = bits(QUADRUPLE.bits)
 
-    def known(values: Any) -> Any:
+    def converted(values: Any) -> Any:
         return None if values is None else precision.array(values.ravel().tolist()).reshape(values.shape)
 
-    events = tuple(EventRecord(one.name, precision.number(one.time), known(one.state)) for one in found.events)
-    return found._replace(
+    return result._replace(
         precision=precision,
-        time=precision.number(found.time),
-        state=known(found.state),
-        samples=known(found.samples),
-        events=events,
+        time=precision.number(result.time),
+        state=converted(result.state),
+        samples=converted(result.samples),
+        events=tuple(
+            EventRecord(record.name, precision.number(record.time), converted(record.state)) for record in result.events
+        ),
     )
 
 
@@ -120,13 +119,13 @@ def _has(wide: Precision) -> bool:
     return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
-def _reached(digits: int, found: Result) -> bool:
+def _reached(digits: int, result: Result) -> bool:
     """Whether every half-width is at most a unit in the last of these digits, of the number or of 1."""
-    assert found.error is not None
-    times = numpy.array([float(record.time) for record in found.events])
-    pairs = [(found.state, found.error.state), (times, numpy.array(found.error.events))]
-    if found.samples is not None:
-        pairs.append((found.samples, found.error.samples))
+    assert result.error is not None
+    times = numpy.array([float(record.time) for record in result.events])
+    pairs = [(result.state, result.error.state), (times, numpy.array(result.error.events))]
+    if result.samples is not None:
+        pairs.append((result.samples, result.error.samples))
     unit = 10.0 ** (1 - digits)
     return all((widths <= unit * numpy.maximum(1, abs(values.astype(float)))).all() for values, widths in pairs)
 
@@ -146,10 +145,10 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
     if ended:  # the state moves on with the time of the event
         widths[:, -1] += crossings[-1].moves
     return result._replace(
-        time=result.time if run.plain else last[0],
+        time=result.time if run.uncorrected else last[0],
         state=values[:, -1],
         samples=None if request.times is None else values[:, :-1].T,
-        events=result.events if run.plain else tuple(crossing.record for crossing in crossings),
+        events=result.events if run.uncorrected else tuple(crossing.record for crossing in crossings),
         error=ErrorEstimate(
             state=widths[:, -1],
             time=crossings[-1].width if ended else 0.0,
@@ -174,7 +173,7 @@ class _Run:
     """One run with the error that its defect has led to."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
-        self.wide, self.plain = method.wide, request.digits <= PLAIN_DIGITS
+        self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
         self._constants, self._omega = request.parameters.at(self.wide), self.wide.number(request.omega)
@@ -192,10 +191,10 @@ class _Run:
 
     def _resolved(self, fewer: int) -> bool:
         """Whether the steps are short enough for the nodes, and for what is said of their number to hold."""
-        found = self._defect
+        defect = self._defect
         if fewer:
-            return found.fastest < _LONG and found.growing < fewer
-        return found.fastest < _SHORT and found.growing < _STEADY and found.last_term < _LAST_TERM
+            return defect.fastest < _LONG and defect.growing < fewer
+        return defect.fastest < _SHORT and defect.growing < _STEADY and defect.last_term < _LAST_TERM
 
     def _swept(self) -> float:
         """Correct the errors by what is of second order, and say what may be left, in carried roundings."""
@@ -215,20 +214,20 @@ class _Run:
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
         """The states (3, k) at these times, of which the last is where the result has ``at_end``, and half-widths."""
         places, errors, left = self._at(times)
-        values = places.astype(float) if self.plain else places + errors
-        if self.plain:
+        values = places.astype(float) if self.uncorrected else places + errors
+        if self.uncorrected:
             values[:, -1] = at_end
         return values, self._half_widths(values, (places - values).astype(float) + errors, left)
 
     def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
         """Of values that are ``off`` by so much and a rest that is ``left``; beyond twelve digits only by that."""
-        if self.plain:
+        if self.uncorrected:
             return _QUARTER_MORE * abs(off) + left
         return left + abs(values).astype(float) * float(self.wide.epsilon)
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
         """Polynomials, errors, and what the errors may be off, (3, k) at wide times (k,)."""
-        places, errors, roundings, nodes = self._defect.at(times, self.plain)
+        places, errors, roundings, nodes = self._defect.at(times)
         return places, errors, self._left(roundings, nodes)
 
     def _left(self, roundings: Any, nodes: Any) -> Any:
@@ -257,12 +256,11 @@ class _Run:
         around = [self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
             raise NotInProportion
-        found = EventRecord(record.name, time[0], states[:, 0])
-        width = _QUARTER_MORE * moved + unknown if self.plain else unknown
+        width = _QUARTER_MORE * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, left)[:, 0] + moves
-        return _Crossing(found, time, width, widths, moves)
+        return _Crossing(EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves)
 
     def _value(self, event: Event, states: Any) -> Any:
         """An event's function at a wide state (3, 1)."""
@@ -279,10 +277,10 @@ class _Run:
     def _gradient(self, event: Event, states: Any) -> Any:
         """(3, k), by central differences."""
         moves = _DIFFERENCE * numpy.eye(3)[:, :, None]
-        rows = [self._plainly(event, states + move) - self._plainly(event, states - move) for move in moves]
+        rows = [self._in_doubles(event, states + move) - self._in_doubles(event, states - move) for move in moves]
         return numpy.stack(rows) / (2 * _DIFFERENCE)
 
-    def _plainly(self, event: Event, states: Any) -> Any:
+    def _in_doubles(self, event: Event, states: Any) -> Any:
         """(k,) an event's function in doubles."""
         constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
@@ -294,47 +292,44 @@ class _Run:
         its own, or comes close to zero without changing its sign. The parabola through three nodes tells, and where
         that is close to zero, one through more.
         """
-        times, *known = self._defect.known()
+        times, *at_nodes = self._defect.at_nodes()
         start = 0 * last
         at_start, at_end = self._defect.at(start), self._defect.at(last)
         states, errors, roundings, nodes = (
-            numpy.concatenate(parts, axis=1) for parts in zip(at_start, known, at_end, strict=True)
+            numpy.concatenate(parts, axis=1) for parts in zip(at_start, at_nodes, at_end, strict=True)
         )
         times = numpy.concatenate((start.astype(float), times, last.astype(float)))
         states, reach = states.astype(float), abs(errors) + self._left(roundings, nodes)
         reach[:, -1:] += abs((self._defect.rates(at_end[0]) * (last - self.wide.number(result.time))).astype(float))
         ending = None if result.status is Status.REACHED else result.events[-1].name
         for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
-            values = self._plainly(event, states)
+            values = self._in_doubles(event, states)
             lost = abs(values) <= DISTANCES * (abs(self._gradient(event, states)) * reach).sum(axis=0)
-            known_from = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)  # a start on the surface is no crossing
-            known_to = -1 if event.name == ending else None
-            signs = numpy.sign(values[known_from:known_to])
+            first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)  # a start on the surface is no crossing
+            end = -1 if event.name == ending else None
+            signs = numpy.sign(values[first:end])
             turns = numpy.diff(signs) * (1 if times[-1] >= 0 else -1) / 2
             turned = numpy.count_nonzero(turns * event.direction > 0 if event.direction else turns)
             named = sum(record.name == event.name for record in result.events) - (event.name == ending)
-            if lost[1:known_to].any() or turned != named:
+            if lost[1:end].any() or turned != named:
                 raise NotInProportion
             for k in _touching(times, values, _NEARLY):
                 inside = numpy.linspace(times[k - 1], times[k + 1], _FINER)
-                finer = self._plainly(event, self._defect.at(inside.astype(self.wide.type))[0].astype(float))
+                finer = self._in_doubles(event, self._defect.at(inside.astype(self.wide.type))[0].astype(float))
                 if len(_touching(inside, finer, _TOUCHED)):
                     raise NotInProportion
 
 
 def _touching(times: Any, values: Any, share: float) -> Any:
     """Where the parabola through three neighbours of one sign turns back next to zero, by a share of the largest."""
-    before, here, after = values[:-2], values[1:-1], values[2:]
+    before, middle, after = values[:-2], values[1:-1], values[2:]
     left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]
-    rise, fall = (here - before) / left, (after - here) / right
+    rise, fall = (middle - before) / left, (after - middle) / right
     bend = (fall - rise) / (left + right)
     slope = rise + bend * left
     with numpy.errstate(divide="ignore", invalid="ignore"):
-        away = -slope / (2 * bend)
-        turn = here + away * slope / 2
-    among = (away / left >= -_BESIDE) & (away / right <= _BESIDE)
-    size = numpy.maximum(abs(before), abs(after))
-    return (
-        numpy.flatnonzero((before * here > 0) & (here * after > 0) & among & (turn * numpy.sign(here) < share * size))
-        + 1
-    )
+        to_turn = -slope / (2 * bend)
+        turn = middle + to_turn * slope / 2
+    among = (to_turn / left >= -_BESIDE) & (to_turn / right <= _BESIDE)
+    near_zero = turn * numpy.sign(middle) < share * numpy.maximum(abs(before), abs(after))
+    return numpy.flatnonzero((before * middle > 0) & (middle * after > 0) & among & near_zero) + 1

@@ -7,16 +7,15 @@ batch share the compiled code. Nothing here estimates an error: callers measure 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
-from weakref import proxy
 
 import numpy
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Variation
-from tippedisk_verify.flow.one_at_a_time import Kept, OneAtATime, building
+from tippedisk_verify.flow.contract import Event, Variation
+from tippedisk_verify.flow.one_at_a_time import CompiledRunners
 from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, event_values, start_window, starts_on
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
@@ -37,6 +36,9 @@ from tippedisk_verify.model.results import Printable
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 
 
+_Crossing = tuple[str, int, float, tuple[float, float, float]]
+
+
 @dataclass(frozen=True, repr=False)
 class BatchResult(Printable):
     """What became of n runs. Arrays are doubles; a run that did not finish has NaN everywhere.
@@ -48,7 +50,7 @@ class BatchResult(Printable):
     states: Array  #: (n, 3) final (beta, gamma, v)
     derivatives: Any = None  #: (n, 3, number of variations) at fixed final time
     divergence: Array | None = None  #: (n,) integral of div f along the orbit [1]
-    crossings: tuple[tuple[str, int, float, tuple[float, float, float]], ...] = ()  #: event, run, time [s], state
+    crossings: tuple[_Crossing, ...] = ()  #: event, run, time [s], state
     finished: Any = None  #: (n,) whether the final time was reached
 
 
@@ -72,7 +74,7 @@ class BatchTaylor:
         if width is not None and not 1 <= width <= _MOST_LANES:
             raise InputError(f"a batch has 1 to {_MOST_LANES} lanes, not {shown(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
-        self._batches = Kept()
+        self._batches = CompiledRunners()
 
     def __call__(
         self,
@@ -96,8 +98,9 @@ class BatchTaylor:
         """
         names = parameter_names(checked_friction(friction))
         try:
-            given = (numpy.asarray(part, dtype=float) for part in (constants, omegas, states, durations))
-            constants, omegas, states, durations = given
+            constants, omegas, states, durations = (
+                numpy.asarray(values, dtype=float) for values in (constants, omegas, states, durations)
+            )
         except (TypeError, ValueError, OverflowError):
             raise InputError("constants, speeds, states and durations of many runs are arrays of numbers") from None
         count = omegas.size
@@ -107,216 +110,159 @@ class BatchTaylor:
             raise InputError(f"the constants of the {friction} law are {len(names) - 1}, or as many for each run")
         if any(event.terminal for event in events):
             raise InputError("events of many runs at once are recorded; they cannot end a run")
+        constants = numpy.broadcast_to(constants, (count, len(names) - 1))
         key = (variations, divergence, events, shifted, friction)
-        batch = self._batches.get(key)
-        if batch is None:
-            with building():
-                batch = self._batches.get(key)
-                if batch is None:  # another thread may have been faster
-                    self._batches.make_room()
-                    batch = self._batches[key] = OneAtATime(_Batch(self.width, *key))
-        given_products = batch.runner.products
-        pars = numpy.empty((len(names) + given_products, count))
-        pars[0] = omegas
-        pars[1 : len(names)] = numpy.broadcast_to(constants, (count, len(names) - 1)).T
-        if given_products:
-            known = products(constants_of(pars, friction), omegas)[:given_products]
-            pars[len(names) :] = numpy.stack(numpy.broadcast_arrays(*known))
-        flights: BatchResult = batch.run(pars, states.T, durations, max_steps)
-        if not flights.crossings:
-            return flights
-        start = _Starts(events, pars, states, shifted, friction)
-        return replace(
-            flights, crossings=tuple(crossing for crossing in flights.crossings if not start.is_all_of(*crossing))
+        result: BatchResult = self._batches.run(
+            key, lambda: _Batch(self.width, *key), numpy.vstack((omegas, constants.T)), states, durations, max_steps
         )
+        if not result.crossings:
+            return result
+        by_name = {event.name: event for event in events}
+
+        def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
+            if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
+                return False
+            pars, start = [omegas[run].item(), *constants[run].tolist()], states[run].tolist()
+            return _is_start(by_name[name], when, pars, start, shifted, friction)
+
+        return replace(result, crossings=tuple(one for one in result.crossings if not is_start(*one)))
 
 
-class _Starts:
-    """Where the runs start, to tell their crossings from starts on an event's surface."""
-
-    def __init__(self, events: Sequence[Event], pars: Any, states: Any, shift: bool, friction: Friction) -> None:
-        self._events = {event.name: event for event in events}
-        self._pars, self._states, self._friction = pars, states, friction
-        self._ops = shifted(math) if shift else math
-
-    def is_all_of(self, name: str, run: int, when: float, state: tuple[float, float, float]) -> bool:
-        """Whether a crossing is only that: the run starts on the surface, or rests on it for ever."""
-        start = self._states[run].tolist()
-        if abs(when) > LONGEST_WINDOW and state != tuple(start):
-            return False
-        pars, event = self._pars[:, run].tolist(), self._events[name]
-        constants, omega = constants_of(pars, self._friction), pars[0]
-        if not starts_on(event, self._ops, constants, omega, start, 2.0**-52):
-            return False
-        flow = field(self._ops, constants, omega, self._friction)
-        if not any(flow(*start)):
-            return True
-        window, _ = start_window(event, self._ops, constants, omega, start, flow, when >= 0)
-        return abs(when) <= window
+def _is_start(
+    event: Event, when: float, pars: list[float], start: list[float], shift: bool, friction: Friction
+) -> bool:
+    """Whether a crossing is only the start: the run starts on the surface, or rests on it for ever."""
+    ops, constants, omega = shifted(math) if shift else math, constants_of(pars, friction), pars[0]
+    if not starts_on(event, ops, constants, omega, start, 2.0**-52):
+        return False
+    flow = field(ops, constants, omega, friction)
+    return not any(flow(*start)) or abs(when) <= start_window(event, ops, constants, omega, start, flow, when >= 0)[0]
 
 
 class _Batch:
+    """A batch of heyoka's, with what it was compiled for."""
+
     def __init__(
         self,
         width: int,
         variations: tuple[Variation, ...],
         divergence: bool,
-        events: Sequence[Event],
+        events: tuple[Event, ...],
         shift: bool,
         friction: Friction,
     ) -> None:
         hy = heyoka_module()
         smooth = friction == "smooth"
-        # The smooth law changes its branch at sliding reversals and where the disk lies flat: of two events at the same
+        # Where the smooth law's sign changes, events of the request may coincide with it. Of two events at the same
         # time one is lost, so one serves for both.
-        flat = [event.name for event in events if smooth and event.function is FLAT.function]
-        reversals = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
-        events = [event for event in events if event.name not in flat and event not in reversals]
-        system, crossings, self.products = system_of(
-            variations, divergence, (*events, SWITCH, TURN_OVER) if smooth else events, shift, smooth
-        )
-        count = len(parameter_names(friction)) + self.products + smooth
-        self._width, self._shift = width, 3 + divergence
+        asking = {
+            own.name: [event for event in events if smooth and event.function is own.function]
+            for own in (SWITCH, TURN_OVER)
+        }
+        self._events = [event for event in events if all(event not in some for some in asking.values())]
+        self._ops, self._friction = shifted(numpy) if shift else numpy, friction
         self._variations, self._divergence = len(variations), divergence
-        self._events, self._shifted, self._friction = tuple(events), shift, friction
-        self._names: list[tuple[str, int, float, tuple[float, float, float]]] = []
-        self._first = 0
+        self._crossings: list[_Crossing] = []
+        watched = (*self._events, SWITCH, TURN_OVER) if smooth else self._events
+        system, functions, self._products = system_of(variations, divergence, watched, shift, smooth)
         options: dict[str, Any] = {}
-        if events:
+        if self._events:
             options["nt_events"] = [
                 hy.nt_event_batch(
-                    crossings[event.name], self._recorder(event.name), direction=direction_of(hy, event.direction)
+                    functions[event.name],
+                    self._recorder(event.name, width),
+                    direction=direction_of(event),
                 )
-                for event in events
+                for event in self._events
             ]
-        self._branches = FrictionSigns(friction, shift) if smooth else None
-        if self._branches is not None:
+        self._signs = FrictionSigns(friction, self._ops) if smooth else None
+        if self._signs is not None:
+            changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
             options["t_events"] = [
-                hy.t_event_batch(
-                    crossings[SWITCH.name], callback=self._reversed(self._branches, reversals), cooldown=START_WINDOW
-                ),
-                hy.t_event_batch(
-                    crossings[TURN_OVER.name], callback=self._turned(self._branches, flat), cooldown=START_WINDOW
-                ),
+                hy.t_event_batch(functions[name], callback=self._changer(change, asking[name]), cooldown=START_WINDOW)
+                for name, change in changes.items()
             ]
-        start = numpy.zeros((self._shift, width))
+        start = numpy.zeros((3 + divergence, width))
         start[0] = start[1] = 1.0
-        self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=numpy.ones((count, width)), **options)
+        pars = numpy.ones((len(parameter_names(friction)) + self._products + smooth, width))
+        self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         self._rest = self._stepper.state[3:].copy()
         self._reached = hy.taylor_outcome.time_limit
 
-    def run(self, pars: Any, states: Any, durations: Any, max_steps: int) -> BatchResult:
-        count, width, stepper = len(durations), self._width, self._stepper
-        final = numpy.empty((len(stepper.state), count))
-        finished = numpy.empty(count, dtype=bool)
-        self._names.clear()
-        for first in range(0, count, width):
-            size = min(width, count - first)
-            # Lanes left over repeat the last run.
-            lanes = (
-                numpy.minimum(numpy.arange(first, first + width), count - 1)
-                if size < width
-                else slice(first, first + width)
-            )
-            self._first = first
-            final[:, first : first + size], finished[first : first + size] = self._propagated(
-                pars[:, lanes], states[:, lanes], durations[lanes], size, max_steps
-            )
-        final[:, ~finished] = numpy.nan
+    def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
+        """``pars`` (m, n) are the speeds and the constants, in the order of `parameter_names`."""
+        count, width = len(durations), self._rest.shape[1]
+        extra = products(constants_of(pars, self._friction), pars[0])[: self._products]
+        pars = numpy.vstack((pars, *(numpy.broadcast_to(product, count) for product in extra)))
+        final = numpy.full((3 + len(self._rest), count), numpy.nan)
+        finished = numpy.zeros(count, dtype=bool)
+        crossings: list[_Crossing] = []
+        pending = [range(first, min(first + width, count)) for first in reversed(range(0, count, width))]
+        while pending:
+            runs = pending.pop()
+            lanes = numpy.resize(runs, width)  # lanes left over repeat the first runs
+            reached = self._propagated(pars[:, lanes], states[lanes].T, durations[lanes], max_steps)
+            if len(runs) > 1 and not reached.all():
+                # One lane that breaks off ends the others too: each of them again, alone in all lanes.
+                pending += [range(run, run + 1) for run in reversed(runs)]
+                continue
+            if self._signs is not None:
+                reached &= self._signs.kept(self._stepper)
+            lane_of = numpy.flatnonzero(reached[: len(runs)])
+            final[:, lanes[lane_of]] = self._stepper.state[:, lane_of]
+            finished[lanes[lane_of]] = True
+            crossings += [
+                (name, runs[lane], when, state) for name, lane, when, state in self._crossings if lane < len(runs)
+            ]
         derivatives = None
         if self._variations:
             # Rows of the divergence, if it was asked for, are not wanted.
-            shape = (self._shift, self._variations, count)
-            derivatives = final[self._shift :].reshape(shape)[:3].transpose(2, 0, 1)
+            size = 3 + self._divergence
+            derivatives = final[size:].reshape(size, self._variations, count)[:3].transpose(2, 0, 1)
         return BatchResult(
             states=final[:3].T,
             derivatives=derivatives,
             divergence=final[3] if self._divergence else None,
-            crossings=tuple(self._names),
+            crossings=tuple(crossings),
             finished=finished,
         )
 
-    def _propagated(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
+    def _propagated(self, pars: Array, states: Any, durations: Array, max_steps: int) -> Any:
+        """Run all lanes; (width,) whether each reached its end."""
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
-        stepper.state[:3] = states
-        if self._branches is not None:
-            self._branches.begin(stepper, durations)
-        stepper.state[3:] = self._rest
-        if self._names is not None and stepper.with_events:
+        stepper.state[:3], stepper.state[3:] = states, self._rest
+        if self._signs is not None:
+            self._signs.begin(stepper, durations)
+        if stepper.with_events:
             stepper.reset_cooldowns()
-        mark = len(self._names)
-        if self._on_edge(states):
+        self._crossings.clear()
+        constants = constants_of(pars, self._friction)
+        if any((value == 0).any() for value in event_values(self._events, self._ops, constants, pars[0], states)):
+            # Of an event function that is zero to the last bit heyoka sees no other crossing in the first step.
             stepper.propagate_until(numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations))
         stepper.propagate_until(durations, max_steps=max_steps)
-        reached = numpy.array([result[0] == self._reached for result in stepper.propagate_res])
-        if self._branches is not None and reached.all():
-            reached &= self._branches.kept(stepper)
-            self._names[mark:] = [entry for entry in self._names[mark:] if entry[1] < self._first + size]
-            return stepper.state[:, :size].copy(), reached[:size]
-        if not reached.all() and size > 1:
-            # One lane that breaks off ends the others too: each of them again, alone in all lanes.
-            del self._names[mark:]
-            return self._singly(pars, states, durations, size, max_steps)
-        self._names[mark:] = [entry for entry in self._names[mark:] if entry[1] < self._first + size]
-        return stepper.state[:, :size].copy(), reached[:size]
+        return numpy.array([outcome == self._reached for outcome, *_ in stepper.propagate_res])
 
-    def _on_edge(self, states: Any) -> bool:
-        """Whether an event function is zero to the last bit in one of the lanes."""
-        if not self._events:
-            return False
-        pars = self._stepper.pars
-        ops, constants = shifted(numpy) if self._shifted else numpy, constants_of(pars, self._friction)
-        return any(bool((value == 0).any()) for value in event_values(self._events, ops, constants, pars[0], states))
-
-    def _singly(self, pars: Any, states: Any, durations: Any, size: int, max_steps: int) -> tuple[Any, Any]:
-        final = numpy.empty((len(self._stepper.state), size))
-        finished = numpy.empty(size, dtype=bool)
-        first = self._first
-        for lane in range(size):
-            same = [lane] * self._width
-            self._first = first + lane
-            column, reached = self._propagated(pars[:, same], states[:, same], durations[same], 1, max_steps)
-            final[:, lane], finished[lane] = column[:, 0], reached[0]
-        return final, finished
-
-    def _turned(self, branches: FrictionSigns, flat: Sequence[str]) -> Any:
-        """For the crossing of sin(beta) = 0: changes the branch, and records what was asked for."""
-
-        batch = proxy(self)  # heyoka holds its callbacks, which no collector of garbage sees
-
-        def turned(stepper: Any, sign: int, lane: int) -> bool:
-            branches.turn(stepper, lane)
-            batch._note(stepper, lane, flat)
-            return True
-
-        return turned
-
-    def _reversed(self, branches: FrictionSigns, reversals: Sequence[Event]) -> Any:
-        """The same for gamma_y = 0; a crossing at the start is the start itself."""
-        switched, batch = branches.callback(), proxy(self)
-
-        def crossed(stepper: Any, sign: int, lane: int) -> bool:
-            switched(stepper, sign, lane)
-            if not (branches.from_surface[lane] and abs(stepper.time[lane]) <= START_WINDOW):
-                batch._note(stepper, lane, [event.name for event in reversals if event.direction in (0, sign)])
-            return True
-
-        return crossed
-
-    def _note(self, stepper: Any, lane: int, names: Sequence[str]) -> None:
-        for name in names:
-            beta, gamma, v = stepper.state[:3, lane].tolist()
-            self._names.append((name, self._first + lane, float(stepper.time[lane]), (beta, gamma, v)))
-
-    def _recorder(self, name: str) -> Any:
-        names, batch = self._names, proxy(self)
+    def _recorder(self, name: str, width: int) -> Any:
+        crossings = self._crossings
 
         def record(stepper: Any, when: float, sign: int, lane: int) -> None:
-            stepper.update_d_output([when] * batch._width)
-            beta, gamma, v = stepper.d_output[:3, lane].tolist()
-            names.append((name, batch._first + lane, when, (beta, gamma, v)))
+            stepper.update_d_output([when] * width)
+            crossings.append((name, lane, when, tuple(stepper.d_output[:3, lane].tolist())))
 
         return record
+
+    def _changer(self, change: Callable[[Any, int, int], None], asking: Sequence[Event]) -> Any:
+        """For heyoka, which copies whatever is no plain function: changes the sign, and records for those who ask."""
+        crossings = self._crossings
+
+        def changed(stepper: Any, sign: int, lane: int) -> bool:
+            change(stepper, sign, lane)
+            when, state = float(stepper.time[lane]), tuple(stepper.state[:3, lane].tolist())
+            crossings.extend((event.name, lane, when, state) for event in asking if event.direction in (0, sign))
+            return True
+
+        return changed

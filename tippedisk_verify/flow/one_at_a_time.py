@@ -6,66 +6,63 @@ mix their states, and nothing would show it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import count
 from threading import RLock
 from typing import Any
 
 from tippedisk_verify.model.code_cache import vouch
 
-__all__ = ["Kept", "OneAtATime", "building"]
+__all__ = ["CompiledRunners"]
 
 #: Integrators that an engine keeps, each of 1 to 4 MB; all commands one after the other need some 40, `stress` 110.
 _MOST_KEPT = 128
-_BUILDING = RLock()
+_COMPILING = RLock()
 _CLOCK = count()
 
 
-@contextmanager
-def building() -> Iterator[None]:
-    """Entered while something is compiled, by one thread at a time.
+class CompiledRunners:
+    """What an engine has compiled, each with a method ``run``. Copies of the engine begin with nothing."""
 
-    Another thread that needs the same then finds its machine code in memory, and what was compiled gets its checksum
-    before anything can happen to it.
-    """
-    with _BUILDING:
-        yield
-        vouch()
-
-
-class Kept(dict[Any, "OneAtATime"]):
-    """What an engine has compiled. It stays here: copies of the engine, and other processes, begin with nothing."""
+    def __init__(self) -> None:
+        self._slots: dict[Any, _Slot] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Kept, ()
+        return CompiledRunners, ()
 
-    def make_room(self) -> None:
-        """For one more; what has not run for longest leaves. To be called within `building`."""
-        while len(self) >= _MOST_KEPT:
-            del self[min(self, key=lambda key: self[key].used)]
+    def kept(self) -> list[Any]:
+        """Everything that is still kept, in the order in which it was compiled."""
+        return [slot.runner for slot in list(self._slots.values())]
+
+    def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
+        """What the ``run`` of the runner for ``key`` returns; ``compiled`` makes the runner if none is kept.
+
+        One thread at a time compiles: another one that needs the same finds its machine code in memory. Raises
+        RuntimeError for a call from within a run of the same runner, which cannot wait. Only an event function that
+        asks the engine it is computed by can make one.
+        """
+        slot = self._slots.get(key)
+        if slot is None:
+            with _COMPILING:
+                slot = self._slots.get(key)
+                if slot is None:  # another thread may have been faster
+                    while len(self._slots) >= _MOST_KEPT:  # what has not run for longest leaves
+                        del self._slots[min(self._slots, key=lambda other: self._slots[other].used)]
+                    slot = self._slots[key] = _Slot(compiled())
+                vouch()  # what was compiled gets its checksum before anything can happen to it
+        with slot.lock:
+            if slot.running:
+                raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
+            slot.running, slot.used = True, next(_CLOCK)
+            try:
+                return slot.runner.run(*arguments)
+            finally:
+                slot.running = False
 
 
-class OneAtATime:
-    """Something with a method ``run`` whose calls wait for each other."""
+class _Slot:
+    """A runner and whether it is on a run."""
 
     def __init__(self, runner: Any) -> None:
-        self.runner = runner
+        self.runner, self.lock, self.running = runner, RLock(), False
         self.used = next(_CLOCK)  #: grows from run to run, of whatever runner
-        self._lock = RLock()
-        self._running = False
-
-    def run(self, *arguments: Any) -> Any:
-        """What the runner's ``run`` returns. Raises RuntimeError for a call from within another one, which cannot wait.
-
-        That can only come from an event function that asks the engine it is computed by.
-        """
-        with self._lock:
-            if self._running:
-                raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
-            self._running = True
-            self.used = next(_CLOCK)
-            try:
-                return self.runner.run(*arguments)
-            finally:
-                self._running = False

@@ -30,10 +30,10 @@ class Series:
     def __call__(self, times: Any) -> Any:
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
-        away = wanted - self.times[step]
+        since = wanted - self.times[step]
         total = self.coefficients[-1][:, step]
         for terms in self.coefficients[-2::-1]:
-            total = total * away + terms[:, step]
+            total = total * since + terms[:, step]
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:

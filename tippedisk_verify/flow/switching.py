@@ -18,8 +18,8 @@ import numpy
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
 from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
 from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.equations import Ops, field, shifted
-from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.equations import Ops, field
+from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
@@ -124,60 +124,45 @@ class FrictionSign:
 
 
 class FrictionSigns:
-    """The same for every lane of a batch, in the last row of the parameters."""
+    """The same for every run of a batch, in the last row of the parameters."""
 
-    def __init__(self, friction: Friction, shift: bool) -> None:
-        self._friction, self._shift = friction, shift
-        self._sides: list[float] = []  # signs of gamma_y / sin(beta)
-        self._upright: list[float] = []  # signs of sin(beta)
-        self._forward: list[bool] = []
-        self._doubtful: set[int] = set()
-        self.from_surface: list[bool] = []
-
-    def _slip(self, stepper: Any, states: Any) -> Any:
-        return SLIDING_REVERSAL.function(*self._setting(stepper), *states) + numpy.zeros(len(states[0]))
-
-    def _setting(self, stepper: Any) -> tuple[Any, Constants, Any]:
-        constants = constants_of(stepper.pars, self._friction)
-        return shifted(numpy) if self._shift else numpy, constants, stepper.pars[0]
+    def __init__(self, friction: Friction, ops: Ops) -> None:
+        self._friction, self._ops = friction, ops
 
     def begin(self, stepper: Any, durations: Any) -> None:
         """On the surface the sign a moment later decides."""
         states = stepper.state[:3].copy()
-        ops, constants, omega = self._setting(stepper)
         slip = self._slip(stepper, states)
-        on_surface = numpy.abs(slip) <= ROUNDINGS * 2.0**-52
-        self.from_surface = on_surface.tolist()
+        on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
-            rates = numpy.array(numpy.broadcast_arrays(*field(ops, constants, omega, "smooth")(*states)))
-            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * rates)
+            constants = constants_of(stepper.pars, self._friction)
+            rates = numpy.broadcast_arrays(*field(self._ops, constants, stepper.pars[0], "smooth")(*states))
+            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * numpy.array(rates))
             slip = numpy.where(on_surface, later, slip)
-        self._sides = numpy.where(slip >= 0, 1.0, -1.0).tolist()
-        self._upright = numpy.where(ops.sin(states[0]) >= 0, 1.0, -1.0).tolist()
-        self._forward = (durations >= 0).tolist()
-        self._doubtful.clear()
-        stepper.pars[-1] = numpy.multiply(self._sides, self._upright)
+        self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)
+        self._upright = numpy.where(self._ops.sin(states[0]) >= 0, 1.0, -1.0)
+        self._forward = durations >= 0
+        self._doubtful = numpy.zeros(len(slip), dtype=bool)
+        stepper.pars[-1] = self._sides * self._upright
 
-    def callback(self) -> Any:
-        """For heyoka, as a plain function: it copies whatever else it is given."""
+    def switched(self, stepper: Any, sign: int, lane: int) -> None:
+        """gamma_y / sin(beta) has changed its sign."""
+        side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
+        if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
+            self._doubtful[lane] = True
+        self._sides[lane] = side
+        stepper.pars[-1, lane] = side * self._upright[lane]
 
-        def switched(stepper: Any, sign: int, lane: int) -> bool:
-            side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
-            if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
-                self._doubtful.add(lane)
-            self._sides[lane] = side
-            stepper.pars[-1, lane] = side * self._upright[lane]
-            return True
-
-        return switched
-
-    def turn(self, stepper: Any, lane: int) -> None:
+    def turned(self, stepper: Any, sign: int, lane: int) -> None:
         """sin(beta) has changed its sign."""
         self._upright[lane] = -self._upright[lane]
         stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
 
     def kept(self, stepper: Any) -> Any:
-        """Which lanes were on the right branch all the time."""
-        right = self._slip(stepper, stepper.state[:3]) * numpy.array(self._sides) >= -_LEFT_OVER * 2.0**-52
-        right[list(self._doubtful)] = False
-        return right
+        """Which runs were on the right branch all the time."""
+        right = self._slip(stepper, stepper.state[:3]) * self._sides >= -_LEFT_OVER * 2.0**-52
+        return right & ~self._doubtful
+
+    def _slip(self, stepper: Any, states: Any) -> Any:
+        constants = constants_of(stepper.pars, self._friction)
+        return SLIDING_REVERSAL.function(self._ops, constants, stepper.pars[0], *states)

@@ -100,7 +100,7 @@ def _products_given(variations: Sequence[Variation], smooth: bool) -> int:
     return len(Products._fields) - smooth
 
 
-def direction_of(hy: Any, sign: int) -> Any:
-    """heyoka's name for the sign of a crossing."""
-    kinds = {-1: "negative", 0: "any", 1: "positive"}
-    return getattr(hy.event_direction, kinds[sign])
+def direction_of(event: Event) -> Any:
+    """heyoka's name for the sign of its crossings."""
+    directions = heyoka_module().event_direction
+    return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]

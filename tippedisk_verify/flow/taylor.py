@@ -15,10 +15,10 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.comparison import compared
-from tippedisk_verify.flow.contract import FLAT, Build, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import Kept, OneAtATime, building
+from tippedisk_verify.flow.one_at_a_time import CompiledRunners
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
@@ -52,7 +52,7 @@ class Taylor:
         if optimisation is not None:
             self._options["opt_level"] = optimisation
         self._compact = compact
-        self._integrators = Kept()
+        self._integrators = CompiledRunners()
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         """For other processes: the default engine is the one there."""
@@ -69,7 +69,7 @@ class Taylor:
     @property
     def builds(self) -> tuple[Build, ...]:
         """Everything that this engine has built and still keeps, in order."""
-        return tuple(integrator.runner.build for integrator in list(self._integrators.values()))
+        return tuple(integrator.build for integrator in self._integrators.kept())
 
     def __call__(self, request: Request) -> Result:
         """Integrate. Raises InputError for a start, duration or speed that is not a finite number."""
@@ -81,10 +81,10 @@ class Taylor:
             events = (*events, FLAT)
         shape = (request.shifted, request.variations, request.divergence, events)
         key = (precision, request.friction, request.tolerance, *shape)
-        integrator = self._integrators.get(key)
-        if integrator is None:
-            integrator = self._built(key, request, events)
-        result: Result = integrator.run(request)
+        compact = self._compact if self._compact is not None else precision != DOUBLE
+        result: Result = self._integrators.run(
+            key, lambda: Integrator(request, events, self._options, compact), request
+        )
         if request.domain == "samples" and _outside(request, result):
             # Rare: only now is the event worth building, and only it can say when the disk lay flat.
             return self(replace(request, domain="event"))
@@ -92,30 +92,20 @@ class Taylor:
             return self._with_error(request, result)
         return result
 
-    def _built(self, key: tuple[Any, ...], request: Request, events: tuple[Event, ...]) -> OneAtATime:
-        compact = self._compact if self._compact is not None else request.precision != DOUBLE
-        with building():
-            integrator = self._integrators.get(key)
-            if integrator is None:  # another thread may have been faster
-                self._integrators.make_room()
-                integrator = OneAtATime(Integrator(request, events, self._options, compact))
-                self._integrators[key] = integrator
-            return integrator
-
     def _with_error(self, request: Request, result: Result) -> Result:
         """By the run's defect, or where that cannot tell by a wider run."""
-        found = from_defect(request, result)
-        if found is None and request.digits > PLAIN_DIGITS:
+        refined = from_defect(request, result)
+        if refined is None and request.digits > PLAIN_DIGITS:
             return self(
                 replace(
                     request, precision=bits(bits_for_digits(request.digits + 8)), tolerance=None, digits=PLAIN_DIGITS
                 )
             )
-        if found is None:
+        if refined is None:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
-            found = compared(self, request, result)
-        return found._replace(series=None)
+            refined = compared(self, request, result)
+        return refined._replace(series=None)
 
 
 def _outside(request: Request, result: Result) -> bool:

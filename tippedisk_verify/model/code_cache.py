@@ -73,7 +73,7 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
                 new = [(key, _digest(values)) for key, _, *values in base.execute(f"{_ENTRIES} WHERE digest IS NULL")]
                 base.executemany("INSERT INTO digests VALUES (?, ?)", new)
             if checking:
-                wrong = [(key,) for key, known, *values in base.execute(_ENTRIES) if known != _digest(values)]
+                wrong = [(key,) for key, digest, *values in base.execute(_ENTRIES) if digest != _digest(values)]
                 base.executemany("DELETE FROM cache WHERE hash = ?", wrong)
                 base.execute(_FORGET)
                 base.execute(_RECKON)
@@ -94,5 +94,5 @@ def _digest(values: list[bytes | None]) -> bytes:
 
 
 def _stamp(path: Path) -> bytes:
-    found = path.stat()
-    return b"%d %d %d" % (found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    status = path.stat()
+    return b"%d %d %d" % (status.st_size, status.st_mtime_ns, status.st_ctime_ns)

@@ -24,7 +24,6 @@ __all__ = [
     "Ops",
     "Products",
     "Terms",
-    "acceleration",
     "checked_speed",
     "checked_speeds",
     "field",
@@ -32,7 +31,6 @@ __all__ = [
     "jacobian",
     "normal_force_over_weight",
     "products",
-    "right_hand_side",
     "shifted",
     "terms",
 ]
@@ -181,18 +179,6 @@ def field(
         return v, -(omega * cos_b), (cos_b * drive - resistance) / mass
 
     return vector_field
-
-
-def right_hand_side(
-    ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], friction: Friction
-) -> tuple[Any, Any, Any]:
-    """``(beta', gamma', v')`` at one state (Eq. 3DOF)."""
-    return field(ops, constants, omega, friction)(*state)
-
-
-def acceleration(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any, friction: Friction) -> Any:
-    """dv/dt [rad/s^2] at one state: (h + f_G + w_y lambda_Ty) / M."""
-    return field(ops, constants, omega, friction)(beta, gamma, v)[2]
 
 
 def jacobian(

@@ -117,20 +117,21 @@ def exact(value: object) -> Exact:
         return Exact(Fraction(value))
     if isinstance(value, Decimal):
         return _parse(str(value))
-    return Exact(fraction(value))
+    if isinstance(value, Known):
+        return Exact(value.value)
+    pair = mantissa_exponent(value)
+    if pair is None:
+        raise InputError(f"a finite number is needed, not {shown(value)}")
+    mantissa, exponent = pair
+    return Exact(Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent))
 
 
 def fraction(value: object) -> Fraction:
-    """The exact value of one finite number of any kind, as a Fraction. Raises InputError for anything else."""
-    if isinstance(value, Known):
-        return value.value
-    if isinstance(value, int | Fraction):
-        return Fraction(value)
-    man_exp = mantissa_exponent(value)
-    if man_exp is None:
-        raise InputError(f"a finite number is needed, not {shown(value)}")
-    mantissa, exponent = man_exp
-    return Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
+    """The rational number that ``value`` stands for. Raises InputError as `exact` does, and for multiples of pi."""
+    number = exact(value)
+    if number.pi_multiple:
+        raise InputError(f"a number without a multiple of pi is needed, not {shown(value)}")
+    return number.rational
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:
@@ -191,28 +192,10 @@ def _pi_bounds(working_bits: int) -> tuple[Fraction, Fraction]:
 
 def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
     """Nearest ``mantissa * 2**exponent``, ties to even; the mantissa is odd or zero, so the pair is unique."""
-    numerator, denominator = abs(value.numerator), value.denominator
-    if not numerator:
-        return 0, 0
-    exponent = numerator.bit_length() - denominator.bit_length() - mantissa_bits
-    if exponent >= 0:
-        mantissa, rest = divmod(numerator, denominator << exponent)
-        whole = denominator << exponent
-    else:
-        mantissa, rest = divmod(numerator << -exponent, denominator)
-        whole = denominator
-    # The quotient has mantissa_bits or one bit more; bring it to mantissa_bits, keeping what was cut off.
-    extra = mantissa.bit_length() - mantissa_bits
-    if extra > 0:
-        rest += whole * (mantissa & ((1 << extra) - 1))
-        whole <<= extra
-        mantissa >>= extra
-        exponent += extra
-    if 2 * rest > whole or (2 * rest == whole and mantissa & 1):
-        mantissa += 1
-    shift = (mantissa & -mantissa).bit_length() - 1
-    mantissa >>= shift
-    return (-mantissa if value < 0 else mantissa), exponent + shift
+    from mpmath.libmp import from_rational, round_nearest
+
+    sign, mantissa, exponent, _ = from_rational(value.numerator, value.denominator, mantissa_bits, round_nearest)
+    return (-int(mantissa) if sign else int(mantissa)), exponent
 
 
 PI = Exact(Fraction(0), Fraction(1))
@@ -253,10 +236,10 @@ def _heyoka_mantissa(value: Any, precision_bits: int) -> tuple[int, int] | None:
         return None
     if value == 0:
         return 0, 0
-    near = abs(float(value))
+    size = abs(float(value))
     # A shift by too much is harmless (the integer only gets zero bits at its end), by too little would lose bits.
-    if 1e-290 < near < 1e290:
-        magnitude = math.frexp(near)[1]
+    if 1e-290 < size < 1e290:
+        magnitude = math.frexp(size)[1]
     else:
         import numpy
 

@@ -9,13 +9,13 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import Decimal
+from decimal import MAX_EMAX, MIN_EMIN, ROUND_DOWN, Context, Decimal
 from fractions import Fraction
 from functools import partialmethod
 from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import Known, exact, fraction, quotient, shown
+from tippedisk_verify.model.exact import Known, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
 
@@ -25,6 +25,7 @@ DISTANCES = 2
 
 T = TypeVar("T")
 
+_TRUNCATED = Context(prec=1, rounding=ROUND_DOWN, Emin=MIN_EMIN, Emax=MAX_EMAX)
 _LARGEST_POWER = 1000  # that is taken by multiplication
 _LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
@@ -202,19 +203,14 @@ class Bounded(Known):
             )
         if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
             raise InputError(f"exp of {self} may lie beyond 1e±43000")
-        bits, slope = 128, {"sin": "cos", "cos": "sin"}.get(name)
+        bits, before = 128, Fraction(0)
         while True:
-            middle, width = _at(name, self.value, bits), self.uncertainty
-            if slope is None:  # it rises
-                ends = (_at(name, end, bits) for end in (low, high))
-                width = max(abs(end.value - middle.value) + end.uncertainty for end in ends)
-            elif width:  # Taylor's formula: neither the second derivative nor the function exceeds 1
-                steepest = max(map(abs, _at(slope, self.value, bits)._ends()))
-                width = min(steepest * width + width**2 / 2, 1 + abs(middle.value))
-            allowed = width / 1000 if self.uncertainty else abs(middle.value) / 10**50
-            if middle.uncertainty <= allowed:
-                return Measured(middle.value, width + middle.uncertainty)
-            bits *= 2
+            least, most = _enclosure(name, low, high, bits)
+            middle, width = (least + most) / 2, (most - least) / 2
+            settled = self.uncertainty and abs(before - width) <= width / 1000
+            if settled or width <= abs(middle) / 10**50:
+                return Measured(middle, width)
+            bits, before = 2 * bits, width
 
     sqrt = partialmethod(_of, "sqrt")
     log = partialmethod(_of, "log")
@@ -240,7 +236,7 @@ class Measured(Bounded):
     @classmethod
     def of(cls, value: object, uncertainty: object) -> Measured:
         """From numbers of any kind, or decimals as texts. Raises InputError if the half-width is negative."""
-        number, width = (_rational(part) for part in (value, uncertainty))
+        number, width = fraction(value), fraction(uncertainty)
         if width < 0:
             raise InputError("an uncertainty cannot be negative")
         return cls(number, width)
@@ -268,33 +264,19 @@ class Measured(Bounded):
         if not self.uncertainty:
             return _exact_decimals(self.value)
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
-        place = decimal_magnitude(self.uncertainty) - 2
-        unit = Fraction(10) ** place
-        steps = round(self.value / unit)
-        return _decimal_text(steps, place), rounded_up(self.uncertainty + abs(self.value - steps * unit))
+        text, change = _at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
+        return text, rounded_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str]:
         """``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
 
-    def _repr_html_(self) -> str:
-        """A table, for notebooks."""
-        rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
-        return f"<table>{''.join(rows)}</table>"
-
     def __str__(self) -> str:
         return " ± ".join(self.decimals())
 
     def __repr__(self) -> str:
         return f"Measured({self})"
-
-
-def _rational(value: object) -> Fraction:
-    number = exact(value)
-    if number.pi_multiple:
-        raise InputError(f"a decimal is needed, not {shown(value)}")
-    return number.rational
 
 
 def _operand(other: object) -> Measured | None:
@@ -304,25 +286,25 @@ def _operand(other: object) -> Measured | None:
     if isinstance(other, str | None):
         return None
     try:
-        return Measured(_rational(other), Fraction(0))
+        return Measured(fraction(other), Fraction(0))
     except InputError:
         if isinstance(other, float | Decimal):  # infinite, or not a number
             raise
         return None
 
 
-def _at(name: str, point: Fraction, bits: int) -> Measured:
-    """sqrt, log, exp, sin or cos at a rational, with mpmath's error and that of the point's own rounding."""
+def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fraction, Fraction]:
+    """Bounds of sqrt, log, exp, sin or cos between two rationals, by mpmath's interval arithmetic."""
     from mpmath import libmp
 
-    given = libmp.from_rational(point.numerator, point.denominator, bits)
-    at, found = (
-        Fraction(*map(int, libmp.to_rational(number))) for number in (given, getattr(libmp, f"mpf_{name}")(given, bits))
+    ends = (
+        libmp.from_rational(end.numerator, end.denominator, bits, rounding)
+        for end, rounding in ((low, libmp.round_floor), (high, libmp.round_ceiling))
     )
-    size = abs(found)
-    # |x f'(x)|, or more: what a relative change of the point does.
-    moved = {"sqrt": size, "log": Fraction(1), "exp": abs(point) * size}.get(name, abs(point))
-    return Measured(found, (size + moved * (at != point)) / 2 ** (bits - _SPARE_BITS))
+    bounds = getattr(libmp, f"mpi_{name}")(tuple(ends), bits)
+    least, most = (Fraction(*map(int, libmp.to_rational(bound))) for bound in bounds)
+    spare = Fraction(1, 2 ** (bits - _SPARE_BITS))
+    return least - abs(least) * spare, most + abs(most) * spare
 
 
 def exact_text(value: Fraction) -> str:
@@ -333,55 +315,42 @@ def exact_text(value: Fraction) -> str:
 
 def rounded_up(value: Fraction) -> str:
     """The least decimal of two significant digits that is not smaller than a positive ``value``."""
-    place = decimal_magnitude(value) - 1
-    return _decimal_text(math.ceil(value / Fraction(10) ** place), place)
+    return _at_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
 
 
 def rounded_down(value: Fraction) -> str:
     """The greatest decimal of two significant digits that is not larger than a positive ``value``."""
-    place = decimal_magnitude(value) - 1
-    return _decimal_text(math.floor(value / Fraction(10) ** place), place)
+    return _at_place(value, decimal_magnitude(value) - 1, math.floor)[0]
 
 
 def decimal_magnitude(value: Fraction) -> int:
     """The integer k with 10**k <= |value| < 10**(k+1), for a value that is not zero."""
-    size = abs(value)
-    guess = math.floor((size.numerator.bit_length() - size.denominator.bit_length()) * math.log10(2))
-    while Fraction(10) ** guess > size:
-        guess -= 1
-    while Fraction(10) ** (guess + 1) <= size:
-        guess += 1
-    return guess
+    return _TRUNCATED.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
 
 
 def _exact_decimals(value: Fraction) -> tuple[str, str]:
-    denominator, twos, fives = value.denominator, 0, 0
-    while denominator % 2 == 0:
-        denominator, twos = denominator // 2, twos + 1
-    while denominator % 5 == 0:
-        denominator, fives = denominator // 5, fives + 1
-    if denominator == 1:
-        place = -max(twos, fives)
-        return _decimal_text(int(value / Fraction(10) ** place), place), "0"
-    place = decimal_magnitude(value) - 50  # a repeating decimal: fifty digits and the half-width of the cut
+    places = value.denominator.bit_length()
+    if 10**places % value.denominator:  # a repeating decimal: fifty digits and the half-width of the cut
+        text, cut = _at_place(value, decimal_magnitude(value) - 50)
+        return text, rounded_up(cut)
+    while places and not value.numerator * 10 ** (places - 1) % value.denominator:
+        places -= 1
+    return _at_place(value, -places)[0], "0"
+
+
+def _at_place(value: Fraction, place: int, rounding: Callable[[Fraction], int] = round) -> tuple[str, Fraction]:
+    """``value`` rounded to a multiple of ``10**place``, and by how much that changes it.
+
+    As a decimal string, in scientific notation above 10^6 and below 10^-5.
+    """
     unit = Fraction(10) ** place
-    steps = round(value / unit)
-    return _decimal_text(steps, place), rounded_up(abs(value - steps * unit))
-
-
-def _decimal_text(steps: int, place: int) -> str:
-    """``steps * 10**place`` as a decimal string, in scientific notation above 10^6 and below 10^-5."""
-    if not steps:
-        place = min(place, 0)
-    digits = str(Decimal(abs(steps)))  # unlike str(int), without a limit of 4300 digits
-    sign = "-" if steps < 0 else ""
-    magnitude = len(digits) - 1 + place
-    if steps and (magnitude < -5 or magnitude > 6 or (magnitude == 6 and digits.strip("0") != "1")):
-        if place == 0:  # a whole number: its last zeros are only written out
-            digits = digits.rstrip("0")
-        mantissa = digits[0] + ("." + digits[1:] if len(digits) > 1 else "")
-        return f"{sign}{mantissa}e{magnitude}"
-    if place >= 0:
-        return sign + digits + "0" * place
-    digits = digits.rjust(1 - place, "0")
-    return f"{sign}{digits[:place]}.{digits[place:]}"
+    steps = rounding(value / unit)
+    change = abs(value - steps * unit)
+    # Unlike str and int, Decimal has no limit of 4300 digits.
+    number = Decimal(f"{Decimal(steps)}e{place if steps else min(place, 0)}")
+    if not steps or Decimal("1e-5") <= number.copy_abs() <= 10**6:
+        return f"{number:f}", change
+    mantissa, exponent = f"{number:e}".split("e")
+    if not place:  # a whole number: its last zeros are only written out
+        mantissa = mantissa.rstrip("0").rstrip(".")
+    return f"{mantissa}e{int(exponent)}", change

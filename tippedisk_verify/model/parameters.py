@@ -10,11 +10,12 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import exact, quotient, shown
+from tippedisk_verify.model.exact import fraction, quotient, shown
 from tippedisk_verify.model.measured import Measured, exact_text
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.model.results import Printable
@@ -91,18 +92,18 @@ class Parameters(Printable):
     friction: Friction = "linear"  #: Eq. lin_lambda_y_3DOF, or the smooth Coulomb law that it linearises
     _constants: dict[Precision, Constants] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """For other processes: the values, without what was computed from them."""
-        return _rebuilt, (type(self), {item.name: getattr(self, item.name) for item in fields(self) if item.init})
+    def _given(self) -> dict[str, Any]:
+        """The fields without what was computed from them."""
+        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
-    def _identity(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, item.name) for item in fields(self) if item.init)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._given()), ()
 
     def __eq__(self, other: object) -> bool:
-        return self._identity() == other._identity() if isinstance(other, Parameters) else NotImplemented
+        return self._given() == other._given() if isinstance(other, Parameters) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash(self._identity())
+        return hash(tuple(self._given().values()))
 
     def __post_init__(self) -> None:
         faults = []
@@ -111,17 +112,15 @@ class Parameters(Printable):
             if item.name not in _QUANTITIES or (item.name == "C" and value is None):
                 continue
             try:
-                number = exact(value)
-                if number.pi_multiple:
-                    raise InputError("a multiple of pi is not a rational number")
+                number = fraction(value)
             except InputError as fault:
                 faults.append(f"parameter {item.name}: {fault}")
                 continue
-            if number.rational <= 0:
+            if number <= 0:
                 faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
-            elif not _SMALLEST <= number.rational <= 1 / _SMALLEST:
+            elif not _SMALLEST <= number <= 1 / _SMALLEST:
                 faults.append(f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, not {shown(value)}")
-            object.__setattr__(self, item.name, number.rational)
+            object.__setattr__(self, item.name, number)
         checked_friction(self.friction)
         if not faults:
             faults = self._inconsistencies()
@@ -243,10 +242,6 @@ class Parameters(Printable):
             return cls(**entries, name=_file_name(path))
         except InputError as fault:
             raise InputError(f"parameter file {path.name}: {line}" for line in fault.faults) from None
-
-
-def _rebuilt(kind: type[Parameters], values: dict[str, Any]) -> Parameters:
-    return kind(**values)
 
 
 #: The names of the numbers: the eight that the equations need, and C.

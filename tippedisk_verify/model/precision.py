@@ -12,7 +12,8 @@ import threading
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
@@ -40,7 +41,7 @@ _MOST_BITS = 4_000_000
 _LOADING = threading.Lock()
 
 
-@dataclass(frozen=True, slots=False)
+@dataclass(frozen=True)
 class Precision:
     """An arithmetic to compute in.
 
@@ -50,12 +51,6 @@ class Precision:
 
     kind: Literal["double", "extended", "quadruple", "real"]
     bits: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_hash", hash((self.kind, self.bits)))
-
-    def __hash__(self) -> int:  # looked up once per integration, so computed once
-        return self._hash  # type: ignore[attr-defined,no-any-return]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For other processes: without what was computed from them."""
@@ -93,7 +88,24 @@ class Precision:
         """Namespace with sin, cos, exp, log and sqrt for scalars of this precision."""
         import numpy
 
-        return _MpfrFunctions(self) if self.kind == "real" else math if self.kind == "double" else numpy
+        return self._mpfr_functions() if self.kind == "real" else math if self.kind == "double" else numpy
+
+    def _mpfr_functions(self) -> Any:
+        """Of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
+
+        What is no finite real number, given or found, becomes NaN.
+        """
+
+        def function(name: str, value: Any) -> Any:
+            zero = value - value
+            if zero == 0:
+                ctx = self.context
+                result = getattr(ctx, name)(self.mpf(value))
+                if isinstance(result, ctx.mpf) and ctx.isfinite(result):
+                    return self.number(result)
+            return zero / 0
+
+        return SimpleNamespace(**{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")})
 
     @cached_property
     def _lowest(self) -> int:
@@ -180,11 +192,7 @@ class Precision:
 
         if self.kind == "double":
             return numpy.linalg.solve(matrix, right)
-        ctx = self.context
-        solution = ctx.lu_solve(
-            ctx.matrix([[self.mpf(entry) for entry in row] for row in matrix]),
-            ctx.matrix([self.mpf(entry) for entry in right]),
-        )
+        solution = self.context.lu_solve(self._matrix(matrix), self._matrix([[entry] for entry in right]))
         return numpy.array([self.number(entry) for entry in solution], dtype=self._element)
 
     def eigenvalues(self, matrix: Any) -> list[Any]:
@@ -194,8 +202,10 @@ class Precision:
         if self.kind == "double":
             return [complex(value) for value in numpy.linalg.eigvals(matrix)]
         ctx = self.context
-        entries = ctx.matrix([[self.mpf(entry) for entry in row] for row in matrix])
-        return [ctx.mpc(value) for value in ctx.eig(entries, left=False, right=False)]
+        return [ctx.mpc(value) for value in ctx.eig(self._matrix(matrix), left=False, right=False)]
+
+    def _matrix(self, rows: Any) -> Any:
+        return self.context.matrix([[self.mpf(entry) for entry in row] for row in rows])
 
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
         size = mantissa.bit_length() + exponent
@@ -216,30 +226,6 @@ class Precision:
         rest = exponent % (1 << 20)
         powers = (self.type(2, self.bits) ** self.type(part, self.bits) for part in (exponent - rest, rest))
         return self.type(mantissa, self.bits) * next(powers) * next(powers)
-
-
-class _MpfrFunctions:
-    """Functions of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
-
-    What is no finite real number, given or found, becomes NaN.
-    """
-
-    def __init__(self, precision: Precision) -> None:
-        for name in ("sin", "cos", "exp", "log", "sqrt"):
-            setattr(self, name, self._function(precision, name))
-
-    @staticmethod
-    def _function(precision: Precision, name: str) -> Any:
-        def applied(value: Any) -> Any:
-            zero = value - value
-            if zero == 0:
-                ctx = precision.context
-                result = getattr(ctx, name)(precision.mpf(value))
-                if isinstance(result, ctx.mpf) and ctx.isfinite(result):
-                    return precision.number(result)
-            return zero / 0
-
-        return applied
 
 
 DOUBLE = Precision("double", 53)
