@@ -13,7 +13,7 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Status
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
 from tippedisk_verify.theory.slow_manifold import symbolic_surface
 
@@ -42,22 +42,15 @@ class ReducedFlow:
         self, parameters: Parameters, omega: float, start: tuple[float, float], duration: float, times: Any = None
     ) -> tuple[Status, Any, Any]:
         """(status, final (beta, gamma), samples (n, 2) at ``times`` or None), from (beta, gamma) at time 0."""
-        with self._lock:
-            return self._run(parameters.at(DOUBLE), omega, start, float(duration), times)
-
-    def _run(
-        self, constants: Constants, omega: float, start: tuple[float, float], duration: float, times: Any
-    ) -> tuple[Status, Any, Any]:
-        stepper = self._stepper
+        constants, stepper = parameters.at(DOUBLE), self._stepper
         values = (omega, *(getattr(constants, name) for name in self._names[1:]))
-        stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
-        stepper.time = 0.0
-        stepper.state[:] = start
-        samples = None
-        if times is None:
-            outcome = stepper.propagate_until(duration)[0]
-        else:
-            outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
-            samples = samples[1:]
-        status = Status.REACHED if outcome == self._reached else Status.FAILED
-        return status, stepper.state.copy(), samples
+        with self._lock:
+            stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
+            stepper.time, stepper.state[:] = 0.0, start
+            if times is None:
+                outcome, samples = stepper.propagate_until(float(duration))[0], None
+            else:
+                outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
+                samples = samples[1:]
+            status = Status.REACHED if outcome == self._reached else Status.FAILED
+            return status, stepper.state.copy(), samples
