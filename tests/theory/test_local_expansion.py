@@ -15,9 +15,10 @@ from hypothesis import given
 from tests.problems import physical_parameters
 from tippedisk_verify.model.equations import friction_force, terms
 from tippedisk_verify.theory import harmonic_balance
+from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.expansion import derived, printed
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
-from tippedisk_verify.theory.hopf import criticality_margin, omega_crit_squared
+from tippedisk_verify.theory.hopf import omega_crit_squared
 
 x, y, v, order = sp.symbols("x y v order")
 r, e, m, g, A, Bbar, mu, epsilon, Omega, w, C, theta = sp.symbols(
@@ -124,9 +125,10 @@ def test_one_harmonic_law_solves_its_balances_to_fourth_order(form, parameters) 
 
     With the kappa_1 that the form's chi comes from, which for both is the derived one.
     """
-    if abs(criticality_margin(parameters)) < parameters.A * parameters.r / 100:
+    quadratic = amplitude_law(parameters).quadratic
+    if abs(quadratic) < Fraction(1, 1000):
         return
-    sign = 1 if criticality_margin(parameters) > 0 else -1
+    sign = 1 if quadratic < 0 else -1
     crit = omega_crit_squared(parameters)
     logs = []
     with mpmath.workdps(80):

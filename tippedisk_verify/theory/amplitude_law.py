@@ -42,7 +42,7 @@ def friction_ratio_squared(parameters: Parameters) -> Fraction:
 
 
 def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
-    """c_1 = -(Omega_crit / 8) delta, where delta is `hopf.criticality_margin` over r Bbar; c_2 as below."""
+    """c_1 = -(Omega_crit / 8) delta, where delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)); c_2 as below."""
     p = parameters
     W, alpha, mass = frequency_ratio_squared(p), p.A / p.Bbar, p.m * (p.r + p.e) ** 2 / p.Bbar
     lift = alpha * (1 - 3 * W) / (1 - W)

@@ -77,10 +77,7 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
 
 
 def _condition(parameters: Parameters, name: str) -> list[Fraction]:
-    """2 A (r + e) (r - 2 e) - Bbar r (2 r - e), `hopf.criticality_margin` times 2 (r + e), as a polynomial in ``name``.
-
-    Coefficients ascend.
-    """
+    """2 A (r + e) (r - 2 e) - Bbar r (2 r - e) as a polynomial in ``name``; coefficients ascend."""
     p = parameters
     r, e, m, A, B = p.r, p.e, p.m, p.A, p.B
     with_A, with_Bbar = 2 * (r + e) * (r - 2 * e), r * (2 * r - e)

@@ -25,7 +25,6 @@ __all__ = [
     "HopfPoint",
     "critical_frequency_squared",
     "criticality",
-    "criticality_margin",
     "hopf_point",
     "normal_form",
     "omega_crit",
@@ -76,21 +75,16 @@ def critical_frequency_squared(parameters: Parameters) -> Fraction:
     return frequency_ratio_squared(parameters) * omega_crit_squared(parameters)
 
 
-def criticality_margin(parameters: Parameters) -> Fraction:
-    """A (r - 2 e) - Bbar r (2 r - e) / (2 (r + e)) [kg m^3]: positive where the Hopf point is supercritical.
-
-    Equal to (chi Omega^2 + m g e (r + e)) / Omega^2 at Omega_crit with the consistent chi; friction does not enter.
-    """
-    p = parameters
-    return p.A * (p.r - 2 * p.e) - p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e))
-
-
 def criticality(parameters: Parameters) -> Criticality:
-    """On which side of Omega_crit the cycles are, by the exact sign of `criticality_margin`."""
-    margin = criticality_margin(parameters)
-    if not margin:
+    """On which side of Omega_crit the cycles are, by the exact sign of c_1; friction does not enter.
+
+    Supercritical where A (r - 2 e) > Bbar r (2 r - e) / (2 (r + e)): equal to chi Omega_crit^2 + m g e (r + e) > 0 with
+    the consistent chi.
+    """
+    quadratic = amplitude_law(parameters).quadratic
+    if not quadratic:
         return "degenerate"
-    return "supercritical" if margin > 0 else "subcritical"
+    return "supercritical" if quadratic < 0 else "subcritical"
 
 
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:

@@ -213,10 +213,6 @@ class ReducedEquilibrium(NamedTuple):
     trace: Any  #: dh/d(beta) [1/s]
     determinant: Any  #: -Omega dh/d(gamma) [1/s^2]
 
-    def eigenvalues(self, ctx: Any) -> tuple[Any, Any]:
-        root = ctx.sqrt(ctx.mpc(self.trace**2 / 4 - self.determinant))
-        return self.trace / 2 + root, self.trace / 2 - root
-
 
 def reduced_equilibrium(
     parameters: Parameters, omega: Any, name: EquilibriumName, order: int, working_bits: int = 120
