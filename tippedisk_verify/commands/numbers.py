@@ -92,7 +92,6 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
     """Orders of the slow manifold, their residuals, and the reduced flow."""
     from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
-    common.parameters.refuse_smooth("the slow manifold's expansion is")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
     result = analyse_slow_manifold(common.parameters, omega_value, order, common.digits, at=(beta, gamma))
     print_result(common, result.to_dict())
