@@ -385,7 +385,7 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.one_harmonic(SMOOTH, "30.4"),
         lambda: harmonic_balance.slopes(SMOOTH),
         lambda: tv.balanced_cycle(SMOOTH, "30.4"),
-        lambda: tv.study(SMOOTH, "30.4", 1),
+        lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
         lambda: tv.limit_speed(SMOOTH),
         lambda: tv.limit_period(SMOOTH, 1),

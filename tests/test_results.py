@@ -39,7 +39,7 @@ RESULTS = {
     "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),
     "one harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "balanced cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
-    "slow manifold": lambda: tv.study(DISK, "30.4", 1),
+    "slow manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 1),
     "scene": lambda: tv.scene_named("a"),
     "audit": lambda: tv.Audit(DISK, tv.Taylor()),
 }

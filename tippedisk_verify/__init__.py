@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
     from tippedisk_verify.theory.melnikov import limit_period, limit_speed
-    from tippedisk_verify.theory.slow_manifold import study
+    from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
 _HOMES = {
     "disk": ("Disk",),
@@ -101,7 +101,7 @@ _HOMES = {
     "theory.harmonic_balance": ("one_harmonic",),
     "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
-    "theory.slow_manifold": ("study",),
+    "theory.slow_manifold_analysis": ("analyse_slow_manifold",),
     "cycles.spectral_balance": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
@@ -132,6 +132,7 @@ __all__ = [
     "Status",
     "Taylor",
     "Verdict",
+    "analyse_slow_manifold",
     "balanced_cycle",
     "basins",
     "bisect_omega_h",
@@ -152,7 +153,6 @@ __all__ = [
     "reference",
     "references",
     "scene_named",
-    "study",
 ]
 
 

@@ -37,6 +37,7 @@ from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.melnikov import limit_period, limit_speed
+from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
 __all__ = ["KINDS", "kind_named"]
 
@@ -112,11 +113,12 @@ def slow_manifold_series(draw: Draw) -> Question:
     omega = draw.told(decimal(float(omega_crit(disk)) * draw.uniform(0.5, 1.5)))
 
     def ask() -> Any:
-        found = slow_manifold.study(disk, omega, order)
+        found = analyse_slow_manifold(disk, omega, order)
         return vars(found) | {"right order": True, "place": (found.beta, found.gamma)}
 
     def truth(found: Any) -> Any:
-        ctx, constants, speed = slow_manifold._numbers(disk, omega, 400)
+        ctx = bits(400).context
+        constants, speed = disk.within(ctx), quotient(ctx, omega)
         where = (found["place"], *slow_manifold.POINTS)
         place, *points = [[quotient(ctx, part) for part in point] for point in where]
         rows = [slow_manifold.invariance_residuals(ctx, constants, speed, *point, order) for point in points]

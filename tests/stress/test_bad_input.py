@@ -289,7 +289,8 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     (COUNTS, [
         lambda n: tv.omega_crit(tv.PRINTED, n), lambda n: tv.period_crit(tv.PRINTED, n),
         lambda n: tv.hopf_point(tv.PRINTED, n), lambda n: tv.equilibrium(tv.PRINTED, "30.4", "inverted", n),
-        lambda n: tv.one_harmonic(tv.PRINTED, "30.4", digits=n), lambda n: tv.study(tv.PRINTED, "30.4", 1, n),
+        lambda n: tv.one_harmonic(tv.PRINTED, "30.4", digits=n),
+        lambda n: tv.analyse_slow_manifold(tv.PRINTED, "30.4", 1, n),
         lambda n: tv.balanced_cycle(tv.PRINTED, "30.4", digits=n), lambda n: _integrated(digits=n),
         lambda n: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, digits=n),
         lambda n: tv.cycle_above(tv.PRINTED, "0.1", _ENGINE, digits=n), lambda n: _DISK.limit_cycle("30.4", digits=n),
@@ -297,11 +298,11 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((*COUNTS, 23, 4_000_001), [lambda n: tv.bits(n)]),
     ((*COUNTS, 201), [lambda n: tv.limit_speed(tv.PRINTED, digits=n), lambda n: tv.limit_period(tv.PRINTED, 1, n)]),
     ((*COUNTS, 1001), [lambda n: tv.heteroclinic(tv.PRINTED, _ENGINE, digits=n)]),
-    ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: tv.study(tv.PRINTED, "30.4", n)]),
+    ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: tv.analyse_slow_manifold(tv.PRINTED, "30.4", n)]),
     ((0, -1, 1025, 10**400), [lambda n: tv.balanced_cycle(tv.PRINTED, "30.4", harmonics=n)]),
     (SPEEDS, [
         lambda x: tv.equilibrium(tv.PRINTED, x, "inverted"), lambda x: tv.one_harmonic(tv.PRINTED, x),
-        lambda x: tv.study(tv.PRINTED, x, 1), lambda x: tv.balanced_cycle(tv.PRINTED, x),
+        lambda x: tv.analyse_slow_manifold(tv.PRINTED, x, 1), lambda x: tv.balanced_cycle(tv.PRINTED, x),
         lambda x: tv.limit_cycle(tv.PRINTED, x, _ENGINE), lambda x: _DISK.limit_cycle(x),
         lambda x: _DISK.branch(["30.4", x]), lambda x: tv.basins(tv.PRINTED, x, count=4, duration=5.0),
     ]),

@@ -17,7 +17,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.hopf import critical_frequency_squared, hopf_point, omega_crit
+from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit
 
 
 @settings(max_examples=25)
@@ -29,17 +29,6 @@ def test_it_follows_from_the_full_equations(parameters: Parameters) -> None:
         for mine, derived in zip(law, formal_cycles(parameters).amplitude_law(), strict=True):
             # 70 digits; large friction and small differences of inertias cost some twenty of them.
             assert abs(derived - quotient(mpmath.mp, mine) * speed) < mpmath.mpf(10) ** -45 * (abs(derived) + speed)
-
-
-@given(parameters=physical_parameters())
-def test_its_first_order_is_that_of_the_normal_form(parameters: Parameters) -> None:
-    """gamma_bar' = Omega beta_bar to leading order: beta_max^2 = W a^2, where W = (omega / Omega_crit)^2."""
-    point = hopf_point(parameters, 20)
-    if point.amplitude_squared_slope is None:
-        return
-    ratio = parameters.e / (parameters.r + parameters.e)
-    product = point.amplitude_squared_slope * point.quadratic_coefficient
-    assert product.holds(-ratio)
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from fractions import Fraction
+from itertools import combinations
 
-import mpmath
 import numpy
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.problems import SETS, decimals, physical_parameters
+from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction
@@ -49,29 +51,6 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
             assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
 
 
-@pytest.mark.parametrize("digits", [12, 50, 200])
-@given(parameters=physical_parameters(), omega=decimals("1", "60"))
-def test_eigenvalues_solve_the_characteristic_polynomial(digits, parameters, omega) -> None:
-    """Residual, trace and determinant, relative to the sum of the terms' absolute values."""
-    found = equilibrium(parameters, omega, "inverted", digits)
-    coefficients = [Fraction(part) for part in characteristic_polynomial(linearization(parameters, omega))]
-    roots = [(value.re.value, value.im.value) for value in found.eigenvalues]
-    unit = Fraction(1, 10**digits)
-    for re, im in roots:
-        powers = [(Fraction(1), Fraction(0))]
-        for _ in range(3):
-            last = powers[-1]
-            powers.append((last[0] * re - last[1] * im, last[0] * im + last[1] * re))
-        powers.reverse()
-        real = sum(c * p[0] for c, p in zip(coefficients, powers, strict=True))
-        imaginary = sum(c * p[1] for c, p in zip(coefficients, powers, strict=True))
-        size = sum(abs(c) * (abs(p[0]) + abs(p[1])) for c, p in zip(coefficients, powers, strict=True))
-        # Each root is off by less than a unit of its last digit, which changes each power by at most three units.
-        assert abs(real) + abs(imaginary) <= 4 * unit * size
-    width = sum(value.re.uncertainty for value in found.eigenvalues)
-    assert abs(sum(re for re, _ in roots) + coefficients[1]) <= width
-
-
 @given(parameters=physical_parameters(), omega=decimals("1", "60"))
 def test_half_widths_hold_and_stability_matches(parameters, omega) -> None:
     for name in ("inverted", "noninverted"):
@@ -99,21 +78,6 @@ def test_against_numpy_in_double() -> None:
         mine = [complex(v.re, v.im) for v in equilibrium(parameters, "30.4", "inverted").eigenvalues]
         # LAPACK's backward error is a few ulps of the norm, about 4e3 here; the eigenvalues are well separated.
         assert numpy.allclose(theirs, mine, rtol=0, atol=4e3 * 16 * 2.0**-52)
-
-
-def test_the_order_of_coefficients_in_mpmath_does_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its functions of polynomials take the highest power first, or last, by version: reversed ones change nothing."""
-    right = equilibrium(PRINTED, "30.4", "noninverted", 30).to_dict()
-    roots, value = mpmath.MPContext.polyroots, mpmath.MPContext.polyval
-
-    def reversed_roots(ctx, coefficients, **options):
-        with monkeypatch.context() as within:
-            within.setattr(mpmath.MPContext, "polyval", value)
-            return roots(ctx, coefficients[::-1], **options)
-
-    monkeypatch.setattr(mpmath.MPContext, "polyroots", reversed_roots)
-    monkeypatch.setattr(mpmath.MPContext, "polyval", lambda ctx, c, x, **more: value(ctx, c[::-1], x, **more))
-    assert equilibrium(PRINTED, "30.4", "noninverted", 30).to_dict() == right
 
 
 @pytest.mark.parametrize(
@@ -157,6 +121,9 @@ def test_eigenvalues_of_any_size_are_found(matrix) -> None:
         product = (product[0] * re - product[1] * im, product[0] * im + product[1] * re)
     # Each centre is off by less than 1e-40 of its size: three of them, and next to nothing from their products.
     assert max(abs(product[0] + a0), abs(product[1])) <= 4 * Fraction(1, 10**40) * abs(a0)
+    pairs = [(one[0] * other[0] - one[1] * other[1]) for one, other in combinations(discs, 2)]
+    size = sum((abs(one[0]) + abs(one[1])) * (abs(other[0]) + abs(other[1])) for one, other in combinations(discs, 2))
+    assert abs(sum(pairs) - a1) <= 4 * Fraction(1, 10**40) * size
 
 
 def test_eigenvectors_of_the_saddle() -> None:
@@ -180,3 +147,11 @@ def test_bad_speeds_are_refused(omega) -> None:
 def test_unknown_equilibrium() -> None:
     with pytest.raises(InputError):
         location("sideways")  # type: ignore[arg-type]
+
+
+def test_equilibria_command(capsys) -> None:
+    assert main(["equilibria", "--omega", "31.5", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["inverted"]["stable"] is True
+    assert result["noninverted"]["stable"] is False
+    assert set(result["inverted"]["eigenvalues"][0]) == {"re", "im"}

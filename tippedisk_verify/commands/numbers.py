@@ -90,11 +90,11 @@ def hopf(common: Common, bautin: str | None) -> int:
 @common_options
 def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> int:
     """Orders of the slow manifold, their residuals, and the reduced flow."""
-    from tippedisk_verify.theory.slow_manifold import study
+    from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
-    common.parameters.refuse_smooth("the slow manifold's expansion is")
     omega_value = speed(common, omega, None if omega is not None else "0.5")
-    print_result(common, study(common.parameters, omega_value, order, common.digits, at=(beta, gamma)).to_dict())
+    result = analyse_slow_manifold(common.parameters, omega_value, order, common.digits, at=(beta, gamma))
+    print_result(common, result.to_dict())
     return 0
 
 

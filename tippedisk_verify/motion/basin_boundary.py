@@ -31,6 +31,7 @@ _FEWEST_TURNS, _MOST_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
 _DIFFERENCES = 4  # of roots after different numbers of turns, for a half-width: as for cycles, see `error_budget`
 _BESIDE = 1e-6  # rad; a root after another number of turns is looked for so close to the first one
+_FARTHEST = math.pi  # rad; stands for an infinite distance from the sheet
 _ROUNDINGS = Fraction(1, 10**14)  # rad; what the last bits of the start and of pi do
 _TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 _UPRIGHT = Event("upright", SECTION.function)
@@ -64,8 +65,8 @@ class BasinBoundary(Printable):
         if not abs(v) <= SPEEDS_OF_STATES:
             raise InputError(f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}")
         lower, upper = self.sheets(gamma, v)
-        here = Measured(Fraction(beta), Fraction(0))
-        return min(here - lower, upper - here, key=lambda margin: margin.value)
+        lean = Measured(Fraction(beta), Fraction(0))
+        return min(lean - lower, upper - lean, key=lambda margin: margin.value)
 
     def sheets(self, gamma: float, v: float) -> tuple[Measured, Measured]:
         """beta on both sheets at (gamma, v); 0 or pi with a sheet that is beyond the disk's lying flat."""
@@ -80,21 +81,15 @@ class BasinBoundary(Printable):
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
-        """Where `_beyond` changes its sign, by bisection until it is finite and then by Brent's method."""
+        """Where `_beyond` changes its sign, as it does between the ends of the interval (0, pi)."""
         from scipy.optimize import brentq
 
-        low, high = between
-        at_low, at_high = -math.inf, math.inf
-        while math.isinf(at_low) or math.isinf(at_high):
-            middle = (low + high) / 2
-            if middle in (low, high):
-                return middle
-            beyond = self._beyond((middle, gamma, v), turns)
-            if beyond > 0:
-                high, at_high = middle, beyond
-            else:
-                low, at_low = middle, beyond
-        return float(brentq(lambda beta: self._beyond((beta, gamma, v), turns), low, high, xtol=1e-15, rtol=1e-15))
+        def beyond(beta: float) -> float:
+            if beta in between:
+                return -_FARTHEST if beta == between[0] else _FARTHEST
+            return min(max(self._beyond((beta, gamma, v), turns), -_FARTHEST), _FARTHEST)
+
+        return float(brentq(beyond, *between, xtol=1e-15, rtol=1e-15))
 
     def _beyond(self, state: tuple[float, float, float], turns: int) -> float:
         """How far the orbit from a state is beyond the sheet of larger beta, after so many turns [rad].

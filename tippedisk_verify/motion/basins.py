@@ -8,10 +8,11 @@ the others end on follows from |gamma - pi/2|, within their well, at the crossin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, as_completed
+from collections import defaultdict
+from collections.abc import Callable
+from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -29,6 +30,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.motion.scenes import from_inverted
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
 __all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes"]
@@ -96,8 +98,8 @@ def basins(
 
     What is undecided then runs on, up to eight times as long.
 
-    With an ``executor`` portions run on it, in any order; the result does not depend on it. Raises InputError for a
-    count, duration, seed or speed that makes no sense.
+    With an ``executor`` portions run on it; the result does not depend on it. Raises InputError for a count, duration,
+    seed or speed that makes no sense.
     """
     speed = checked_speed(omega)
     if not isinstance(count, int) or not 1 <= count <= _MOST_STATES:
@@ -122,24 +124,12 @@ def basins(
         duration=duration,
         attractors=Attractors.at(parameters, speed),
     )
-    outcome = numpy.empty(len(states), dtype=numpy.int8)
-    portions = [(first, states[first : first + _PORTION]) for first in range(0, len(states), _PORTION)]
-    for first, outcomes in _run(portions, classify, executor):
-        outcome[first : first + len(outcomes)] = outcomes
-        advance("states", len(outcomes))
-    return Basins(parameters, speed, duration, v, beta, gamma, outcome.reshape(beta.shape))
-
-
-def _run(
-    portions: list[tuple[int, Any]], classify: Callable[[Any], Any], executor: Executor | None
-) -> Iterator[tuple[int, Any]]:
-    if executor is None:
-        for first, states in portions:
-            yield first, classify(states)
-        return
-    waiting = {executor.submit(classify, states): first for first, states in portions}
-    for portion in as_completed(waiting):
-        yield waiting[portion], portion.result()
+    portions = [states[first : first + _PORTION] for first in range(0, len(states), _PORTION)]
+    outcomes = []
+    for portion in (map if executor is None else executor.map)(classify, portions):
+        outcomes.append(portion)
+        advance("states", len(portion))
+    return Basins(parameters, speed, duration, v, beta, gamma, numpy.concatenate(outcomes).reshape(beta.shape))
 
 
 @dataclass(frozen=True)
@@ -197,43 +187,43 @@ def classified_lanes(
     while elapsed < _RUN_ON * duration and len(moving):
         telling = elapsed >= until
         stretch = attractors.last if telling else min(_STRETCH, until - elapsed)
-        flown = _stretch(parameters, omega, now, stretch, telling=telling)
-        outcome[moving[flown.flat]] = _FLAT_INDEX
-        going = ~flown.flat
+        run = _run(parameters, omega, now, stretch, telling=telling)
+        outcome[moving[run.flat]] = _FLAT_INDEX
+        going = ~run.flat
         if telling:
-            for run in numpy.flatnonzero(going).tolist():
-                ending = attractors.ending(flown.amplitudes.get(run, []), flown.leans.get(run, []))
-                outcome[moving[run]] = OUTCOMES.index(ending)
-                going[run] = ending == "undecided"
-        moving, now = moving[going], flown.states[going]
+            for n in numpy.flatnonzero(going).tolist():
+                ending = attractors.ending(run.amplitudes[n], run.leans[n])
+                outcome[moving[n]] = OUTCOMES.index(ending)
+                going[n] = ending == "undecided"
+        moving, now = moving[going], run.states[going]
         elapsed += stretch
     return outcome
 
 
 @dataclass
-class _Flown:
-    """A stretch of many runs: where they are, whose disk lies flat, and what they passed on the way."""
+class _Run:
+    """A stretch of many motions: where they are, whose disk lies flat, and what they passed on the way."""
 
     states: Any
     flat: Any
-    amplitudes: dict[int, list[float]]  #: |gamma - pi/2| at beta = pi/2, by run
-    leans: dict[int, list[float]]  #: |beta - pi/2| at gamma = pi/2, by run
+    amplitudes: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))  #: |gamma - pi/2|, upright
+    leans: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))  #: |beta - pi/2| at gamma = pi/2
 
-    def passed(self, name: str, run: int, state: Any) -> None:
+    def passed(self, name: str, n: int, state: Any) -> None:
         """A crossing of one of the events."""
         if name == _FLAT.name:
-            self.flat[run] = True
+            self.flat[n] = True
         elif name == _SECTION.name:
-            self.amplitudes.setdefault(run, []).append(_amplitude(float(state[1])))
+            self.amplitudes[n].append(abs(from_inverted(float(state[1]))))
         elif math.sin(state[1]) > 0:
-            self.leans.setdefault(run, []).append(abs(float(state[0]) - math.pi / 2))
+            self.leans[n].append(abs(float(state[0]) - math.pi / 2))
 
 
-def _stretch(parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool) -> _Flown:
-    """All runs for a while, in lanes; one that its lane cannot finish by the engine that looks closer."""
+def _run(parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool) -> _Run:
+    """All motions for a while, in lanes; one that its lane cannot finish by the engine that looks closer."""
     events = (_FLAT, _SECTION, _TOP) if telling else (_FLAT,)
     count = len(now)
-    flights = default_lanes()(
+    batch = default_lanes()(
         field_constants(parameters),
         numpy.full(count, float(omega)),
         now,
@@ -241,20 +231,13 @@ def _stretch(parameters: Parameters, omega: Fraction, now: Any, duration: float,
         friction=parameters.friction,
         events=events,
     )
-    flown = _Flown(flights.states.copy(), numpy.zeros(count, dtype=bool), {}, {})
-    for name, run, _, state in flights.crossings:
-        flown.passed(name, run, state)
-    for run in numpy.flatnonzero(~flights.finished & ~flown.flat).tolist():
-        request = Request(parameters, omega, now[run].tolist(), duration, events=events[1:])
-        result = default_engine()(request)
-        flown.flat[run], flown.states[run] = result.status is not Status.REACHED, result.state
-        flown.amplitudes.pop(run, None)
-        flown.leans.pop(run, None)
+    run = _Run(batch.states.copy(), numpy.zeros(count, dtype=bool))
+    for name, n, _, state in batch.crossings:
+        run.passed(name, n, state)
+    for n in numpy.flatnonzero(~batch.finished & ~run.flat).tolist():
+        result = default_engine()(Request(parameters, omega, now[n].tolist(), duration, events=events[1:]))
+        run.flat[n], run.states[n] = result.status is not Status.REACHED, result.state
+        run.amplitudes[n], run.leans[n] = [], []
         for record in result.events:
-            flown.passed(record.name, run, record.state)
-    return flown
-
-
-def _amplitude(gamma: float) -> float:
-    """|gamma - pi/2| in the well that the state is in."""
-    return abs((gamma + math.pi / 2) % (2 * math.pi) - math.pi)
+            run.passed(record.name, n, record.state)
+    return run

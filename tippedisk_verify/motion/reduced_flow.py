@@ -13,9 +13,9 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Status
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
-from tippedisk_verify.theory.slow_manifold import symbolic_orders
+from tippedisk_verify.theory.slow_manifold import symbolic_surface
 
 __all__ = ["ReducedFlow"]
 
@@ -31,13 +31,8 @@ class ReducedFlow:
         if not 0 <= order <= 3:
             raise InputError(f"reduced flows are offered for orders 0 to 3, not {order}")
         hy = heyoka_module()
-        series, (beta, gamma), pars = symbolic_orders(order)
-        epsilon = hy.par[len(pars)]
-        total = series[-1]
-        for term in reversed(series[:-1]):
-            total = term + epsilon * total
-        self._names = tuple(pars)
-        system = [(beta, total), (gamma, -(pars["omega"] * hy.cos(beta)))]
+        surface, (beta, gamma), self._names = symbolic_surface(order)
+        system = [(beta, surface), (gamma, -(hy.par[0] * hy.cos(beta)))]
         options = {} if tolerance is None else {"tol": tolerance}
         self._lock = Lock()
         self._stepper: Any = hy.taylor_adaptive(system, [1.0, 1.0], compact_mode=True, **options)
@@ -47,22 +42,15 @@ class ReducedFlow:
         self, parameters: Parameters, omega: float, start: tuple[float, float], duration: float, times: Any = None
     ) -> tuple[Status, Any, Any]:
         """(status, final (beta, gamma), samples (n, 2) at ``times`` or None), from (beta, gamma) at time 0."""
+        constants, stepper = parameters.at(DOUBLE), self._stepper
+        values = (omega, *(getattr(constants, name) for name in self._names[1:]))
         with self._lock:
-            return self._run(parameters.at(DOUBLE), omega, start, float(duration), times)
-
-    def _run(
-        self, constants: Constants, omega: float, start: tuple[float, float], duration: float, times: Any
-    ) -> tuple[Status, Any, Any]:
-        stepper = self._stepper
-        values = (omega, *(getattr(constants, name) for name in self._names[1:]), constants.epsilon)
-        stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
-        stepper.time = 0.0
-        stepper.state[:] = start
-        samples = None
-        if times is None:
-            outcome = stepper.propagate_until(duration)[0]
-        else:
-            outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
-            samples = samples[1:]
-        status = Status.REACHED if outcome == self._reached else Status.FAILED
-        return status, stepper.state.copy(), samples
+            stepper.pars[:] = values[: len(stepper.pars)]  # low orders know fewer parameters
+            stepper.time, stepper.state[:] = 0.0, start
+            if times is None:
+                outcome, samples = stepper.propagate_until(float(duration))[0], None
+            else:
+                outcome, *_, samples = stepper.propagate_grid(numpy.concatenate(([0.0], times)))
+                samples = samples[1:]
+            status = Status.REACHED if outcome == self._reached else Status.FAILED
+            return status, stepper.state.copy(), samples

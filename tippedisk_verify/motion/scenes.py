@@ -31,6 +31,7 @@ __all__ = [
     "Orbit",
     "Panel",
     "Scene",
+    "from_inverted",
     "scene_named",
     "section_amplitudes",
     "top_leans",
@@ -263,16 +264,16 @@ def _rate(changes: list[float]) -> float:
 def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
     """When [s] beta passes pi/2 after the start, and |gamma - pi/2| [rad] there, in the well that gamma is in."""
     when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
-    return when, abs(_from_inverted(states[:, 1]))
+    return when, abs(from_inverted(states[:, 1]))
 
 
 def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
     """When [s] gamma passes pi/2 modulo 2 pi after the start, and |beta - pi/2| [rad] there."""
-    when, states = _crossings(times, result, lambda y: _from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0]))
+    when, states = _crossings(times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0]))
     return when, abs(states[:, 0] - math.pi / 2)
 
 
-def _from_inverted(gamma: Any) -> Any:
+def from_inverted(gamma: Any) -> Any:
     """gamma - pi/2 modulo 2 pi, from -pi to pi."""
     return (gamma + math.pi / 2) % (2 * math.pi) - math.pi
 

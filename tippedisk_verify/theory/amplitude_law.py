@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["AmplitudeLaw", "amplitude_law"]
+__all__ = ["AmplitudeLaw", "amplitude_law", "frequency_ratio_squared", "friction_ratio_squared"]
 
 
 class AmplitudeLaw(NamedTuple):
@@ -30,15 +30,24 @@ class AmplitudeLaw(NamedTuple):
     quartic: Fraction  #: c_2 / Omega_crit [1/rad^4]
 
 
-def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
-    """c_1 = -(Omega_crit / 8) delta, where delta is `hopf.criticality_margin` over r Bbar; c_2 as below."""
+def frequency_ratio_squared(parameters: Parameters) -> Fraction:
+    """W, exactly."""
+    return parameters.e / (parameters.r + parameters.e)
+
+
+def friction_ratio_squared(parameters: Parameters) -> Fraction:
+    """f^2, exactly."""
     c = parameters.rational()
-    reach = c.r + c.e
-    W, alpha, mass = c.e / reach, c.A / c.Bbar, c.m * reach**2 / c.Bbar
-    friction = c.k**2 * reach**2 * c.r / (c.b * c.g)  # f^2
+    return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
+
+
+def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
+    """c_1 = -(Omega_crit / 8) delta, where delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)); c_2 as below."""
+    p = parameters
+    W, alpha, mass = frequency_ratio_squared(p), p.A / p.Bbar, p.m * (p.r + p.e) ** 2 / p.Bbar
     lift = alpha * (1 - 3 * W) / (1 - W)
     delta = lift - 1 + 3 * W / 2
-    third = friction + 9 * W  # |A33 - 3 i omega|^2 / Omega_crit^2
+    third = friction_ratio_squared(p) + 9 * W  # |A33 - 3 i omega|^2 / Omega_crit^2
     quartic = (
         3 * lift**2 / 128
         - alpha * (19 - 54 * W + 39 * W**2) / (768 * (1 - W))

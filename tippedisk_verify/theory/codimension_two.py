@@ -26,7 +26,7 @@ from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digi
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.equilibria import EquilibriumName, linearization, location
-from tippedisk_verify.theory.hopf import normal_form
+from tippedisk_verify.theory.hopf import NORMAL_FORM_ULPS, normal_form
 
 __all__ = ["BAUTIN_PARAMETERS", "BautinPoint", "bautin_points", "kind_changes"]
 
@@ -62,9 +62,9 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
     parameters.refuse_smooth("the Bautin point is")
     checked_digits(digits)
     if name not in BAUTIN_PARAMETERS:
-        known = "does not enter l_1 = 0" if name in SYMBOLS else "is not known"
+        fault = "does not enter l_1 = 0" if name in SYMBOLS else "is not known"
         raise InputError(
-            f"parameter '{shown(name)}' {known}: the Bautin point is found in {', '.join(BAUTIN_PARAMETERS)}"
+            f"parameter '{shown(name)}' {fault}: the Bautin point is found in {', '.join(BAUTIN_PARAMETERS)}"
         )
     condition = _condition(parameters, name)
     points = []
@@ -77,10 +77,7 @@ def bautin_points(parameters: Parameters, name: str, digits: int = 12) -> tuple[
 
 
 def _condition(parameters: Parameters, name: str) -> list[Fraction]:
-    """2 A (r + e) (r - 2 e) - Bbar r (2 r - e), `hopf.criticality_margin` times 2 (r + e), as a polynomial in ``name``.
-
-    Coefficients ascend.
-    """
+    """2 A (r + e) (r - 2 e) - Bbar r (2 r - e) as a polynomial in ``name``; coefficients ascend."""
     p = parameters
     r, e, m, A, B = p.r, p.e, p.m, p.A, p.B
     with_A, with_Bbar = 2 * (r + e) * (r - 2 * e), r * (2 * r - e)
@@ -101,17 +98,17 @@ def _admitted(parameters: Parameters, name: str, value: Fraction) -> Parameters 
 
 
 def _point(name: str, value: Measured, ends: list[tuple[Any, Fraction]], digits: int) -> BautinPoint:
-    working = bits_for_digits(digits + _GUARD)
-    rough, sharp = (_numbers(*ends[0], width) for width in (working, working + 66))
-    beside = _numbers(*ends[1], working + 66)  # an end is at most as far from the root as from the other end
+    working = bits_for_digits(digits + _GUARD + 2)  # as many for the ulps
+    # One end is at most as far from the root as from the other end.
+    at_low, at_high = (_numbers(disk, slope, working) for disk, slope in ends)
+    rounding = NORMAL_FORM_ULPS * fraction(bits(working).context.eps)
     measured = {"value": value}
-    for part, number in rough.items():
-        rounded = Measured.compared(number, sharp[part], Fraction(1, 2 ** (working - 1)))
-        away = Measured.compared(sharp[part], beside[part], Fraction(0))
-        measured[part] = Measured(rounded.value, rounded.uncertainty + away.uncertainty)
-    for part, known in measured.items():
-        if known.uncertainty * 10**digits > abs(known.value):
-            raise Shortfall(f"{part} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation")
+    for quantity, number in at_low.items():
+        low, high = fraction(number), fraction(at_high[quantity])
+        measured[quantity] = Measured(low, abs(high - low) + abs(low) * rounding)
+    for quantity, number in measured.items():
+        if number.uncertainty * 10**digits > abs(number.value):
+            raise Shortfall(f"{quantity} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation")
     return BautinPoint(parameter=name, parameters=ends[0][0], **measured)
 
 
@@ -125,7 +122,7 @@ def _numbers(disk: Parameters, slope: Fraction, working: int) -> dict[str, Any]:
     numbers = normal_form(disk, working, degenerate=True)
     speed = numbers["omega_crit"]
     return {
-        **{part: numbers[part] for part in ("omega_crit", "period", "second_lyapunov_coefficient")},
+        **{name: numbers[name] for name in ("omega_crit", "period", "second_lyapunov_coefficient")},
         "quartic_coefficient": speed * quotient(ctx, quartic),
         "quadratic_coefficient_slope": speed * quotient(ctx, steep),
         "fold_amplitude_slope": quotient(ctx, -steep / (2 * quartic)),
@@ -172,11 +169,11 @@ def _roots(polynomial: list[Fraction], top: Fraction, digits: int) -> list[tuple
         return [(root, root)] if 0 < root <= top else []
     # Between the roots of the derivative the polynomial is monotonic.
     turns = _roots(_derivative(polynomial), top, digits)
-    found = [turn for turn in turns if not _at(polynomial, turn[0])]
+    roots = [turn for turn in turns if not _at(polynomial, turn[0])]
     for low, high in pairwise([Fraction(0), *(end for turn in turns for end in turn), top]):
         if _at(polynomial, low) * _at(polynomial, high) < 0:
-            found.append(_bisected(polynomial, low, high, digits))
-    return sorted(found)
+            roots.append(_bisected(polynomial, low, high, digits))
+    return sorted(roots)
 
 
 def _bisected(polynomial: list[Fraction], low: Fraction, high: Fraction, digits: int) -> tuple[Fraction, Fraction]:
@@ -186,8 +183,8 @@ def _bisected(polynomial: list[Fraction], low: Fraction, high: Fraction, digits:
         if (high - low) * 2**20 < low and _at(slope, middle):  # Newton's step squares the share; signs decide
             reach = max((high - low) ** 2 * 2**8 / low, low / 10**digits / 16)
             unit = 10 ** max(0, 3 - decimal_magnitude(reach))
-            near = Fraction(round((middle - _at(polynomial, middle) / _at(slope, middle)) * unit), unit)
-            below, above = near - reach, near + reach
+            guess = Fraction(round((middle - _at(polynomial, middle) / _at(slope, middle)) * unit), unit)
+            below, above = guess - reach, guess + reach
             if low < below and above < high and _at(polynomial, below) * _at(polynomial, above) < 0:
                 low, high = (Fraction(round(end * unit), unit) for end in (below - reach, above + reach))
                 continue
@@ -200,11 +197,11 @@ def _bisected(polynomial: list[Fraction], low: Fraction, high: Fraction, digits:
 
 
 def _derivative(polynomial: list[Fraction]) -> list[Fraction]:
-    return [n * part for n, part in enumerate(polynomial)][1:]
+    return [n * coefficient for n, coefficient in enumerate(polynomial)][1:]
 
 
-def _at(polynomial: list[Fraction], place: Fraction) -> Fraction:
+def _at(polynomial: list[Fraction], x: Fraction) -> Fraction:
     total = Fraction(0)
-    for part in reversed(polynomial):
-        total = total * place + part
+    for coefficient in reversed(polynomial):
+        total = total * x + coefficient
     return total

@@ -27,7 +27,6 @@ __all__ = [
     "EquilibriumName",
     "Linearization",
     "characteristic_polynomial",
-    "discriminant",
     "eigenvalue_discs",
     "equilibrium",
     "is_stable",
@@ -109,12 +108,6 @@ def is_stable(matrix: Linearization) -> bool:
     """Routh-Hurwitz for the cubic: a2 > 0, a0 > 0 and a2 a1 > a0. Exact for exact entries."""
     _, a2, a1, a0 = characteristic_polynomial(matrix)
     return bool(a2 > 0 and a0 > 0 and a2 * a1 > a0)
-
-
-def discriminant(matrix: Linearization) -> Any:
-    """Of the characteristic polynomial [1/s^6]: positive where all eigenvalues are real, negative where two are not."""
-    _, a2, a1, a0 = characteristic_polynomial(matrix)
-    return 18 * a2 * a1 * a0 - 4 * a2**3 * a0 + a2**2 * a1**2 - 4 * a1**3 - 27 * a0**2
 
 
 def saddle_value_sign(parameters: Parameters, omega: object) -> int:

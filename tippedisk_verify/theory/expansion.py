@@ -6,10 +6,9 @@ are no terms of even order, by the point symmetry. Arguments may be numbers of a
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import Any, NamedTuple
 
-__all__ = ["Expansion", "cubic_acceleration", "derived", "printed"]
+__all__ = ["Expansion", "derived", "printed"]
 
 #: Coefficient of beta_bar^i gamma_bar^j v^k by (i, j, k).
 Coefficients = dict[tuple[int, int, int], Any]
@@ -78,20 +77,3 @@ def printed(constants: Any, omega: Any) -> Expansion:
         gravity={(1, 0, 0): c.m * c.g * reach, (1, 3, 0): -c.m * c.g * e / 2, (3, 0, 0): -c.m * c.g * reach / 6},
         friction={powers: -c.mu * c.m * c.g / c.epsilon * value for powers, value in bracket.items()},
     )
-
-
-def cubic_acceleration(expansion: Expansion) -> Coefficients:
-    """Coefficients of the third-order part of v' = (h + f_G + w_y lambda_Ty) / M."""
-    force: Coefficients = {}
-    for part in (expansion.gyroscopic, expansion.gravity, expansion.friction):
-        for powers, value in part.items():
-            force[powers] = force.get(powers, Fraction(0)) + value
-    rest = expansion.mass[0, 0, 0]
-    cubic = {powers: value / rest for powers, value in force.items() if sum(powers) == 3}
-    # 1/M = 1/M_0 - M_2/M_0^2 + ...: the quadratic part of the mass meets the linear part of the force.
-    for heavy, inertia in expansion.mass.items():
-        for powers, value in force.items():
-            if sum(heavy) == 2 and sum(powers) == 1:
-                total = (heavy[0] + powers[0], heavy[1] + powers[1], heavy[2] + powers[2])
-                cubic[total] = cubic.get(total, Fraction(0)) - inertia * value / rest**2
-    return cubic

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
@@ -20,6 +19,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.theory.amplitude_law import frequency_ratio_squared
 from tippedisk_verify.theory.hopf import omega_crit_squared
 
 __all__ = [
@@ -129,20 +129,15 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     checked_digits(digits)
-    denominator = amplitude_denominator(parameters.rational(), omega**2, form)
-    if not denominator:
+    if not amplitude_denominator(parameters.rational(), omega**2, form):
         raise Shortfall(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square = amplitude_squared(parameters.rational(), omega**2, form)
-    ratio = parameters.e / (parameters.r + parameters.e)
-    frequency_squared = omega**2 * ratio + delta(parameters, omega, form) * square
+    frequency_squared = omega**2 * frequency_ratio_squared(parameters) + delta(parameters, omega, form) * square
     if square < 0 or frequency_squared <= 0:
         raise Shortfall(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
     ctx = bits(bits_for_digits(digits + 5)).context
 
-    def root(value: Any, factor: Any = 1) -> Any:
-        return factor * ctx.sqrt(quotient(ctx, value))
-
-    amplitude, frequency = root(square), root(frequency_squared)
+    amplitude, frequency = (ctx.sqrt(quotient(ctx, value)) for value in (square, frequency_squared))
     period = 2 * ctx.pi / frequency
     # The squares are exact; at most five rounded operations follow.
     return OneHarmonic(*(Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, frequency, period)))
@@ -151,28 +146,20 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
 def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
     """The law's slopes at the Hopf point: C^2 and T - T_crit per unit of Omega_crit - Omega [rad s, s^2/rad].
 
-    Raises Shortfall where the amplitude law's denominator vanishes at Omega_crit.
+    Raises InputError for a form or digits that are not offered, and Shortfall where the amplitude law's denominator
+    vanishes at Omega_crit.
     """
     parameters.refuse_smooth("harmonic balance is")
-    form = _checked_form(form)
-    working = bits_for_digits(digits + 15)
-    rough, sharp = _slopes(parameters, form, working), _slopes(parameters, form, working + 66)
-    amplitude, period = (
-        Measured.compared(value, better, Fraction(1, 2 ** (working - 1)))
-        for value, better in zip(rough, sharp, strict=True)
-    )
-    return amplitude, period
-
-
-def _slopes(parameters: Parameters, form: Form, working_bits: int) -> tuple[Any, Any]:
-    ctx = bits(working_bits).context
-    c = parameters.within(ctx)
-    square = omega_crit_squared(parameters)
-    crit = ctx.sqrt(quotient(ctx, square))
-    r, e, reach = c.r, c.e, c.r + c.e
-    denominator = chi(c, form) * crit**2 + c.m * c.g * e * reach
-    if abs(denominator) < 1000 * ctx.eps * c.m * c.g * e * reach:
+    form, square, ratio = _checked_form(form), omega_crit_squared(parameters), frequency_ratio_squared(parameters)
+    denominator = amplitude_denominator(parameters.rational(), square, form)
+    if not denominator:
         raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
-    amplitude = 4 * e / reach * 2 * c.Bbar * r * crit / denominator
-    frequency = crit * ctx.sqrt(e / reach)
-    return amplitude, ctx.pi / frequency**3 * (2 * crit * e / reach - delta(c, crit, form) * amplitude)
+    ctx = bits(bits_for_digits(checked_digits(digits) + 17)).context
+    growth = 8 * ratio * parameters.Bbar * parameters.r / denominator  # d(C^2)/d(-Omega) / Omega_crit
+    amplitude = quotient(ctx, growth) * ctx.sqrt(quotient(ctx, square))
+    # T = 2 pi / omega with omega^2 = W Omega^2 + delta C^2.
+    stretch = (2 - delta(parameters, 1, form) * growth * square / ratio) / square
+    period = ctx.pi * quotient(ctx, stretch) / ctx.sqrt(quotient(ctx, ratio))
+    # At most six rounded operations on exact numbers.
+    amplitude_slope, period_slope = (Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, period))
+    return amplitude_slope, period_slope

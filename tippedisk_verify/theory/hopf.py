@@ -18,14 +18,13 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.expansion import cubic_acceleration, derived
+from tippedisk_verify.theory.amplitude_law import amplitude_law, frequency_ratio_squared, friction_ratio_squared
 
 __all__ = [
+    "NORMAL_FORM_ULPS",
     "HopfPoint",
     "critical_frequency_squared",
     "criticality",
-    "criticality_margin",
     "hopf_point",
     "normal_form",
     "omega_crit",
@@ -33,10 +32,10 @@ __all__ = [
     "omega_crit_squared",
     "period_crit",
     "speed_below_crit",
-    "trilinear",
 ]
 
-_GUARDS = (15, 60, 240, 960)  # digits more than asked for, in turn
+#: Ulps of a number of `normal_form`: at most eight rounded operations, where a quotient of integers counts twice.
+NORMAL_FORM_ULPS = 16
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 
@@ -73,24 +72,19 @@ def omega_crit_squared(parameters: Parameters) -> Fraction:
 
 def critical_frequency_squared(parameters: Parameters) -> Fraction:
     """omega^2 = e Omega_crit^2 / (r + e) [rad^2/s^2] of the imaginary pair (Eq. omega_sol_C2)."""
-    return parameters.e / (parameters.r + parameters.e) * omega_crit_squared(parameters)
-
-
-def criticality_margin(parameters: Parameters) -> Fraction:
-    """A (r - 2 e) - Bbar r (2 r - e) / (2 (r + e)) [kg m^3]: positive where the Hopf point is supercritical.
-
-    Equal to (chi Omega^2 + m g e (r + e)) / Omega^2 at Omega_crit with the consistent chi; friction does not enter.
-    """
-    p = parameters
-    return p.A * (p.r - 2 * p.e) - p.Bbar * p.r * (2 * p.r - p.e) / (2 * (p.r + p.e))
+    return frequency_ratio_squared(parameters) * omega_crit_squared(parameters)
 
 
 def criticality(parameters: Parameters) -> Criticality:
-    """On which side of Omega_crit the cycles are, by the exact sign of `criticality_margin`."""
-    margin = criticality_margin(parameters)
-    if not margin:
+    """On which side of Omega_crit the cycles are, by the exact sign of c_1; friction does not enter.
+
+    Supercritical where A (r - 2 e) > Bbar r (2 r - e) / (2 (r + e)): equal to chi Omega_crit^2 + m g e (r + e) > 0 with
+    the consistent chi.
+    """
+    quadratic = amplitude_law(parameters).quadratic
+    if not quadratic:
         return "degenerate"
-    return "supercritical" if margin > 0 else "subcritical"
+    return "supercritical" if quadratic < 0 else "subcritical"
 
 
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
@@ -138,88 +132,45 @@ def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """The Hopf point to ``digits`` significant digits.
 
-    Each quantity is evaluated with 15 digits more than asked for, or with more where l_1 nearly vanishes, and again
-    with 20 more to see its error. Where l_1 = 0, the Bautin point, there is l_2 instead of the two slopes.
-    Raises InputError as `checked_digits` does, Shortfall where cancellation leaves fewer digits.
+    Where l_1 = 0, the Bautin point, there is l_2 instead of the two slopes. Raises InputError as `checked_digits` does,
+    and under the smooth law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
-    checked_digits(digits)
-    for guard in _GUARDS:
-        working = bits_for_digits(digits + guard)
-        rough, sharp = (_numbers(parameters, width) for width in (working, working + 66))
-        least = Fraction(1, 2 ** (working - 1))
-        measured = {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
-        vague = [name for name, number in measured.items() if number.uncertainty * 10**digits > abs(number.value)]
-        if not vague:
-            return HopfPoint(criticality=criticality(parameters), **measured)
-    raise Shortfall(f"{vague[0]} loses more than {_GUARDS[-1]} digits to cancellation")
-
-
-def _numbers(parameters: Parameters, working_bits: int) -> dict[str, Any]:
-    ctx, law = bits(working_bits).context, amplitude_law(parameters)
-    numbers = normal_form(parameters, working_bits, degenerate=not law.quadratic)
-    coefficients = {f"{name}_coefficient": quotient(ctx, part) for name, part in law._asdict().items()}
-    return numbers | {name: part * numbers["omega_crit"] for name, part in coefficients.items()}
+    law, working = amplitude_law(parameters), bits_for_digits(checked_digits(digits) + 17)
+    ctx = bits(working).context
+    numbers = normal_form(parameters, working, degenerate=not law.quadratic)
+    for name, coefficient in law._asdict().items():
+        numbers[f"{name}_coefficient"] = numbers["omega_crit"] * quotient(ctx, coefficient)
+    measured = {name: Measured.of(number, abs(number) * NORMAL_FORM_ULPS * ctx.eps) for name, number in numbers.items()}
+    return HopfPoint(criticality=criticality(parameters), **measured)
 
 
 def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool = False) -> dict[str, Any]:
-    """Numbers of `HopfPoint` in an arithmetic of ``working_bits``, as mpmath numbers.
+    """Numbers of `HopfPoint` as mpmath numbers of ``working_bits``, each within `NORMAL_FORM_ULPS`.
 
-    Kuznetsov, Elements of Applied Bifurcation Theory, Eq. (5.39) without its quadratic terms, which the point symmetry
-    removes: c_1 = <p, C(q, q, qbar)> / 2 and l_1 = Re c_1 / omega, with A q = i omega q, A^T p = -i omega p,
-    <q, q> = <p, q> = 1. On the centre manifold z' = lambda(Omega) z + c_1 z |z|^2 and x = z q + conj(z q), so
-    |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+    On the centre manifold x = z q + conj(z q) + ... and z' = lambda(Omega) z + c_1 z |z|^2 + c_2 z |z|^4, with A q =
+    i omega q and <q, q> = 1, so q = (i omega, Omega, -omega^2) / |...| (Kuznetsov, Elements of Applied Bifurcation
+    Theory, Sections 5.4 and 8.3). On a cycle Re lambda + Re c_1 |z|^2 = 0 to leading order, and its amplitude is
+    a = 2 |z| |q_2|: so the amplitude law gives l_1 = Re c_1 / omega. Implicit differentiation of the characteristic
+    polynomial gives d(Re lambda)/d(Omega) = -f (1 - W) / (f^2 + W), with the ratios of `amplitude_law`.
 
-    ``degenerate`` takes l_1 as zero. The next term of z' is then c_2 z |z|^4 with l_2 = Re c_2 / omega (Section 8.3),
-    and |z|^4 = -Re lambda / Re c_2 on the cycles, which gives l_2 by the amplitude law: a = 2 |z| |q_2|.
+    ``degenerate`` takes l_1 as zero. Then Re lambda + Re c_2 |z|^4 = 0 gives l_2 = Re c_2 / omega, and there are no
+    slopes.
     """
     ctx = bits(working_bits).context
-    constants = parameters.within(ctx)
-    square = omega_crit_squared(parameters)
-    speed = ctx.sqrt(quotient(ctx, square))
-    reach, ratio = constants.r + constants.e, constants.k / constants.b
-    frequency = speed * ctx.sqrt(constants.e / reach)
-    a32, a33 = -ratio * constants.e * reach * speed, -ratio * reach**2
-    root = ctx.mpc(0, frequency)
-    right = [root, speed, root**2]
-    size = ctx.sqrt(sum(abs(part) ** 2 for part in right))
-    right = [part / size for part in right]
-    left = [(root - a33) * root, a32, root]  # row vector with left A = i omega left; conj(p) in the formulas
-    scale = sum(a * b for a, b in zip(left, right, strict=True))
-    left = [part / scale for part in left]
-
-    def cubic(coefficients: dict[tuple[int, int, int], Any]) -> Any:
-        """C(q, q, qbar) of one component: the third derivatives applied to q, q and its conjugate."""
-        return sum(value * trilinear(powers, right, ctx) for powers, value in coefficients.items())
-
-    acceleration = cubic(cubic_acceleration(derived(constants, speed)))
-    kinematic = cubic({(3, 0, 0): -speed / 6})  # gamma_bar' = Omega sin(beta_bar)
-    coefficient = (left[1] * kinematic + left[2] * acceleration) / 2
-    # d(lambda)/d(Omega) = <p, dA/dOmega q>: dA/dOmega has the entries 1, -2 Omega and A32 / Omega.
-    drift = left[1] * right[0] + left[2] * (-2 * speed * right[0] + a32 / speed * right[1])
-    numbers = {"omega_crit": speed, "period": 2 * ctx.pi / frequency, "transversality": drift.real}
+    law, square = amplitude_law(parameters), omega_crit_squared(parameters)
+    ratio, friction_squared = frequency_ratio_squared(parameters), friction_ratio_squared(parameters)
+    speed, root, friction = (ctx.sqrt(quotient(ctx, part)) for part in (square, ratio, friction_squared))
+    drift = -friction * quotient(ctx, (1 - ratio) / (friction_squared + ratio))
+    share = 4 / (1 + ratio + ratio**2 * square)  # (2 |q_2|)^2
+    numbers = {"omega_crit": speed, "period": 2 * ctx.pi / (speed * root), "transversality": drift}
     if degenerate:
-        quartic = speed * quotient(ctx, amplitude_law(parameters).quartic)
-        second = -drift.real * quartic * (2 * abs(right[1])) ** 4 / frequency
+        second = -drift * quotient(ctx, share**2 * law.quartic) / root
         return numbers | {"first_lyapunov_coefficient": ctx.zero, "second_lyapunov_coefficient": second}
-    growth = drift.real / coefficient.real  # |z|^2 per unit of Omega_crit - Omega
     return numbers | {
-        "first_lyapunov_coefficient": coefficient.real / frequency,
-        "amplitude_squared_slope": 4 * abs(right[0]) ** 2 * growth,
-        "period_slope": -2 * ctx.pi / frequency**2 * (coefficient.imag * growth - drift.imag),
+        "first_lyapunov_coefficient": -drift * quotient(ctx, share * law.quadratic) / root,
+        # beta_bar' = v and gamma_bar' = Omega beta_bar: beta_max^2 = W a^2.
+        "amplitude_squared_slope": -quotient(ctx, ratio / law.quadratic) / speed,
+        # (2 pi / T)^2 = W Omega^2 (1 - (1 - W) a^2 / 8 + O(a^4)).
+        "period_slope": ctx.pi * quotient(ctx, (2 - (1 - ratio) / (8 * law.quadratic)) / square) / root,
     }
-
-
-def trilinear(powers: tuple[int, int, int], q: list[Any], ctx: Any) -> Any:
-    """The symmetric trilinear form of the monomial x^i y^j z^k (times 3!) at (q, q, conj q).
-
-    Six orderings of three factors: each factor in turn takes the conjugate, twice.
-    """
-    factors = [index for index, power in enumerate(powers) for _ in range(power)]
-    total = ctx.mpc(0)
-    for conjugated in range(3):
-        product = ctx.mpc(2)
-        for position, index in enumerate(factors):
-            product *= ctx.conj(q[index]) if position == conjugated else q[index]
-        total += product
-    return total

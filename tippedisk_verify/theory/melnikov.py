@@ -12,13 +12,14 @@ of g, so the speed follows from two quadratures. It does not depend on mu.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import exact, fraction, quotient, shown
+from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.theory.slow_manifold import first_correction
 
@@ -33,104 +34,91 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
     Without ``gamma_bar_0`` the limit of Omega_h; towards 0 it is Omega_crit. Raises InputError outside (0, pi) or
     beyond 200 digits, Shortfall if no speed makes the integral vanish.
     """
-    parameters.refuse_smooth("the Melnikov integral is")
-    _checked(digits)
-    rough, sharp = (_speed(parameters, gamma_bar_0, working) for working in _working(digits))
-    return _measured(rough, sharp, digits)
+    return _on_two_levels(parameters, gamma_bar_0, digits, _Level.speed)
 
 
 def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) -> Measured:
     """T [s] of that limit cycle, from gamma' = -Omega cos(beta) on its level. Raises as `limit_speed` does."""
+    return _on_two_levels(parameters, gamma_bar_0, digits, _Level.period)
+
+
+def _on_two_levels(
+    parameters: Parameters, gamma_bar_0: object, digits: int, function: Callable[[_Level], Any]
+) -> Measured:
+    """What a function makes of the level, in two precisions to see its error."""
     parameters.refuse_smooth("the Melnikov integral is")
-    _checked(digits)
-    periods = []
-    for working in _working(digits):
-        ctx, constants, largest = _prepared(parameters, gamma_bar_0, working)
-        omega = _speed(parameters, gamma_bar_0, working)
-
-        def slowness(x: Any, ctx: Any = ctx, constants: Constants = constants, largest: Any = largest) -> Any:
-            _, cosine, weight = _on_level(ctx, constants, largest, x)
-            return -weight / cosine
-
-        periods.append(2 * ctx.quad(slowness, [-ctx.pi / 2, 0, ctx.pi / 2]) / omega)
-    return _measured(periods[0], periods[1], digits)
-
-
-def _measured(rough: Any, sharp: Any, digits: int) -> Measured:
-    measured = Measured.compared(fraction(rough), fraction(sharp), Fraction(2) ** (1 - _working(digits)[0]))
+    if checked_digits(digits) > _MOST_DIGITS:
+        raise InputError(f"the Melnikov integral is offered to {_MOST_DIGITS} digits, not {digits}")
+    working = bits_for_digits(digits) + 40
+    rough, sharp = (function(_Level(parameters, gamma_bar_0, width)) for width in (working, working + 50))
+    measured = Measured.compared(rough, sharp, Fraction(2) ** (1 - working))
     if measured.uncertainty > abs(measured.value) / 10**digits:
         raise Shortfall("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
     return measured
 
 
-def _working(digits: int) -> tuple[int, int]:
-    """Bits to compute in, and to see the error."""
-    return bits_for_digits(digits) + 40, bits_for_digits(digits) + 90
+class _Point(NamedTuple):
+    """A point of a level; also the namespace that gives sin and cos of "beta" and "gamma" to formulas of the angles."""
+
+    rho: Any
+    sines: dict[str, Any]
+    cosines: dict[str, Any]
+    weight: Any  #: d(gamma)/dx
+
+    def sin(self, angle: str) -> Any:
+        return self.sines[angle]
+
+    def cos(self, angle: str) -> Any:
+        return self.cosines[angle]
 
 
-def _checked(digits: int) -> None:
-    if checked_digits(digits) > _MOST_DIGITS:
-        raise InputError(f"the Melnikov integral is offered to {_MOST_DIGITS} digits, not {digits}")
-
-
-def _prepared(parameters: Parameters, gamma_bar_0: object, working: int) -> tuple[Any, Constants, Any]:
-    ctx = bits(working).context
-    constants = parameters.within(ctx)
-    if gamma_bar_0 is None:
-        return ctx, constants, ctx.pi
-    value = exact(gamma_bar_0)
-    if value.pi_multiple or not 0 < value.rational < Fraction("3.14159265358979"):
-        raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {shown(gamma_bar_0)}")
-    return ctx, constants, quotient(ctx, value.rational)
-
-
-def _on_level(ctx: Any, constants: Constants, largest: Any, x: Any) -> tuple[Any, Any, Any]:
-    """(gamma_bar, cos(beta), d(gamma_bar)/dx) on the half with cos(beta) < 0, where gamma rises.
+class _Level:
+    """A level of H, on the half with cos(beta) < 0, where gamma rises, in an arithmetic of ``working`` bits.
 
     gamma_bar = gamma_bar_0 sin(x) takes the square root out of the ends. With rho = r + e cos(gamma_bar) and c its
     value at the ends, cos^2(beta) = (rho - c)(rho + c) / rho^2, and rho - c is a product of two sines: no cancellation.
     """
-    gamma_bar = largest * ctx.sin(x)
-    rho = constants.r + constants.e * ctx.cos(gamma_bar)
-    end = constants.r + constants.e * ctx.cos(largest)
-    # largest - gamma_bar, without cancellation at x = pi/2; the other end mirrors it.
-    short = 2 * largest * ctx.sin((ctx.pi / 2 - x) / 2) ** 2
-    far = 2 * largest * ctx.sin((ctx.pi / 2 + x) / 2) ** 2
-    above = 2 * constants.e * ctx.sin(far / 2) * ctx.sin(short / 2)
-    cosine = -ctx.sqrt(abs(above) * (rho + end)) / rho  # rounding may leave a tiny negative product at the very ends
-    return gamma_bar, cosine, largest * ctx.cos(x)
 
+    def __init__(self, parameters: Parameters, gamma_bar_0: object, working: int) -> None:
+        self.ctx = bits(working).context
+        self.constants = parameters.within(self.ctx)
+        self.largest = self.ctx.pi
+        if gamma_bar_0 is not None:
+            size = exact(gamma_bar_0)
+            if size.pi_multiple or not 0 < size.rational < Fraction("3.14159265358979"):
+                raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {shown(gamma_bar_0)}")
+            self.largest = quotient(self.ctx, size.rational)
 
-class _OnLevel:
-    """sin and cos of beta and gamma from their values on the level, for formulas that ask for them by angle."""
+    def _at(self, x: Any) -> _Point:
+        ctx, c, largest = self.ctx, self.constants, self.largest
+        gamma_bar = largest * ctx.sin(x)
+        rho, end = (c.r + c.e * ctx.cos(angle) for angle in (gamma_bar, largest))
+        # largest - gamma_bar and largest + gamma_bar, without cancellation at the ends.
+        short, far = (2 * largest * ctx.sin((ctx.pi / 2 + side * x) / 2) ** 2 for side in (-1, 1))
+        above = 2 * c.e * ctx.sin(far / 2) * ctx.sin(short / 2)
+        cosine = -ctx.sqrt(abs(above) * (rho + end)) / rho  # rounding may leave a tiny negative product at the ends
+        sines = {"beta": end / rho, "gamma": ctx.cos(gamma_bar)}
+        return _Point(rho, sines, {"beta": cosine, "gamma": -ctx.sin(gamma_bar)}, largest * ctx.cos(x))
 
-    def __init__(self, beta: tuple[Any, Any], gamma: tuple[Any, Any]) -> None:
-        self._pairs = {"beta": beta, "gamma": gamma}
+    def _integral(self, function: Callable[[_Point], Any]) -> Any:
+        quarter = self.ctx.pi / 2
+        return self.ctx.quad(lambda x: function(self._at(x)), [-quarter, 0, quarter])
 
-    def sin(self, angle: str) -> Any:
-        return self._pairs[angle][0]
+    def speed(self) -> Any:
+        """Where M = I_1 Omega^2 + I_0 vanishes; the values at two speeds, as one complex number, give both."""
+        ctx, constants = self.ctx, self.constants
 
-    def cos(self, angle: str) -> Any:
-        return self._pairs[angle][1]
+        def integrand(point: _Point) -> Any:
+            values = (first_correction(point, constants, omega, "beta", "gamma") for omega in (ctx.one, 2 * ctx.one))
+            return point.rho * point.weight * ctx.mpc(*values)
 
+        total = self._integral(integrand)
+        inertial = (total.imag - total.real) / 3
+        square = 1 - total.real / inertial
+        if not square > 0:
+            raise Shortfall("no speed makes the Melnikov integral vanish for these parameters")
+        return ctx.sqrt(square)
 
-def _speed(parameters: Parameters, gamma_bar_0: object, working: int) -> Any:
-    ctx, constants, largest = _prepared(parameters, gamma_bar_0, working)
-
-    def integral(omega: Any) -> Any:
-        def integrand(x: Any) -> Any:
-            gamma_bar, cosine, weight = _on_level(ctx, constants, largest, x)
-            sine = (constants.r + constants.e * ctx.cos(largest)) / (constants.r + constants.e * ctx.cos(gamma_bar))
-            ops = _OnLevel((sine, cosine), (ctx.cos(gamma_bar), -ctx.sin(gamma_bar)))
-            rho = constants.r + constants.e * ctx.cos(gamma_bar)
-            return rho * first_correction(ops, constants, omega, "beta", "gamma") * weight
-
-        return ctx.quad(integrand, [-ctx.pi / 2, 0, ctx.pi / 2])
-
-    # M = I_1 Omega^2 + I_0: two speeds give both.
-    one, two = integral(ctx.one), integral(2 * ctx.one)
-    inertial = (two - one) / 3
-    square = -(one - inertial) / inertial
-    if not square > 0:
-        raise Shortfall("no speed makes the Melnikov integral vanish for these parameters")
-    return ctx.sqrt(square)
+    def period(self) -> Any:
+        """Of the cycle at that speed, by the symmetry of its halves."""
+        return 2 * self._integral(lambda point: -point.weight / point.cosines["beta"]) / self.speed()

@@ -29,94 +29,11 @@ from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
+from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
-__all__ = ["Saddle", "Series", "refuse_focus"]
+__all__ = ["Saddle", "refuse_focus"]
 
 _RESONANT = 1e-4  # of the eigenvalue; coefficients grow like the inverse of such a divisor
-
-
-class Series:
-    """A truncated power series in one variable, on top of ``quarters`` right angles where it stands for an angle."""
-
-    __slots__ = ("c", "quarters")
-
-    def __init__(self, coefficients: Sequence[Any], quarters: int = 0) -> None:
-        self.c = list(coefficients)
-        self.quarters = quarters
-
-    def _other(self, other: Any) -> list[Any]:
-        return other.c if isinstance(other, Series) else [other] + [0 * self.c[0]] * (len(self.c) - 1)
-
-    def __add__(self, other: Any) -> Series:
-        return Series([a + b for a, b in zip(self.c, self._other(other), strict=True)])
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Series:
-        return Series([a - b for a, b in zip(self.c, self._other(other), strict=True)])
-
-    def __neg__(self) -> Series:
-        return Series([-a for a in self.c])
-
-    def __mul__(self, other: Any) -> Series:
-        if not isinstance(other, Series):
-            return Series([a * other for a in self.c])
-        # Half of the coefficients of even and odd series are zero.
-        left = [(i, a) for i, a in enumerate(self.c) if a]
-        right = [(j, b) for j, b in enumerate(other.c) if b]
-        product = [0 * self.c[0]] * len(self.c)
-        for i, a in left:
-            for j, b in right:
-                if i + j >= len(product):
-                    break
-                product[i + j] += a * b
-        return Series(product)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Series:
-        quotient: list[Any] = []
-        for n, value in enumerate(self.c):
-            rest = value
-            for k in range(1, n + 1):
-                if other.c[k]:
-                    rest -= other.c[k] * quotient[n - k]
-            quotient.append(rest / other.c[0])
-        return Series(quotient)
-
-    def __rtruediv__(self, value: Any) -> Series:
-        return Series([value, *[0 * self.c[0]] * (len(self.c) - 1)]) / self
-
-    def sine_and_cosine(self) -> tuple[Series, Series]:
-        """Of the angle; the series itself must start with zero."""
-        zero = 0 * self.c[0]
-        sine, cosine = [zero], [zero + 1]
-        slopes = [(k, k * value) for k, value in enumerate(self.c) if k and value]
-        for n in range(1, len(self.c)):
-            below = [(k, slope) for k, slope in slopes if k <= n]
-            sine.append(sum((slope * cosine[n - k] for k, slope in below), zero) / n)
-            cosine.append(-sum((slope * sine[n - k] for k, slope in below), zero) / n)
-        pair = Series(sine), Series(cosine)
-        for _ in range(self.quarters % 4):
-            pair = pair[1], -pair[0]
-        return pair
-
-    def at(self, variable: Any) -> Any:
-        """The value at a number."""
-        total = 0 * self.c[0]
-        for coefficient in reversed(self.c):
-            total = total * variable + coefficient
-        return total
-
-
-class _SeriesOps:
-    @staticmethod
-    def sin(angle: Series) -> Series:
-        return angle.sine_and_cosine()[0]
-
-    @staticmethod
-    def cos(angle: Series) -> Series:
-        return angle.sine_and_cosine()[1]
 
 
 @dataclass(frozen=True)
@@ -178,19 +95,19 @@ class Saddle:
         return self.context.inverse(self.directions)
 
     @cached_property
-    def unstable_curve(self) -> list[Series]:
+    def unstable_curve(self) -> list[PowerSeries]:
         return self._curve(0)
 
     @cached_property
-    def stable_curve(self) -> list[Series]:
+    def stable_curve(self) -> list[PowerSeries]:
         """The slow stable manifold; the fast one is not needed."""
         return self._curve(1)
 
-    def _curve(self, which: int) -> list[Series]:
+    def _curve(self, which: int) -> list[PowerSeries]:
         ctx, eigenvalue = self.context, self.eigenvalues[which]
         curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
         step = self._power_step
-        rates_of = field(_SeriesOps, self.constants, self.speed, self.parameters.friction, self._side(which))
+        rates_of = field(SeriesOps, self.constants, self.speed, self.parameters.friction, self._side(which))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -201,7 +118,7 @@ class Saddle:
             column = self.directions * ctx.matrix(added)
             for row in range(3):
                 curve[row][power] = column[row]
-        return [Series(component) for component in curve]
+        return [PowerSeries(component) for component in curve]
 
     @property
     def _power_step(self) -> int:
@@ -217,17 +134,19 @@ class Saddle:
         velocity = (c.r - c.e) * v - c.e * self.speed * gamma
         return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
 
-    def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Series, Series, Series]:
-        beta, gamma, v = curve
-        return Series(beta, quarters=1), Series(gamma, quarters=-1), Series(v)
+    def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Angle, Angle, PowerSeries]:
+        """About (pi/2, -pi/2, 0), whose sines and cosines are exact."""
+        zero, one = self.context.zero, self.context.one
+        beta, gamma, v = map(PowerSeries, curve)
+        return Angle(beta, one, zero), Angle(gamma, -one, zero), v
 
     @cached_property
-    def fast_direction(self) -> list[Series]:
+    def fast_direction(self) -> list[PowerSeries]:
         """L(s): the fast stable direction along the slow stable curve; even in s."""
         return self._carried(2)
 
     @cached_property
-    def unstable_direction(self) -> list[Series]:
+    def unstable_direction(self) -> list[PowerSeries]:
         """M(s): the unstable direction along the slow stable curve; even in s.
 
         Any M tells u = 0, so terms next to a resonance are left out: lambda_u + 2 lambda_s = lambda_s where the saddle
@@ -235,7 +154,7 @@ class Saddle:
         """
         return self._carried(0)
 
-    def _carried(self, which: int) -> list[Series]:
+    def _carried(self, which: int) -> list[PowerSeries]:
         """A direction along the slow stable curve: Df(K) L = lambda_s s L' + lambda L, L(0) an eigenvector."""
         ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[which]
         entries = self._jacobian_on_stable_curve
@@ -246,7 +165,7 @@ class Saddle:
             rest = ctx.matrix(3, 1)
             for row in (1, 2):  # beta' = v is linear
                 for column in range(3):
-                    if isinstance(entries[row][column], Series):
+                    if isinstance(entries[row][column], PowerSeries):
                         terms = entries[row][column].c
                         rest[row] += sum(
                             (terms[k] * carried[column][power - k] for k in range(step, power + 1, step)), ctx.zero
@@ -258,15 +177,15 @@ class Saddle:
             vector = self.directions * ctx.matrix(added)
             for row in range(3):
                 carried[row][power] = vector[row]
-        return [Series(component) for component in carried]
+        return [PowerSeries(component) for component in carried]
 
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.c for component in self.stable_curve]
         law = (self.parameters.friction, self._side(1))
-        return jacobian(_SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
+        return jacobian(SeriesOps, self.constants, self.speed, *law)(*self._state(curve))
 
-    def reach(self, *curves: Sequence[Series]) -> Any:
+    def reach(self, *curves: Sequence[PowerSeries]) -> Any:
         """The radius within which all of these converge, estimated from their last coefficients."""
         ctx = self.context
         rates = [ctx.one * 10]

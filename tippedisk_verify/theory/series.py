@@ -1,0 +1,154 @@
+"""Truncated power series in one or two variables, for any kind of number.
+
+A series of degree n holds the coefficients of all monomials of total degree up to n in the graded order 1, x, y, x^2,
+x y, y^2, ..., which is 1, s, s^2, ... in one variable. A series of lower degree is the beginning of that list: a sum or
+product has the smaller of two degrees. The cost of arithmetic grows like a power of the degree, where symbolic
+expressions would grow exponentially.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+__all__ = ["Angle", "PowerSeries", "SeriesOps"]
+
+
+class PowerSeries:
+    """Coefficients ``c`` in graded order, of a series in 1 or 2 ``variables``."""
+
+    __slots__ = ("c", "variables")
+
+    def __init__(self, coefficients: Sequence[Any], variables: int = 1) -> None:
+        self.c = list(coefficients)
+        self.variables = variables
+
+    def _like(self, coefficients: Sequence[Any]) -> PowerSeries:
+        return PowerSeries(coefficients, self.variables)
+
+    def at(self, variable: Any) -> Any:
+        """The value at a number, of a series in one variable."""
+        total = 0 * self.c[0]
+        for coefficient in reversed(self.c):
+            total = total * variable + coefficient
+        return total
+
+    def __add__(self, other: Any) -> PowerSeries:
+        if not isinstance(other, PowerSeries):
+            return self._like([self.c[0] + other, *self.c[1:]])
+        return self._like([a + b for a, b in zip(self.c, other.c, strict=False)])
+
+    __radd__ = __add__
+
+    def __neg__(self) -> PowerSeries:
+        return self._like([-a for a in self.c])
+
+    def __sub__(self, other: Any) -> PowerSeries:
+        difference: PowerSeries = self + -other
+        return difference
+
+    def __rsub__(self, other: Any) -> PowerSeries:
+        difference: PowerSeries = -self + other
+        return difference
+
+    def __mul__(self, other: Any) -> PowerSeries:
+        if not isinstance(other, PowerSeries):
+            return self._like([a * other for a in self.c])
+        table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
+        product = [0 * self.c[0]] * len(table)
+        for a, targets in zip(self.c, table, strict=False):
+            if a:
+                for k, b in right:
+                    if k >= len(targets):
+                        break
+                    product[targets[k]] += a * b
+        return self._like(product)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> PowerSeries:
+        """Division by a series with a value other than zero, or by a number."""
+        if not isinstance(other, PowerSeries):
+            return self._like([a / other for a in self.c])
+        table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
+        rest, quotient = self.c[: len(table)], []
+        for index, targets in enumerate(table):
+            quotient.append(rest[index] / other.c[0])
+            for k, b in right[1:]:
+                if k >= len(targets):
+                    break
+                rest[targets[k]] -= b * quotient[index]
+        return self._like(quotient)
+
+    def __rtruediv__(self, value: Any) -> PowerSeries:
+        return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
+
+    def slope(self, axis: int) -> PowerSeries:
+        """The partial derivative by the first (0) or second (1) of two variables; one degree is lost."""
+        degree, slopes = _degrees(2, len(self.c))[-1], []
+        for total in range(1, degree + 1):
+            block = self.c[total * (total + 1) // 2 :][: total + 1]  # of x^total, x^(total - 1) y, ..., y^total
+            powers = range(total + 1) if axis else range(total, -1, -1)
+            slopes += [power * a for power, a in zip(powers, block, strict=True) if power]
+        return self._like(slopes)
+
+
+class Angle:
+    """An angle as a series, with the sine and cosine of its constant term (which the series itself may leave out)."""
+
+    def __init__(self, series: PowerSeries, sine: Any, cosine: Any) -> None:
+        self.series, self.start = series, (sine, cosine)
+
+    @cached_property
+    def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
+        """By s' = c a' and c' = -s a' along each ray: there a derivative multiplies a coefficient by its degree."""
+        series = self.series
+        degrees = _degrees(series.variables, len(series.c))
+        slopes = _nonzero([degree * a for degree, a in zip(degrees, series.c, strict=True)])
+        sine, cosine = ([start] + [0 * start] * (len(degrees) - 1) for start in self.start)
+        for index, targets in enumerate(_products(series.variables, len(degrees))):
+            if index:
+                sine[index] /= degrees[index]
+                cosine[index] /= degrees[index]
+            for k, slope in slopes:
+                if k >= len(targets):
+                    break
+                sine[targets[k]] += slope * cosine[index]
+                cosine[targets[k]] -= slope * sine[index]
+        return series._like(sine), series._like(cosine)
+
+
+class SeriesOps:
+    """The namespace that the equations of motion ask for, for angles that are series."""
+
+    @staticmethod
+    def sin(angle: Angle) -> PowerSeries:
+        return angle.sine_and_cosine[0]
+
+    @staticmethod
+    def cos(angle: Angle) -> PowerSeries:
+        return angle.sine_and_cosine[1]
+
+
+def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
+    """With their places; half of the coefficients of even and odd series are zero."""
+    return [(k, value) for k, value in enumerate(coefficients) if value]
+
+
+@lru_cache(maxsize=64)
+def _degrees(variables: int, count: int) -> tuple[int, ...]:
+    """The total degrees of the first ``count`` monomials."""
+    if variables == 1:
+        return tuple(range(count))
+    return tuple(degree for degree in range(count) for _ in range(degree + 1))[:count]
+
+
+@lru_cache(maxsize=64)
+def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
+    """For each of ``count`` monomials the places of its products with the first, the second, ... of them."""
+    if variables == 1:
+        return tuple(range(i, count) for i in range(count))
+    degree = _degrees(2, count)[-1]
+    places = [(m, k) for m in range(degree + 1) for k in range(m + 1)]  # x^(m - k) y^k is at m (m + 1) / 2 + k
+    return tuple([(m + n) * (m + n + 1) // 2 + k + j for n, j in places if m + n <= degree] for m, k in places)
