@@ -150,9 +150,9 @@ def connected_runs(samples: Sequence[Sample]) -> list[list[tuple[float, float]]]
     return [run for run in runs if run]
 
 
-def predicted_omega_h(known: Sequence[tuple[float, float]], share: float) -> float:
+def predicted_omega_h(run: Sequence[tuple[float, float]], share: float) -> float:
     """Omega_h at a share by the polynomial through the six nearest disks."""
-    near = sorted(known, key=lambda pair: abs(pair[0] - share))[:6]
+    near = sorted(run, key=lambda pair: abs(pair[0] - share))[:6]
     at, omega = (numpy.array(column) for column in zip(*near, strict=True))
     return float(interpolated(at, omega[:, None], share)[0])
 
