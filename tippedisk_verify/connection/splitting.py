@@ -133,15 +133,15 @@ class SplittingFunction:
 
     @property
     def step(self) -> Fraction:
-        """Of a difference quotient: between the resolution and the distance where curvature shows, half the digits."""
+        """Of a central difference [rad/s]: between the resolution and where curvature shows, half of the digits."""
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self) -> Fraction:
         """d(u)/d(Omega), carried back to s = 1, at the speed asked for last [s/rad]."""
         omega, value = self.speed, self.latest
-        change = self(omega + self.step).carried - value.carried
+        change = self(omega + self.step).carried - self(omega - self.step).carried
         self.latest, self.speed = value, omega
-        return change / self.step
+        return change / (2 * self.step)
 
     def saddle_at(self, omega: Fraction) -> Saddle:
         if self._saddle.omega == omega:
