@@ -48,7 +48,7 @@ def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
     disk = Parameters(
         r="0.1331", e="0.01809", m="0.01754", A="1.99344e-4", B="1.90668e-4", g="9.80665", mu="0.484", epsilon="0.0275"
     )
-    truth = splitting_zero(disk, Fraction("12.6157686416"), taylor, 18, "smooth").omega_h
+    truth = splitting_zero(disk.with_friction("smooth"), Fraction("12.6157686416"), taylor, 18).omega_h
     found = bisect_omega_h(disk.with_friction("smooth"), Baseline("DOP853")).omega_h
     assert found.holds(truth.value)
     assert found.uncertainty < Fraction(1, 10**10)

@@ -48,7 +48,7 @@ Condition = Literal["neutral-saddle", "hopf-heteroclinic"]
 CONDITIONS: tuple[Condition, ...] = ("neutral-saddle", "hopf-heteroclinic")
 
 _SPARE = 3  # digits of Omega_h beyond those of a point on its curve
-_MOST_STEPS = 40  # of regula falsi, which gains a digit and more with each
+_SETTLED = 1e-13  # of the range; doubles know no condition better
 _SAMPLES = 17  # disks to begin with
 _NARROW = 1 / 512  # of the range: how closely it is found where Omega_h ends
 _PREDICTED = 64e-4  # rad/s; how well each disk's Omega_h must follow from its neighbours'
@@ -150,9 +150,9 @@ def connected_runs(samples: Sequence[Sample]) -> list[list[tuple[float, float]]]
     return [run for run in runs if run]
 
 
-def predicted_omega_h(known: Sequence[tuple[float, float]], share: float) -> float:
+def predicted_omega_h(run: Sequence[tuple[float, float]], share: float) -> float:
     """Omega_h at a share by the polynomial through the six nearest disks."""
-    near = sorted(known, key=lambda pair: abs(pair[0] - share))[:6]
+    near = sorted(run, key=lambda pair: abs(pair[0] - share))[:6]
     at, omega = (numpy.array(column) for column in zip(*near, strict=True))
     return float(interpolated(at, omega[:, None], share)[0])
 
@@ -163,10 +163,10 @@ def omega_h_near(disk: Parameters, near: float, engine: Engine, digits: int) -> 
 
     Raises Shortfall if it is not found or the digits are not reached, NoConnectionError where there are no saddles.
     """
-    found = splitting_zero_in_double(disk, Fraction(near), engine)
-    if found.uncertainty > found.value / 10**digits:
-        found = splitting_zero(disk, found.value, engine, digits).omega_h
-    return found
+    omega_h = splitting_zero_in_double(disk, Fraction(near), engine)
+    if omega_h.uncertainty > omega_h.value / 10**digits:
+        omega_h = splitting_zero(disk, omega_h.value, engine, digits).omega_h
+    return omega_h
 
 
 def rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
@@ -200,13 +200,13 @@ def refined_point(
     condition has its two signs on the two sides, however large the errors of what it is computed from. Raises as
     `omega_h_near` does.
     """
-    low, high = ends
+    from scipy.optimize import brentq
 
     def rough(share: float) -> float:
         disk = plane.at(plane.value(share))
         return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(near(share)), engine)))
 
-    share = _root(rough, low, high)
+    share: float = brentq(rough, *ends, xtol=_SETTLED)
     value = plane.value(share)
     exact_digits = digits + _SPARE
     value = round(value, exact_digits - decimal_magnitude(value))
@@ -227,24 +227,3 @@ def refined_point(
     # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
     spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
     return SpecialPoint(kind, Measured(value, width), Measured(middle, spread))
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """By regula falsi, with the value kept at an end halved (Illinois)."""
-    f_low, f_high = function(low), function(high)
-    kept = 0
-    middle = low
-    for _ in range(_MOST_STEPS):
-        last, middle = middle, high - f_high * (high - low) / (f_high - f_low)
-        value = function(middle)
-        if not value or abs(middle - last) < 1e-13 or high - low < 1e-13:
-            break
-        if (value < 0) == (f_low < 0):
-            low, f_low = middle, value
-            f_high = f_high / 2 if kept == 1 else f_high
-            kept = 1
-        else:
-            high, f_high = middle, value
-            f_low = f_low / 2 if kept == -1 else f_low
-            kept = -1
-    return middle

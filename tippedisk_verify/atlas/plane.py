@@ -85,8 +85,8 @@ def plane_of(parameters: Parameters, axes: str, ends: tuple[str, str] | None) ->
     """
     name = axes.removesuffix(",Omega")
     if name not in SYMBOLS or name == axes:
-        known = ", ".join(SYMBOLS)
-        raise InputError(f"the plane '{shown(axes)}' is not known: give one of {known} and Omega, such as A,Omega")
+        names = ", ".join(SYMBOLS)
+        raise InputError(f"the plane '{shown(axes)}' is not known: give one of {names} and Omega, such as A,Omega")
     if ends is None:
         return Plane(parameters, name, *_around(parameters, name))
     if isinstance(ends, str) or len(ends) != 2:
@@ -142,7 +142,7 @@ def atlas(
         curves.append(Curve(line.kind, tuple(point for point in along if isinstance(point, CurvePoint))))
         answers += along
     missing = [
-        *(told for one in samples for told in one.missing),
+        *(reason for one in samples for reason in one.missing),
         *(answer for answer in answers if isinstance(answer, Missing)),
         *(
             Missing("fold", plane.decimal(float(point[2])), "one that this disk has was not followed")
@@ -196,10 +196,9 @@ def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
     """The Bautin points in the range."""
     if plane.name not in BAUTIN_PARAMETERS:
         return []
-    found = bautin_points(plane.at(plane.lowest), plane.name, digits)
     return [
         SpecialPoint("bautin", point.value, point.omega_crit)
-        for point in found
+        for point in bautin_points(plane.at(plane.lowest), plane.name, digits)
         if plane.lowest <= point.value.value <= plane.highest
     ]
 
@@ -217,9 +216,9 @@ def _changes(plane: Plane, samples: Sequence[Sample]) -> list[tuple[Any, tuple[f
 
 
 def _refined(plane: Plane, digits: int, job: tuple[Any, tuple[float, float], Any]) -> SpecialPoint | Missing:
-    kind, ends, known = job
+    kind, ends, run = job
     try:
-        return refined_point(kind, plane, ends, partial(predicted_omega_h, known), default_engine(), digits)
+        return refined_point(kind, plane, ends, partial(predicted_omega_h, run), default_engine(), digits)
     except (InputError, Shortfall) as fault:
         return Missing(kind, plane.decimal(sum(ends) / 2), str(fault))
 
@@ -245,14 +244,14 @@ def _lines(plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], poi
     crit = [float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()]
     lines = [_Line("hopf", shares, shares, numpy.array(crit), partial(_hopf_point, plane, digits))]
     for run in connected_runs(samples):
-        here = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
-        omega = numpy.array([predicted_omega_h(run, share) for share in here.tolist()])
-        lines.append(_Line("heteroclinic", here, here, omega, partial(_connection, plane, digits, run)))
+        along = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
+        omega = numpy.array([predicted_omega_h(run, share) for share in along.tolist()])
+        lines.append(_Line("heteroclinic", along, along, omega, partial(_connection, plane, digits, run)))
     for trace in traces:
         first, last = _ends(trace)
         s = numpy.linspace(first, last, _SAMPLES * points)
-        found = numpy.array([trace(where) for where in s.tolist()])
-        lines.append(_Line("fold", s, found[:, 2], found[:, 1], partial(_fold, plane, digits, trace)))
+        folds = numpy.array([trace(where) for where in s.tolist()])
+        lines.append(_Line("fold", s, folds[:, 2], folds[:, 1], partial(_fold, plane, digits, trace)))
     return lines
 
 

@@ -1,4 +1,4 @@
-"""The heteroclinic connection between noninverted spinning and its copy: Omega_h by several roads, and what is there.
+"""The heteroclinic connection between noninverted spinning and its copy: Omega_h by several methods, its orbit.
 
 *manifolds* finds the zero of the splitting between the unstable and the stable manifold, to any number of digits.
 *limit-cycles* follows the limit cycles to infinite period. They share the integrator and nothing else. *bisection* only
@@ -66,8 +66,8 @@ class Heteroclinic(Printable):
         result = (engine or default_engine())(request)
         if result.status is not Status.REACHED or result.dense is None:
             raise Shortfall(f"the unstable branch: {result.status.value}")
-        away = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
-        last = times[int(numpy.argmin(away))]
+        distances = numpy.abs(result.samples - numpy.array([0, math.pi, 0])).max(axis=1)
+        last = times[int(numpy.argmin(distances))]
         crossing = int(numpy.flatnonzero(result.samples[:, 1] > 0)[0])
         before, after = result.samples[crossing - 1 : crossing + 1, 1]
         middle = times[crossing - 1] - before / (after - before) * (times[1] - times[0])
@@ -121,12 +121,12 @@ def heteroclinic(
 
 def _eigenvalues(parameters: Parameters, omega_h: Measured, digits: int) -> tuple[Measured, Measured, Measured]:
     """With what the uncertainty of Omega_h does to them: they are smooth in it, so their change is linear."""
-    here, moved = (
+    there, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
     first, second, third = (
         Measured(a.re.value, a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES)
-        for a, b in zip(here, moved, strict=True)
+        for a, b in zip(there, moved, strict=True)
     )
     return first, second, third

@@ -93,13 +93,13 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> tupl
     factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
     Raises Shortfall if the family ends before.
     """
-    descent = PeriodContinuation(parameters, engine)
+    family = PeriodContinuation(parameters, engine)
     while True:
-        omega_h = descent.asymptotics.omega_h
-        descent.further(omega_h / 10 ** (digits + 3))
-        half_width = descent.change * DISTANCES
+        omega_h = family.asymptotics.omega_h
+        family.further(omega_h / 10 ** (digits + 3))
+        half_width = family.change * DISTANCES
         if half_width <= omega_h / 10**digits:
-            return Measured(omega_h, half_width), descent.solved
+            return Measured(omega_h, half_width), family.solved
 
 
 def _in_double(parameters: Parameters, engine: Engine) -> list[PeriodPoint]:

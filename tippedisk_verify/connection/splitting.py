@@ -106,7 +106,6 @@ class SplittingFunction:
             self.duration = max(self.duration, coarser.duration + longer)
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
-        self.evaluations = 0
         self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
         self.speed = near  #: that was asked for last
 
@@ -129,21 +128,20 @@ class SplittingFunction:
         beta, gamma, v = (quotient(ctx, value) for value in map(fraction, result.state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
-        self.evaluations += 1
         self.latest, self.speed = Splitting(u, s, t, abs(s) ** (-unstable / slow)), omega
         return self.latest
 
     @property
     def step(self) -> Fraction:
-        """Of a difference quotient: between the resolution and the distance where curvature shows, half the digits."""
+        """Of a central difference [rad/s]: between the resolution and where curvature shows, half of the digits."""
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self) -> Fraction:
         """d(u)/d(Omega), carried back to s = 1, at the speed asked for last [s/rad]."""
         omega, value = self.speed, self.latest
-        change = self(omega + self.step).carried - value.carried
+        change = self(omega + self.step).carried - self(omega - self.step).carried
         self.latest, self.speed = value, omega
-        return change / self.step
+        return change / (2 * self.step)
 
     def saddle_at(self, omega: Fraction) -> Saddle:
         if self._saddle.omega == omega:
@@ -187,7 +185,6 @@ class SplittingZero:
 
     omega_h: Measured  #: [rad/s]
     budget: dict[str, float]  #: contributions to the half-width of omega_h [rad/s], by name
-    evaluations: int
     splitting_at: SplittingFunction  #: in the arithmetic of omega_h
     finer: SplittingFunction  #: in the wider arithmetic that measured its error
 
@@ -239,13 +236,12 @@ def _stages(wanted: int) -> list[Precision]:
 
 
 def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
-    omega, evaluations = _cut(near, stages[0]), 0
+    omega = _cut(near, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None
     for precision in stages:
         splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
         omega, slope = _newton(splitting_at, omega, slope)
-        evaluations += splitting_at.evaluations
     assert splitting_at
     assert slope
     steepness = abs(slope.value)
@@ -263,7 +259,6 @@ def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequen
             "truncation of the series": splitting_at.truncation * float(splitting_at.latest.growth) / float(steepness),
             "last rounding": float(omega * precision.epsilon),
         },
-        evaluations=evaluations + 1,
         splitting_at=splitting_at,
         finer=finer,
     )
