@@ -77,6 +77,8 @@ class Family:
     section: ClassVar[Section[Any]]
     #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of linear estimates.
     origin: ClassVar[float] = -math.inf
+    #: Pairs of speeds [rad/s] between which the family has a cycle beyond its last node.
+    gaps: tuple[tuple[float, float], ...]
 
     def __init__(
         self, parameters: Parameters, engine: Engine, solve: Solver, nodes: int, middle: float, half: float, begin: Any
@@ -225,7 +227,7 @@ class Family:
 
     @property
     def falls(self) -> list[bool]:
-        """Whether Omega falls with s, on each piece."""
+        """Whether Omega falls with s, on each piece: there cycles are stable."""
         omega = self.at(numpy.array(self.breaks))[2]
         return [bool(end < begin) for begin, end in pairwise(omega)]
 
@@ -256,14 +258,6 @@ class Family:
             s[inside] = root
             rows.append(s)
         return numpy.stack(rows)
-
-    def abscissas_where(self, omegas: Array, falls: Any) -> Any:
-        """(n,): where Omega has these speeds [rad/s] and falls with s, or rises (n,); NaN where it does not.
-
-        Stable cycles are those at which it falls.
-        """
-        on_piece = numpy.array(self.falls)[:, None] == falls
-        return numpy.fmax.reduce(numpy.where(on_piece, self.abscissas(omegas), numpy.nan))
 
     def places(self, omega: float) -> Iterator[Place]:
         """The family's cycles at a speed [rad/s], from the smallest first coordinate on."""

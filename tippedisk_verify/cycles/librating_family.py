@@ -61,6 +61,8 @@ class LibratingFamily(Family):
             self.extend()
         if not self._left < math.inf:
             raise NoSuchCycleError(self._lost(self.s_end))
+        first, last = map(float, self.nodes[[0, -1], 3])
+        self.gaps = (first, self.omega_crit), (last, 2 * self.limit - last)
 
     @property
     def _left(self) -> float:
