@@ -306,11 +306,6 @@ def test_the_way_between_the_saddles_is_flown_by_its_own_law() -> None:
     assert connection.parameters == smooth
 
 
-def test_the_interpolant_is_of_the_linear_law() -> None:
-    with pytest.raises(tv.InputError, match="linear friction law only"):
-        tv.BranchInterpolant(tv.Disk("printed", friction="smooth"), tv.BatchTaylor(), 30.08)
-
-
 def test_an_audit_flies_with_its_own_engine() -> None:
     """Both laws' cycles of a claim about friction come from the engine that the audit was given."""
 

@@ -33,7 +33,6 @@ RESULTS = {
     "boundary": lambda: DISK.basin_boundary("30.5"),
     "branch": lambda: DISK.branch(["30.3", "30.4", "30.5", "30.6", "30.7"]),
     "connection": lambda: DISK.heteroclinic(method="bisection"),
-    "interpolant": lambda: tv.BranchInterpolant(DISK, tv.BatchTaylor(), 30.0488682607225),
     "reference": lambda: tv.reference(CRIT),
     "grade": lambda: tv.compare(CRIT, DISK.omega_crit),
     "report": lambda: tv.grade({q.id: 1.001 * q.for_doubles for q in tv.references("printed/linear/hopf")}),

@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import compare
     from tippedisk_verify.connection.bisection import bisect_omega_h
     from tippedisk_verify.connection.heteroclinic import heteroclinic
-    from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
     from tippedisk_verify.cycles.shooting import limit_cycle
     from tippedisk_verify.cycles.spectral_balance import balanced_cycle
     from tippedisk_verify.disk import Disk
@@ -90,7 +89,6 @@ _HOMES = {
     "model.exact": ("Exact", "exact"),
     "model.measured": ("Measured",),
     "model.precision": ("DOUBLE", "EXTENDED", "QUADRUPLE", "Precision", "bits"),
-    "cycles.branch_interpolant": ("BranchInterpolant",),
     "motion.basins": ("basins",),
     "connection.bisection": ("bisect_omega_h",),
     "connection.heteroclinic": ("heteroclinic",),
@@ -117,7 +115,6 @@ __all__ = [
     "Audit",
     "Baseline",
     "BatchTaylor",
-    "BranchInterpolant",
     "Disk",
     "Event",
     "Exact",

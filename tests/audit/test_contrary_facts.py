@@ -297,7 +297,7 @@ def _none_found(*inputs: Any, **options: Any) -> Any:
 @pytest.mark.parametrize(
     ("claim", "place", "name", "function", "without"),
     [
-        ("only_above_omega_h", claims, "rotating_family", _none_found, "no rotating cycles found with a fold"),
+        ("only_above_omega_h", claims, "locator", _none_found, "no rotating cycles found with a fold"),
         (
             "only_above_omega_h",
             claims,
@@ -306,7 +306,7 @@ def _none_found(*inputs: Any, **options: Any) -> Any:
             "from a fold at 29.87500 rad/s",
         ),
         ("only_above_omega_h", connection_claims, "rotating_cycle", _none_found, "none found halfway"),
-        ("scene_a", claims, "rotating_family", _none_found, "no fold of rotating cycles found"),
+        ("scene_a", claims, "locator", _none_found, "no fold of rotating cycles found"),
         ("almost_all_trajectories", friction_claims, "BasinBoundary", _none_found, "no unstable rotating cycle found"),
     ],
 )

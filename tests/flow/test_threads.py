@@ -14,7 +14,10 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
+from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
@@ -214,17 +217,13 @@ def test_a_run_within_a_run_of_its_kind_is_refused() -> None:
 @pytest.mark.slow
 def test_a_branch_of_cycles_in_threads() -> None:
     """One object whose errors are measured when they are first asked for, by whichever thread comes first."""
-    omega_h = 30.0488682607
     speeds = [[30.1 + n / 50, 30.4 + n / 50] for n in range(8)]
 
-    def told(branch: BranchInterpolant, some: list[float]) -> str:
-        values = branch(some)
-        return repr((branch.limit_cycles(some), values.period.tolist(), values.uncertainty["period"].tolist()))
-
-    serial = [told(BranchInterpolant(PRINTED, default_lanes(), omega_h), some) for some in speeds]
-    shared = BranchInterpolant(PRINTED, default_lanes(), omega_h)
-    for found in _in_threads([lambda some=some: told(shared, some) for some in speeds]):
-        assert found == serial
+    family = LibratingFamily(PRINTED, default_engine(), in_batches(LIBRATING, PRINTED, default_lanes()))
+    serial = [repr(FamilyInterpolant(family, default_lanes()).results(some, 0)) for some in speeds]
+    shared = FamilyInterpolant(family, default_lanes())
+    for parallel in _in_threads([lambda some=some: repr(shared.results(some, 0)) for some in speeds]):
+        assert parallel == serial
 
 
 # ------------------------------------------------------------------------------------------ what promises any executor

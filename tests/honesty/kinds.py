@@ -17,8 +17,10 @@ from tippedisk_verify.certified.cycle import prove_cycle
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
-from tippedisk_verify.cycles.section import RETURNS, VARIATIONS
+from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.section import LIBRATING, RETURNS, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.cycles.spectral_balance import balanced_cycle
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
@@ -305,26 +307,18 @@ def balanced(draw: Draw) -> Question:
 
 
 def branch(draw: Draw) -> Question:
-    """The family as a function: corrected cycles and interpolated numbers at speeds between its ends."""
+    """Cycles of the family that are solved together, at speeds between its ends."""
     disk = draw.disk((*STRUCTURED, "far"), stiffest=_STIFFEST, born="supercritical")
     shares = [draw.choice((draw.uniform(0.002, 0.998), draw.log_uniform(0.0011, 0.5))) for _ in range(3)]
     omega_h = float(_rough_omega_h(disk))
 
     def ask() -> Any:
-        whole = BranchInterpolant(disk, default_lanes(), omega_h)
-        speeds = (omega_h + share * (whole.omega_crit - omega_h) for share in shares)
-        omegas = [min(max(omega, whole.lowest), whole.highest) for omega in speeds]
-        values = whole(omegas)
-        pairs = {name: zip(getattr(values, name), width, strict=True) for name, width in values.uncertainty.items()}
-        between = {name: [Measured.of(*pair) for pair in some] for name, some in pairs.items()}
-        return {"cycles": whole.limit_cycles(omegas), "between": between}
+        lanes = default_lanes()
+        known = LibratingFamily(disk, default_engine(), in_batches(LIBRATING, disk, lanes))
+        omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
+        return [cycle for some in FamilyInterpolant(known, lanes).results(omegas, 0) for cycle in some or ()]
 
-    def truth(found: Any) -> Any:
-        cycles = [_true_cycle(one, disk) for one in found["cycles"]]
-        between = {name: [getattr(one, name) for one in cycles] for name in found["between"]}
-        return {"cycles": cycles, "between": between}
-
-    return Question(ask, truth)
+    return Question(ask, lambda cycles: [_true_cycle(one, disk) for one in cycles])
 
 
 def folds(draw: Draw) -> Question:

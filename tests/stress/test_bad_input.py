@@ -338,8 +338,6 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ((0.0, -1.0, math.nan, math.inf, 1e300), [lambda x: tv.basins(tv.PRINTED, "30.4", count=4, duration=x)]),
     ((math.nan, math.inf, 1e4), [lambda x: tv.basins(tv.PRINTED, "30.4", count=4, duration=5.0, v=x)]),
     ((-1, 1.5), [lambda n: tv.basins(tv.PRINTED, "30.4", count=4, duration=5.0, seed=n)]),
-    ((0.0, -1.0, math.nan, math.inf, 31.0, 1.0), [lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, x)]),
-    ((0.0, math.nan, 31.0, 1e300), [lambda x: tv.BranchInterpolant(tv.PRINTED, _LANES, 30.05, lowest=x)]),
     ((0.5, -1, 10**9, 65), [lambda n: tv.BatchTaylor(n)]),
     ((None, "", "abc", [], [[]], ["x"], [1.0, 2.0], [[1.0]], 1j, [10**400], {}), [
         lambda x: _flown(0, x), lambda x: _flown(1, x), lambda x: _flown(2, x), lambda x: _flown(3, x),

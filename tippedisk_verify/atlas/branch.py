@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.locator import Locator, locator
+from tippedisk_verify.atlas.locator import Location, Locator, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
-from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
-from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.family import Family, Solver, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
-from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import ROTATING
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -32,6 +33,8 @@ from tippedisk_verify.model.results import Printable, plain
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "MANY", "Branch", "family", "paper_speeds", "rotating_branch"]
+
+C = TypeVar("C", bound=Cycle)
 
 DEFAULT_COUNT = 41  #: speeds of the family that is shown if none are named
 DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
@@ -122,21 +125,32 @@ def family(
 
 
 def _at(known: Locator, speeds: Sequence[Fraction]) -> Iterator[LimitCycle]:
-    """All cycles at these speeds: many of the linear law in lanes of the Taylor engine, whatever the engine is.
+    """All cycles at these speeds, many of them in lanes."""
+    parameters, engine = known.parameters, known.engine
+    if len(speeds) < MANY or parameters.friction != "linear":
+        return (cycle for speed in speeds for cycle in known.librating(speed).cycles())
+    return _in_lanes(partial(LibratingFamily, parameters, engine), LIBRATING, parameters, speeds, 0, known.librating)
 
-    One after the other where doubles or the branch do not hold them all.
+
+def _in_lanes(
+    followed: Callable[[Solver], Family],
+    section: Section[C],
+    parameters: Parameters,
+    speeds: Sequence[Fraction],
+    digits: int,
+    singly: Callable[[Fraction], Location[C]],
+) -> Iterator[C]:
+    """All cycles at these speeds as doubles, in lanes of the Taylor engine, on the family that a solver leads to.
+
+    A speed whose cycles doubles do not hold to so many digits is solved by itself.
     """
-    if len(speeds) >= MANY and known.parameters.friction == "linear":
-        doubles = [float(speed) for speed in speeds]
-        with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
-            branch = BranchInterpolant(
-                known.parameters, default_lanes(), float(known.omega_h), lowest=min(doubles), highest=max(doubles)
-            )
-            yield from branch.limit_cycles(doubles)
-            return
-        speeds = [Fraction(speed) for speed in doubles]
-    for speed in speeds:
-        yield from known.librating(speed).cycles()
+    lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
+    by_speed: list[list[C] | None] = [None] * len(speeds)
+    with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
+        family = followed(in_batches(section, parameters, lanes))
+        by_speed = FamilyInterpolant(family, lanes).results(doubles, digits)
+    for speed, cycles in zip(doubles, by_speed, strict=True):
+        yield from singly(Fraction(speed)).cycles() if cycles is None else cycles
 
 
 def _overview(known: Locator) -> Iterator[LimitCycle]:
@@ -178,9 +192,15 @@ def rotating_branch(
     known = locator(parameters, engine)
     if speeds is None:
         return _rotating_overview(known)
-    if len(speeds) >= MANY and parameters.friction == "linear":
-        return _rotating_together(known, [Fraction(float(speed)) for speed in speeds])
-    return (cycle for speed in speeds for cycle in known.rotating(speed).cycles())
+    if len(speeds) < MANY or parameters.friction != "linear":
+        return (cycle for speed in speeds for cycle in known.rotating(speed).cycles())
+
+    def followed(solve: Solver) -> RotatingFamily:
+        family = RotatingFamily(parameters, engine, known.omega_h, solve)
+        family.reach(float(max(speeds)))
+        return family
+
+    return _in_lanes(followed, ROTATING, parameters, speeds, _DOUBLE_DIGITS, known.rotating)
 
 
 def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
@@ -192,20 +212,3 @@ def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
         yield from known.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
     for n in range(1, half + 1):
         yield from known.rotating(fold + beyond * Fraction(n * n, half * half), stable=False).cycles()
-
-
-def _rotating_together(known: Locator, speeds: Sequence[Fraction]) -> Iterator[RotatingCycle]:
-    """All of them in lanes, whatever the engine is; those that doubles do not hold one at a time."""
-    lanes = default_lanes()
-    family = RotatingFamily(
-        known.parameters, known.engine, known.omega_h, in_batches(ROTATING, known.parameters, lanes)
-    )
-    asked = [(speed, side) for speed in speeds for side in (True, False) if speed < family.omega_h or not side]
-    omegas = numpy.array([float(speed) for speed, _ in asked])
-    stable = numpy.array([side for _, side in asked])
-    in_lanes: list[RotatingCycle | None] = [None] * len(asked)
-    with suppress(NoSuchCycleError):
-        family.reach(omegas.max())
-        in_lanes = FamilyInterpolant(family, lanes).results_where(omegas, stable, digits=_DOUBLE_DIGITS)
-    for (speed, side), cycle in zip(asked, in_lanes, strict=True):
-        yield from known.rotating(speed, stable=side).cycles() if cycle is None else (cycle,)

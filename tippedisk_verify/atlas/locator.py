@@ -180,8 +180,8 @@ class Locator:
 def _start(family: LibratingFamily, place: Place) -> Start[LimitCycle]:
     """At the family's ends, which are no folds, a cycle may lie a little beyond the nodes."""
     low, high = family.breaks[place.piece : place.piece + 2]
-    lowest = -math.inf if low == family.s_start else float(amplitude(low))
-    highest = math.inf if high == family.s_end else float(amplitude(high))
+    lowest = float(amplitude(low)) if place.piece else -math.inf
+    highest = math.inf if place.piece == len(family.folds) else float(amplitude(high))
     return Start(place.start, place.piece, lambda cycle: lowest <= float(cycle.gamma_bar_0) <= highest)
 
 

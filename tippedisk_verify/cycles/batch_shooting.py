@@ -18,7 +18,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.section import VARIATIONS, Section
-from tippedisk_verify.flow.lanes import BatchResult, BatchTaylor
+from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
@@ -210,14 +210,6 @@ def _starts(unknowns: Array, section: Section[Any]) -> Array:
     return starts
 
 
-def _errors(flights: BatchResult, starts: Array, section: Section[Any]) -> Array:
-    """How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v)."""
-    errors = section.image * flights.states - starts
-    for part in section.growth:
-        errors[:, section.fixed] -= part
-    return errors
-
-
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """(n, 3): the field at shifted states."""
     by_name = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
@@ -239,7 +231,10 @@ class _Step:
         starts, omegas = _starts(unknowns, section), unknowns[:, _OMEGA]
         flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
         rates = _rates(constants, omegas, flights.states)
-        errors = _errors(flights, starts, section)
+        # How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v).
+        errors = section.image * flights.states - starts
+        for growth in section.growth:
+            errors[:, section.fixed] -= growth
         rows, moved_axes = flights.derivatives, list(section.free)
         matrix = numpy.empty((len(omegas), 3, 4))
         matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, moved_axes], section.image * rates
@@ -248,13 +243,12 @@ class _Step:
             matrix[:, axis, column] -= 1
         # The Rayleigh quotient of flow and image on the flow's direction.
         direction = _rates(constants, omegas, starts)
-        along = [direction[:, k, None] for k in range(3)]
-        images = rows[:, :, 0] * along[0] + rows[:, :, 1] * along[1] + rows[:, :, 2] * along[2]
-        self.trivial = section.image * _summed(images * direction) / _summed(direction**2)
-        inverse = _inverse(matrix[:, :, free]) * section.image
-        self.step = -(inverse @ (errors * section.image)[:, :, None])[:, :, 0]
+        images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
+        self.trivial = section.image * (images * direction).sum(axis=1) / (direction**2).sum(axis=1)
+        inverse = _inverse(matrix[:, :, free])
+        self.step = -(inverse @ errors[:, :, None])[:, :, 0]
         by_given = numpy.ones_like(unknowns)
-        by_given[:, free] = -(inverse @ (section.image * matrix[:, :, given])[:, :, None])[:, :, 0]
+        by_given[:, free] = -(inverse @ matrix[:, :, given, None])[:, :, 0]
         with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
             self.by_omega = by_given[:, :3] / by_given[:, 3:]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
@@ -262,10 +256,6 @@ class _Step:
         flight = -rows[:, section.fixed, moved_axes] / rates[:, section.fixed, None]
         moved = [rows[:, k, moved_axes] + rates[:, k, None] * flight for k in moved_axes]
         self.map = section.image * numpy.stack(moved, axis=1)
-
-
-def _summed(parts: Array) -> Any:
-    return parts[:, 0] + parts[:, 1] + parts[:, 2]
 
 
 def _inverse(matrices: Array) -> Any:

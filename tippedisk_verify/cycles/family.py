@@ -77,6 +77,8 @@ class Family:
     section: ClassVar[Section[Any]]
     #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of linear estimates.
     origin: ClassVar[float] = -math.inf
+    #: Pairs of speeds [rad/s] between which the family has a cycle beyond its last node.
+    gaps: tuple[tuple[float, float], ...]
 
     def __init__(
         self, parameters: Parameters, engine: Engine, solve: Solver, nodes: int, middle: float, half: float, begin: Any
@@ -162,23 +164,14 @@ class Family:
         return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
 
     def _lost(self, s: float) -> str:
-        return f"the family of {self.section.name} cycles could not be followed to {self.coordinate(s):.6g} rad"
+        name, first = self.section.names[0], self.coordinate(s)
+        return f"the family of {self.section.name} limit cycles could not be followed to {name} = {first:.6g} rad"
 
     # ------------------------------------------------------------------------------------------------ what it tells
     @property
     def nodes(self) -> Array:
         """(n, 7) rows of all nodes: s, second coordinate / first, flight time, Omega and their slopes by s."""
         return self._panels.reshape(-1, 7)
-
-    @property
-    def s_end(self) -> float:
-        """The abscissa of the last node."""
-        return float(self._panels[-1, -1, 0])
-
-    @property
-    def s_start(self) -> float:
-        """The abscissa of the first node."""
-        return float(self._panels[0, 0, 0])
 
     def between_nodes(self, s: Array, values: Array) -> Any:
         """What has these ``values`` (m, n) at the nodes, (m, k) at the abscissas (k,)."""
@@ -202,7 +195,7 @@ class Family:
     @cached_property
     def folds(self) -> tuple[float, ...]:
         """The abscissas at which Omega is extreme, in rising order."""
-        s = numpy.linspace(self.s_start, self.s_end, 4 * len(self.nodes))
+        s = numpy.linspace(self.nodes[0, 0], self.nodes[-1, 0], 4 * len(self.nodes))
         slopes = self.at(s)[3]
         turns = []
         for k in numpy.flatnonzero(slopes[:-1] * slopes[1:] < 0):
@@ -221,11 +214,12 @@ class Family:
     @property
     def breaks(self) -> tuple[float, ...]:
         """The abscissas between which Omega is monotonic: both ends and the folds."""
-        return (self.s_start, *self.folds, self.s_end)
+        s = self.nodes[:, 0]
+        return (float(s[0]), *self.folds, float(s[-1]))
 
     @property
     def falls(self) -> list[bool]:
-        """Whether Omega falls with s, on each piece."""
+        """Whether Omega falls with s, on each piece: there cycles are stable."""
         omega = self.at(numpy.array(self.breaks))[2]
         return [bool(end < begin) for begin, end in pairwise(omega)]
 
@@ -256,14 +250,6 @@ class Family:
             s[inside] = root
             rows.append(s)
         return numpy.stack(rows)
-
-    def abscissas_where(self, omegas: Array, falls: Any) -> Any:
-        """(n,): where Omega has these speeds [rad/s] and falls with s, or rises (n,); NaN where it does not.
-
-        Stable cycles are those at which it falls.
-        """
-        on_piece = numpy.array(self.falls)[:, None] == falls
-        return numpy.fmax.reduce(numpy.where(on_piece, self.abscissas(omegas), numpy.nan))
 
     def places(self, omega: float) -> Iterator[Place]:
         """The family's cycles at a speed [rad/s], from the smallest first coordinate on."""

@@ -6,6 +6,7 @@ speed at which two cycles coexist gives both. What is claimed for a number is th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,10 +27,11 @@ _FLAT = 0.05  # of the way in the first coordinate to a fold, an error that is n
 class FamilyInterpolant:
     """The cycles of a family of the linear law, as far as it is followed.
 
-    Raises NoSuchCycleError where one of the family's nodes is not found again.
+    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is not found again.
     """
 
     def __init__(self, family: Family, lanes: BatchTaylor) -> None:
+        family.parameters.refuse_smooth("cycles in batches are")
         self.family, self._lanes = family, lanes
         self._constants = field_constants(family.parameters)
         nodes = family.nodes.T
@@ -57,9 +59,7 @@ class FamilyInterpolant:
         Infinite next to a fold, where errors in double reach beyond it.
         """
         s = self.family.abscissa(cycles.coordinate)
-        return self._unless_next_to_a_fold(self._budget.all_half_widths(cycles, s), s)
-
-    def _unless_next_to_a_fold(self, widths: dict[str, Any], s: Array) -> dict[str, Array]:
+        widths = self._budget.all_half_widths(cycles, s)
         lost = widths[self.family.section.names[0]] > _FLAT * self.family.to_fold(s)
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
@@ -75,34 +75,29 @@ class FamilyInterpolant:
         cycles.converged[slope * cycles[f"d{section.names[0]}_domega"] < 0] = False
         return cycles
 
-    def results(self, speeds: Array, s: Array, *, digits: int = 0) -> list[Any]:
-        """The same as the result objects that single speeds give; None where one is not found, or next to a fold.
+    def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
+        """All cycles at each speed [rad/s], from the smallest first coordinate on, as single speeds give them.
 
-        Only those whose period, coordinates and largest lean have so many digits.
+        None for a speed that has none, or not only cycles that doubles hold: their period, coordinates and largest lean
+        to so many digits, and clear of a fold, where the multiplier says on which side of it they lie.
         """
-        cycles = self.solved(speeds, s)
+        speeds = numpy.asarray(omegas, dtype=float)
+        s = self.family.abscissas(speeds)
+        index, piece = numpy.nonzero(numpy.isfinite(s.T))
+        cycles = self.solved(speeds[index], s[piece, index])
         widths = self.half_widths(cycles)
         held = cycles.converged
         for name in ("period", *cycles.section.names, "beta_max"):
-            held = held & (widths[name] < numpy.abs(cycles[name]) * 10.0**-digits)
-        measured = cycles.only(held).results(
-            {name: width[held] for name, width in widths.items()}, self.family.parameters
+            held = held & (widths[name] <= numpy.abs(cycles[name]) * 10.0**-digits)
+        measured = iter(
+            cycles.only(held).results({name: width[held] for name, width in widths.items()}, self.family.parameters)
         )
-        return _spread_out(measured, held)
-
-    def results_where(self, speeds: Array, stable: Any, *, digits: int) -> list[Any]:
-        """The stable cycle at each speed (n,), or the unstable one; None where doubles do not hold it.
-
-        It is not held if the multiplier leaves open on which side of a fold it lies.
-        """
-        s = self.family.abscissas_where(speeds, stable)
-        inside = numpy.isfinite(s)
-        cycles = _spread_out(self.results(speeds[inside], s[inside], digits=digits), inside)
-        return [cycle if cycle and cycle.stable is bool(side) else None
-                for cycle, side in zip(cycles, stable, strict=True)]  # fmt: skip
-
-
-def _spread_out(values: list[Any], where: Any) -> list[Any]:
-    """The values at the places where ``where`` (n,) is true, None at the others."""
-    rest = iter(values)
-    return [next(rest) if inside else None for inside in where]
+        by_speed: list[list[Any]] = [[] for _ in omegas]
+        for at, is_held, falls in zip(index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True):
+            cycle = next(measured) if is_held else None
+            by_speed[at].append(cycle if cycle and cycle.stable is bool(falls) else None)
+        lost = numpy.zeros(len(speeds), dtype=bool)
+        for gap in self.family.gaps:
+            lost |= (min(gap) <= speeds) & (speeds <= max(gap))
+        return [None if missing or None in some or not some else some
+                for some, missing in zip(by_speed, lost, strict=True)]  # fmt: skip

@@ -60,7 +60,9 @@ class LibratingFamily(Family):
         while not len(self._panels) or (self._left > closest and len(self._panels) < _MOST_PANELS):
             self.extend()
         if not self._left < math.inf:
-            raise NoSuchCycleError(self._lost(self.s_end))
+            raise NoSuchCycleError(self._lost(self.nodes[-1, 0]))
+        first, last = map(float, self.nodes[[0, -1], 3])
+        self.gaps = (first, self.omega_crit), (last, 2 * self.limit - last)
 
     @property
     def _left(self) -> float:
@@ -72,9 +74,6 @@ class LibratingFamily(Family):
         s, slopes = self.nodes[-3:, 0], numpy.abs(self.nodes[-3:, 6])
         rate = math.log(slopes[0] / slopes[2]) / (s[2] - s[0]) if slopes.all() else 0.0
         return float(slopes[2] / rate) if _SLOWEST < rate < _FASTEST else math.inf
-
-    def _lost(self, s: float) -> str:
-        return f"the family of limit cycles could not be followed to the amplitude {amplitude(s):.6g} rad"
 
     @property
     def limit(self) -> float:

@@ -81,6 +81,7 @@ class RotatingFamily(Family):
         nodes = _GUESSING_NODES if solve is None else _NODES
         super().__init__(parameters, engine, solve or singly, nodes, middle, half, begin)
         self.extend()
+        self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 
     def reach(self, omega: float) -> None:
         """Follow the family beyond its fold to a speed [rad/s]. Raises NoSuchCycleError if it ends before."""
@@ -114,9 +115,9 @@ class RotatingFamily(Family):
             beta, v = unstable_top(self.parameters, Fraction(omega), self.engine)
             return float(beta), float(v)
         self.reach(0.0 if stable else omega)
-        (s,) = self.abscissas_where(numpy.array([omega]), stable)
-        if math.isfinite(s):
-            return self.place(float(s)).start
+        for place in self.places(omega):
+            if self.falls[place.piece] is stable:
+                return place.start
         raise NoSuchCycleError(
             f"the rotating cycles turn round in a fold near {self.near_fold().omega:.6g} rad/s, "
             f"above {omega:.10g} rad/s"

@@ -1,0 +1,66 @@
+"""Cycles solved together: the paper's sets, and what is left to single speeds."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy
+import pytest
+
+from tests.problems import SETS
+from tippedisk_verify.atlas.branch import family
+from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.theory.hopf import hopf_point
+
+_LANES = BatchTaylor()
+
+
+def followed(parameters: Parameters, taylor) -> LibratingFamily:
+    return LibratingFamily(parameters, taylor, in_batches(LIBRATING, parameters, _LANES))
+
+
+@pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
+def test_the_papers_801_cycles(parameters, taylor) -> None:
+    cycles = list(family(parameters, taylor, paper_sets=True))
+    assert len(cycles) == 801
+    assert all(cycle.stable and cycle.engine == "lanes" for cycle in cycles)
+    for cycle in cycles:
+        # Round-off of half a period's flow: hundreds of ulps, and at Omega_h + 0.006 a hundred times as many.
+        assert cycle.residuals[-1] < 2e-13
+        assert cycle.period.uncertainty < Fraction(1, 10**10)
+        assert float(cycle.trivial_multiplier_defect) < 1e-11
+
+
+def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
+    branch = followed(PRINTED, taylor)
+    below = 0.0008
+    omegas = numpy.linspace(branch.limit + below, branch.omega_crit - below, 500)
+    cycles = [cycle for (cycle,) in FamilyInterpolant(branch, _LANES).results(omegas, 0)]
+    widths = [float(cycle.period.uncertainty) for cycle in cycles]
+    assert max(widths) < 1e-9
+    assert numpy.median(widths) < 1e-11
+    hopf, near = hopf_point(PRINTED), cycles[-1]
+    # One term further the expansion in Omega_crit - Omega (0.0008 rad/s) has coefficients of order 1.
+    assert abs(float(near.beta_max) ** 2 / below / float(hopf.amplitude_squared_slope) - 1) < 0.01
+    assert abs((float(near.period) - float(hopf.period)) / below / float(hopf.period_slope) - 1) < 0.01
+
+
+def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
+    """Outside the family, between its last nodes and its ends, and next to a fold."""
+    branch = followed(PRINTED.changed(A="0.229e-3"), taylor)
+    fold = branch.place(branch.folds[0]).omega
+    speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
+    by_speed = FamilyInterpolant(branch, _LANES).results(speeds, 0)
+    assert [some and [cycle.stable for cycle in some] for some in by_speed] == [None, None, [False, True], None, None]
+
+
+def test_batches_are_of_the_linear_law(taylor) -> None:
+    smooth = LibratingFamily(PRINTED.with_friction("smooth"), taylor)
+    with pytest.raises(InputError, match="linear friction law only"):
+        FamilyInterpolant(smooth, _LANES)
