@@ -81,7 +81,7 @@ class BasinBoundary(Printable):
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
-        """Where `_beyond` changes its sign, as it does between the ends of the interval (0, pi)."""
+        """Where `_beyond` changes its sign. The ends of the interval stand for states on either side of the sheet."""
         from scipy.optimize import brentq
 
         def beyond(beta: float) -> float:

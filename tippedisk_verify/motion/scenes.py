@@ -301,24 +301,19 @@ def _crossings(
 
 
 def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
-    wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
-    when, built = _flat_time(request, engine, omega)
-    reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
-    return Ending("flat", reason, time=when, wells_passed=wells), built
-
-
-def _flat_time(request: Request, engine: Engine, omega: Measured) -> tuple[Measured, tuple[Build, ...]]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
-    plain = replace(request, times=None, dense=False)
+    bare = replace(request, times=None, dense=False, tolerance=None)
     if engine.measures_error:
-        timed = engine(replace(plain, error_estimate=True))
+        timed = engine(replace(bare, error_estimate=True))
         error = timed.error.time if timed.error is not None else math.inf
         if not math.isfinite(error):
             raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
     else:
         # The change under a hundredfold looser tolerance overstates the error about a hundredfold.
-        plain = replace(plain, tolerance=None)
-        timed = engine(plain)
-        error = abs(float(engine(replace(plain, tolerance=1e-11)).time) - float(timed.time))
-    moved = engine(replace(plain, omega=omega.value + omega.uncertainty))
-    return Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15), timed.built
+        timed = engine(bare)
+        error = abs(float(engine(replace(bare, tolerance=1e-11)).time) - float(timed.time))
+    moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
+    time = Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
+    wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
+    reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
+    return Ending("flat", reason, time=time, wells_passed=wells), timed.built

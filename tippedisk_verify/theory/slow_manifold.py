@@ -121,16 +121,16 @@ def _expanded(
     fast: FastEquation, highest: int, by_beta: Callable[[Any], Any], by_gamma: Callable[[Any], Any]
 ) -> list[Any]:
     """h_0 ... h_highest, whatever the terms are made of."""
-    orders = [fast.rolling]
+    series = [fast.rolling]
     for n in range(1, highest + 1):
-        last = orders[n - 1]
+        last = series[n - 1]
         right = fast.q1 * last + fast.drift * by_gamma(last)
         if n == 1:
             right = right + fast.q0
         for i in range(n):
-            right = right + fast.q2 * (orders[i] * orders[n - 1 - i]) - by_beta(orders[i]) * orders[n - 1 - i]
-        orders.append(right / fast.rate)
-    return orders
+            right = right + fast.q2 * (series[i] * series[n - 1 - i]) - by_beta(series[i]) * series[n - 1 - i]
+        series.append(right / fast.rate)
+    return series
 
 
 def expansion_at(
@@ -193,7 +193,7 @@ def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, 
 
 
 def residuals(fast: FastEquation, series: list[PowerSeries], epsilon: Any) -> list[Any]:
-    """`invariance_residuals` of an expansion of `expansion_at`, for any epsilon: on that it does not depend."""
+    """`invariance_residuals` from `expansion_at`, for any epsilon: the expansion does not depend on it."""
     rate, rolling, q0, q1, q2, drift = (part.c[0] for part in fast)
     return [
         epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v)) + rate * (v - rolling)
@@ -202,6 +202,7 @@ def residuals(fast: FastEquation, series: list[PowerSeries], epsilon: Any) -> li
 
 
 def checked_order(order: int) -> None:
+    """Raises InputError unless the order is a whole number from 0 to 40."""
     if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _HIGHEST_ORDER:
         raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
 
@@ -256,9 +257,9 @@ def _trace_root(parameters: Parameters, order: int, working_bits: int) -> Any:
         return reduced_equilibrium(parameters, speed, "inverted", order, working_bits).trace
 
     guess = ctx.mpf(float(omega_crit(parameters)))
-    near = (guess * ctx.mpf("0.9995"), guess * ctx.mpf("1.0005"))
+    starts = (guess * ctx.mpf("0.9995"), guess * ctx.mpf("1.0005"))
     try:
-        root = ctx.findroot(trace, near, tol=ctx.eps**1.5)
+        root = ctx.findroot(trace, starts, tol=ctx.eps**1.5)
     except (ValueError, ZeroDivisionError):
         root = ctx.inf
     if not abs(root / guess - 1) < ctx.mpf("0.1"):
