@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from threading import local
 from typing import TYPE_CHECKING
 
@@ -15,8 +16,17 @@ __all__ = ["default_engine", "default_lanes"]
 class _Own(local):
     """What each thread has for itself, so that none waits for another one's run."""
 
-    engine: Engine | None = None
-    lanes: BatchTaylor | None = None
+    @cached_property
+    def engine(self) -> Engine:
+        from tippedisk_verify.flow.taylor import Taylor
+
+        return Taylor()
+
+    @cached_property
+    def lanes(self) -> BatchTaylor:
+        from tippedisk_verify.flow.lanes import BatchTaylor
+
+        return BatchTaylor()
 
 
 _OWN = _Own()
@@ -24,17 +34,9 @@ _OWN = _Own()
 
 def default_engine() -> Engine:
     """The thread's Taylor engine, kept so that it compiles once; it serves both friction laws."""
-    if _OWN.engine is None:
-        from tippedisk_verify.flow.taylor import Taylor
-
-        _OWN.engine = Taylor()
     return _OWN.engine
 
 
 def default_lanes() -> BatchTaylor:
     """The thread's engine for many runs at once, kept for the same reason."""
-    if _OWN.lanes is None:
-        from tippedisk_verify.flow.lanes import BatchTaylor
-
-        _OWN.lanes = BatchTaylor()
     return _OWN.lanes

@@ -86,9 +86,10 @@ class Compiled:
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
         if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
-            events.append(ending(SWITCH.name, callback=self._branch.callback()))
+            branch = self._branch  # in plain functions: heyoka copies whatever else it is given
+            events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
             if FLAT not in self._terminal:
-                events.append(ending(TURN_OVER.name, callback=self._branch.flat_callback()))
+                events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
         return events
 
     def _passing_events(self, events: Sequence[Event]) -> list[Any]:

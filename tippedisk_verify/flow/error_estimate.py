@@ -227,7 +227,7 @@ class _Run:
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
         """Polynomials, errors, and what the errors may be off, (3, k) at wide times (k,)."""
-        places, errors, roundings, nodes = self._defect.at(times)
+        places, errors, roundings, nodes = self._defect.at(times, self.uncorrected)
         return places, errors, self._left(roundings, nodes)
 
     def _left(self, roundings: Any, nodes: Any) -> Any:

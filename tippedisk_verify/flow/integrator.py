@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from tippedisk_verify.flow.compiled import Compiled
@@ -38,21 +37,17 @@ class Integrator(Compiled):
         self._reset(request, omega, state)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
             return self._ended(request, Status.FLAT, 0)
-        if self._smooth or self._on_edge(request, omega, state):
+        # Of an event function that is zero to the last bit heyoka sees no other crossing in its first step.
+        constants = request.parameters.at(self.precision)
+        if self._smooth or 0 in event_values(request.events, self._ops, constants, omega, state):
             return self._run_careful(request, omega, state, duration)
         return self._run_plain(request, omega, state, duration)
 
     def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
         """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
         number = self.precision.number
-        if self.precision.kind != "double":
-            return [number(part) for part in request.state], number(request.duration), number(request.omega)
-        state = [part if type(part) is float else number(part) for part in request.state]
-        duration = request.duration if type(request.duration) is float else number(request.duration)
-        omega = request.omega if type(request.omega) is float else number(request.omega)
-        if not math.isfinite(state[0] + state[1] + state[2] + duration + omega):
-            for value in (*state, duration, omega):
-                number(value)  # names the culprit, if it is not only the sum that overflows
+        state = [number(component) for component in request.state]
+        duration, omega = number(request.duration), number(request.omega)
         if request.rounding is not None:
             *state, omega = nudged((*state, omega), request.rounding, self.precision)
         return state, duration, omega
@@ -85,12 +80,6 @@ class Integrator(Compiled):
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
-
-    def _on_edge(self, request: Request, omega: Any, state: list[Any]) -> bool:
-        """Whether an event function is zero to the last bit."""
-        if not request.events:
-            return False
-        return 0 in event_values(request.events, self._ops, request.parameters.at(self.precision), omega, state)
 
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """To a time or a terminal event: the outcome, the smallest step and the number of steps, whose series stay."""

@@ -89,10 +89,7 @@ def start_window(
 def event_values(
     events: Sequence[Event], ops: Ops, constants: Constants, omega: Any, state: Sequence[Any]
 ) -> list[Any]:
-    """The event functions at a state (or at many, as arrays).
-
-    Of one that is zero to the last bit at the start heyoka sees no other crossing in its first step.
-    """
+    """The event functions at a state (or at many, as arrays)."""
     return [event.function(ops, constants, omega, *state) for event in events]
 
 

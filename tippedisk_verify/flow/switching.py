@@ -10,7 +10,7 @@ crossings lay closer than events can tell apart, shows at the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy
@@ -66,21 +66,14 @@ class FrictionSign:
             self.asleep = not any(rates)  # at rest gamma_y is zero for ever: no switch, whatever heyoka sees
         self._set(1 if slip >= 0 else -1)
 
-    def callback(self) -> Callable[[Any, int], bool]:
-        """For heyoka, as a plain function: it copies whatever else it is given."""
-        return lambda stepper, sign: self._switched(sign, stepper.time)
-
-    def flat_callback(self) -> Callable[[Any, int], bool]:
-        """The same for sin(beta) = 0, where nobody asked for the end of the run."""
-        return lambda stepper, sign: self._turned()
-
-    def _turned(self) -> bool:
+    def turned(self) -> bool:
+        """At sin(beta) = 0, where nobody asked for the end of the run."""
         self._upright = -self._upright
         self._set(self.side)
         return True
 
-    def _switched(self, sign: int, time: Any) -> bool:
-        """At a crossing; whether the run goes on."""
+    def switched(self, sign: int, time: Any) -> bool:
+        """At a crossing of gamma_y / sin(beta) = 0; whether the run goes on."""
         if self.asleep:
             return True
         self._switches += 1

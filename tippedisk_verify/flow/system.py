@@ -40,8 +40,8 @@ def parameter_names(friction: Friction) -> tuple[str, ...]:
 
 def constants_of(pars: Any, friction: Friction) -> Constants:
     """The rows of the runtime parameters by name."""
-    known = dict(zip(parameter_names(friction), pars, strict=False))
-    return Constants(**{name: known.get(name) for name in Constants._fields})
+    rows = dict(zip(parameter_names(friction), pars, strict=False))
+    return Constants(**{name: rows.get(name) for name in Constants._fields})
 
 
 class System(NamedTuple):
@@ -63,26 +63,25 @@ def system_of(
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
     state = hy.make_vars("beta", "gamma", "v")
-    names = SMOOTH_PARAMETERS if smooth else PARAMETERS
-    pars = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
-    omega = pars["Omega"]
-    constants = Constants(**{name: pars.get(name) for name in Constants._fields})
+    friction: Friction = "smooth" if smooth else "linear"
+    names = parameter_names(friction)
+    pars = [hy.par[index] for index in range(len(names))]
+    constants, omega = constants_of(pars, friction), pars[0]
     count = _products_given(variations, smooth)
-    given = Products(
-        *(hy.par[len(names) + n] if n < count else part for n, part in enumerate(products(constants, omega)))
-    )
-    law: tuple[Any, ...] = ("smooth", hy.par[len(names) + count], given) if smooth else ("linear", None, given)
+    as_numbers = [hy.par[len(names) + n] for n in range(count)]
+    given = Products(*as_numbers, *products(constants, omega)[count:])
+    law: tuple[Any, ...] = (friction, hy.par[len(names) + count] if smooth else None, given)
     rates = field(ops, constants, omega, *law)(*state)
     system: Any = list(zip(state, rates, strict=True))
     if divergence:
         slope = jacobian(ops, constants, omega, *law)(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
     if variations:
-        known = dict(zip(("beta", "gamma", "v"), state, strict=True)) | pars
-        unknown = [name for name in variations if name not in known]
+        variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
+        unknown = [name for name in variations if name not in variables]
         if unknown:
-            raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(known)}")
-        system = hy.var_ode_sys(system, [known[name] for name in variations])
+            raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(variables)}")
+        system = hy.var_ode_sys(system, [variables[name] for name in variations])
     crossings = {event.name: event.function(ops, constants, omega, *state) for event in events}
     return System(system, crossings, count)
 
