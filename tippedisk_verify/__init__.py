@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.connection.near_connection import cycle_above
     from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
     from tippedisk_verify.cycles.shooting import limit_cycle
-    from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+    from tippedisk_verify.cycles.spectral import balanced_cycle
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
@@ -102,7 +102,7 @@ _HOMES = {
     "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
     "theory.slow_manifold": ("study",),
-    "cycles.spectral_balance": ("balanced_cycle",),
+    "cycles.spectral": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -13,7 +13,7 @@ import tippedisk_verify as tv
 from tippedisk_verify.atlas.rotating_cycle import rotating_below, rotating_branch, rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import rotation_fold
-from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
@@ -29,6 +29,13 @@ POINTS = (
     ("30.02", True),
     ("30.386592688643567", False),
     ("31.386592688643567", False),
+)
+FOLD = (
+    ("omega", "omega"),
+    ("period", "period"),
+    ("beta_bar_top", "angle"),
+    ("v_top", "v"),
+    ("null_vector", "null_vector"),
 )
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -63,16 +70,16 @@ def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> N
 @pytest.mark.slow
 def test_the_fold_by_two_roads(taylor) -> None:
     shot, other = rotation_fold(PRINTED, taylor), spectral_fold(PRINTED, digits=16)
-    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
-        assert agree(getattr(shot, name), getattr(other, name), 11), name
+    for name, same in FOLD:
+        assert agree(getattr(shot, name), getattr(other, same), 11), name
 
 
 @pytest.mark.slow(minutes=2)
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_the_fold_to_30_digits(taylor, disk) -> None:
     shot, other = rotation_fold(disk, taylor, digits=30), spectral_fold(disk, digits=40)
-    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
-        assert agree(getattr(shot, name), getattr(other, name), 30), name
+    for name, same in FOLD:
+        assert agree(getattr(shot, name), getattr(other, same), 30), name
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])

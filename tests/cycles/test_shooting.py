@@ -17,7 +17,7 @@ from tests.problems import SETS, decimals
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.half_map import half_map
 from tippedisk_verify.cycles.shooting import cycle_numbers, limit_cycle, shoot
-from tippedisk_verify.cycles.spectral_balance import approximate_cycle, balanced_cycle
+from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request

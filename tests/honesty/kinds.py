@@ -20,7 +20,7 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch_interpolant import BranchInterpolant
 from tippedisk_verify.cycles.half_map import RETURNS, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, Shortfall

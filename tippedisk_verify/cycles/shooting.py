@@ -30,7 +30,7 @@ from tippedisk_verify.cycles.cycle_budget import (
 from tippedisk_verify.cycles.half_map import HalfFlights, HalfMap, newton_step
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.spectral_balance import approximate_cycle
+from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed

@@ -12,7 +12,7 @@ from tippedisk_verify.connection.omega_h_slopes import omega_h_slopes
 from tippedisk_verify.cycles.continuation import followed_cycle
 from tippedisk_verify.cycles.half_map import newton_step
 from tippedisk_verify.cycles.shooting import LimitCycle, cycle_numbers, shoot
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline

@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.folds import fold_near, rotation_fold
 from tippedisk_verify.cycles.half_map import EXTREME
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.shooting import converged
-from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.cycles.turn_map import ROUND, TurnFlights
 from tippedisk_verify.flow import default_engine
@@ -250,7 +250,8 @@ def _fold_by_collocation(case: Case, known: Values) -> Values:
     if case.friction != "linear":
         return {}
     fold = spectral_fold(case.parameters, digits=_COLLOCATED_FOLD)
-    return {name: getattr(fold, name) for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector")}
+    numbers = {name: getattr(fold, name) for name in ("omega", "period", "null_vector")}
+    return numbers | {"beta_bar_top": fold.angle, "v_top": fold.v}
 
 
 def _fold_by_scipy(case: Case, known: Values) -> Values:
