@@ -23,7 +23,7 @@ from tippedisk_verify.theory.hopf import omega_crit, period_crit
 __all__ = ["branch_to", "fold_near", "fold_system", "librating_branch", "newton", "unconverged", "walk"]
 
 _FIRST_SAMPLES = 24
-_MOST_PASSES = 60
+_MOST_PASSES, _FEW_PASSES = 60, 12  # from a rough guess, and along a branch, where a shorter step mends a failure
 _LONGEST_STEP = 0.3  # rad
 _LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
 _DIFFERENCE = 1e-6  # of a number of order one: a derivative by differences in double is then good to some 1e-10
@@ -31,6 +31,7 @@ _DIFFERENCE = 1e-6  # of a number of order one: a derivative by differences in d
 # covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
 # than this part of the way, the speed lies beyond the end.
 _LONG, _STANDING = 4.0, 1e-4
+_ROUNDING = 1e-9  # of Omega: smaller turns are those of rounding next to the connection
 _MOST_STEPS = 120
 _NOWHERE = "no limit cycle found at Omega = {:.12g} rad/s"
 
@@ -43,7 +44,7 @@ def unconverged(kind: Kind, samples: int) -> NoSuchCycleError:
     )
 
 
-def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
+def newton(a: Collocation, start: Any, normal: Any = None, most: int = _MOST_PASSES) -> Any | None:
     """The cycle in the plane through ``start`` with the given normal, by default that of its speed.
 
     None if the iteration does not converge, or loses what makes a cycle of this kind.
@@ -53,7 +54,7 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
         normal = numpy.eye(1, n + 2, n + 1)[0]
     amplitude = abs(start[:n]).max()
     point, best = start, math.inf
-    for _ in range(_MOST_PASSES):
+    for _ in range(most):
         rows = numpy.vstack((a.matrix(point[:-1], point[-1]), normal))
         right = numpy.append(a.residual(point[:-1], point[-1]), normal @ (point - start))
         try:
@@ -65,7 +66,9 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
         size = longest / amplitude + abs(step[n:] / point[n:]).max()
         if not math.isfinite(size) or not _is_cycle(a.kind, point, amplitude):
             return None
-        if size < 1e-10 or (size >= best and best < 1e-6):  # quadratic, then stopped by rounding
+        if size < (1e-8 if most == _FEW_PASSES else 1e-10) or (
+            size >= best and best < 1e-6
+        ):  # quadratic, then stopped by rounding
             return point
         best = min(best, size)
     return None
@@ -103,7 +106,7 @@ def fold_near(a: Collocation, start: Any) -> tuple[Any, Any] | None:
     # The branch's tangent, which is the null vector where Omega is extreme.
     null = numpy.linalg.svd(a.matrix(point[:-1], point[-1]))[2][-1][:-1]
     null = null / null[abs(null).argmax()]
-    for _ in range(_MOST_PASSES):
+    for _ in range(_FEW_PASSES):
         cycle, omega = point[:-1], point[-1]
         right = numpy.concatenate((a.residual(cycle, omega), a.along(cycle, omega, null), [abs(null).max() - 1]))
         step = numpy.linalg.solve(fold_system(a, point, null), right)
@@ -131,7 +134,7 @@ def walk(
         n = len(here) - 2
         a = Collocation(parameters, kind, n)
         before = resampled(kind, before, n)
-        ahead = newton(a, here + length * (here - before), _across(here - before, here))
+        ahead = newton(a, here + length * (here - before), _across(here - before, here), _FEW_PASSES)
         if ahead is None:  # too long a step, or too few harmonics for what the cycle has become: mend both
             length /= 2
             if length < 1e-3:
@@ -139,7 +142,8 @@ def walk(
             here = _grown(kind, here, fixed, 0.0)
             continue
         fold = None
-        if (ahead[-1] - here[-1]) * (here[-1] - before[-1]) < 0:
+        rises = (here[-1] - before[-1], ahead[-1] - here[-1])
+        if rises[0] * rises[1] < 0 and max(abs(rises[0]), abs(rises[1])) > _ROUNDING * here[-1]:
             fold = fold_near(a, here)
         behind = fold is not None and (fold[0] - here) @ (ahead - before) < 0
         if fold is not None and behind:
