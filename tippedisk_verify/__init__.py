@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.connection.bisection import bisect_omega_h
     from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.cycles.shooting import limit_cycle
-    from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+    from tippedisk_verify.cycles.spectral import balanced_cycle
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.errors import InputError, Shortfall
     from tippedisk_verify.flow.baseline import Baseline
@@ -100,7 +100,7 @@ _HOMES = {
     "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
     "theory.slow_manifold_analysis": ("analyse_slow_manifold",),
-    "cycles.spectral_balance": ("balanced_cycle",),
+    "cycles.spectral": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -15,7 +15,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycl
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import rotation_fold
-from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
@@ -31,6 +31,13 @@ POINTS = (
     ("30.02", True),
     ("30.386592688643567", False),
     ("31.386592688643567", False),
+)
+FOLD = (
+    ("omega", "omega"),
+    ("period", "period"),
+    ("beta_bar_top", "angle"),
+    ("v_top", "v"),
+    ("null_vector", "null_vector"),
 )
 SHARED = ("period", "beta_bar_top", "v_top", "multiplier_slow")
 
@@ -65,16 +72,16 @@ def test_shooting_and_collocation_agree_to_30_digits(taylor, omega, stable) -> N
 @pytest.mark.slow
 def test_the_fold_by_two_roads(taylor) -> None:
     shot, other = rotation_fold(locator(PRINTED, taylor).rotations), spectral_fold(PRINTED, digits=16)
-    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
-        assert agree(getattr(shot, name), getattr(other, name), 11), name
+    for name, same in FOLD:
+        assert agree(getattr(shot, name), getattr(other, same), 11), name
 
 
 @pytest.mark.slow(minutes=2)
 @pytest.mark.parametrize("disk", [PRINTED, CALIBRATED, GEOMETRY], ids=lambda disk: disk.name)
 def test_the_fold_to_30_digits(taylor, disk) -> None:
     shot, other = rotation_fold(locator(disk, taylor).rotations, digits=30), spectral_fold(disk, digits=40)
-    for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector"):
-        assert agree(getattr(shot, name), getattr(other, name), 30), name
+    for name, same in FOLD:
+        assert agree(getattr(shot, name), getattr(other, same), 30), name
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))])

@@ -27,7 +27,7 @@ from tippedisk_verify.audit import (
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
 from tippedisk_verify.audit.claims import Audit, Claim, Verdict, examined
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import baseline
 from tippedisk_verify.flow.contract import Request, Status

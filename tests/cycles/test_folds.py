@@ -1,14 +1,12 @@
-"""Folds of librating cycles: the augmented system against the spectral branch and more digits."""
+"""Folds of librating cycles: the augmented system against the spectral method and more digits."""
 
 from __future__ import annotations
 
 import json
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import pytest
-from mpmath import mp, mpf
 
 from tests.cycles.test_every_disk import steep_disks
 from tippedisk_verify.atlas.branch import family
@@ -16,8 +14,9 @@ from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import libration_folds
+from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
@@ -29,47 +28,26 @@ FOLDING = PRINTED.changed(A="0.229e-3")
 POSITIVE_SADDLE_VALUE = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
 
 
-# ------------------------------------------------------------------------------------------------ two roads
-def extremum_of_the_balance(near: Fraction, reach: str, pairs: int, digits: int) -> tuple[Any, Any]:
-    """(Omega, gamma_bar_0) where Omega as a function of gamma_bar_0 is extreme, through balanced cycles only.
-
-    At each speed below the fold there are two. Omega is the polynomial in gamma_bar_0 through all of them, whose error
-    falls with the number of points: they lie closer to the fold than it does to gamma_bar_0 = 0 and pi.
-    """
-    points = []
-    for n in range(1, pairs + 1):
-        omega = near - Fraction(reach) * n**2 / pairs**2  # even steps in gamma_bar_0
-        for crossing in (1, 2):
-            cycle = balanced_cycle(FOLDING, omega, digits=digits, crossing=crossing)
-            points.append((cycle.gamma_bar_0.value, omega))
-    with mp.workdps(2 * digits):
-        middle = sum(a for a, _ in points) / len(points)
-        away = [mpf((a - middle).numerator) / (a - middle).denominator for a, _ in points]
-        above = [mpf((omega - near).numerator) / (omega - near).denominator for _, omega in points]
-        powers = mp.matrix([[a**k for k in range(len(points))] for a in away])
-        coefficients = list(mp.lu_solve(powers, mp.matrix(above)))
-        slope = [k * c for k, c in enumerate(coefficients)][1:]
-        at = mp.findroot(lambda a: mp.polyval(slope[::-1], a), 0)
-        return fraction(mp.polyval(coefficients[::-1], at)) + near, fraction(at) + middle
+# ------------------------------------------------------------------------------------------- two methods
+@pytest.mark.parametrize("digits", [12, pytest.param(30, marks=pytest.mark.slow)])
+def test_the_fold_is_the_spectral_methods(taylor, digits) -> None:
+    (shot,) = libration_folds(FOLDING, taylor, digits=digits)
+    other = spectral_fold(FOLDING, Kind.LIBRATING, digits=digits + 5)
+    for name, same in (
+        ("omega", "omega"),
+        ("period", "period"),
+        ("gamma_bar_0", "angle"),
+        ("v_0", "v"),
+        ("null_vector", "null_vector"),
+    ):
+        mine, its = getattr(shot, name), getattr(other, same)
+        assert abs(mine.value - its.value) <= mine.uncertainty + its.uncertainty, name
+    assert other.omega.uncertainty < Fraction(1, 10**digits)
 
 
-def check_two_roads(taylor: Any, reach: str, pairs: int, digits: int, shown: int) -> None:
-    (fold,) = libration_folds(FOLDING, taylor, digits=digits)
-    near = Fraction(round(fold.omega.value * 10**9) - 1, 10**9)
-    omega, gamma_bar_0 = extremum_of_the_balance(near, reach, pairs, digits)
-    assert fold.omega.uncertainty < Fraction(1, 10**digits)
-    assert abs(fold.omega.value / omega - 1) < Fraction(1, 10**shown)
-    assert abs(fold.gamma_bar_0.value / gamma_bar_0 - 1) < Fraction(1, 10 ** (shown - 6))  # the derivative's zero
-
-
-@pytest.mark.slow
-def test_the_fold_is_the_spectral_branchs_extremum(taylor) -> None:
-    check_two_roads(taylor, "1e-6", 3, 20, 17)  # points at up to 3e-3 from the fold: (3e-3 / 1.4)**6 = 1e-16 of 0.07
-
-
-@pytest.mark.slow
-def test_the_fold_is_the_spectral_branchs_extremum_to_thirty_digits(taylor) -> None:
-    check_two_roads(taylor, "2e-4", 8, 40, 32)
+def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
+    with pytest.raises(NoSuchCycleError, match="no fold of the librating cycles"):
+        spectral_fold(PRINTED, Kind.LIBRATING)
 
 
 @pytest.mark.slow(minutes=0.3)

@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.error_budget import cycle_in, cycle_numbers
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
-from tippedisk_verify.cycles.spectral_balance import approximate_cycle, balanced_cycle
+from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request

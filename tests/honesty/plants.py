@@ -38,7 +38,7 @@ PLANTS = {
     "theory.harmonic_balance:one_harmonic": "one-harmonic law",
     "theory.melnikov:limit_speed": "limit epsilon to 0",
     "theory.slow_manifold_analysis:analyse_slow_manifold": "slow manifold",
-    "theory.spectral_balance:balanced_cycle": "harmonic balance",
+    "cycles.spectral:balanced_cycle": "harmonic balance",
     "certified.balls:measured": "proved closed forms",
 }
 _FACTOR = 100

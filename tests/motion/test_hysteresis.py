@@ -11,7 +11,7 @@ import pytest
 
 from tippedisk_verify.cycles.folds import libration_folds
 from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.codimension_two import bautin_points

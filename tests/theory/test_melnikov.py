@@ -9,7 +9,7 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.theory.hopf import omega_crit, period_crit

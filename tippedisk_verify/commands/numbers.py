@@ -317,7 +317,7 @@ def heteroclinic(common: Common, method: str, out: str | None) -> int:
 @common_options
 def harmonic_balance(common: Common, omega: str | None, below_crit: str | None, harmonics: int | None) -> int:
     """A limit cycle by harmonic balance of the full equations, without an integrator."""
-    from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+    from tippedisk_verify.cycles.spectral import balanced_cycle
 
     common.parameters.refuse_smooth("harmonic balance is")
     omega_value = speed(common, omega, below_crit)

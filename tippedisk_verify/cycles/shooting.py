@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
 from tippedisk_verify.cycles.newton import NewtonIteration
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.spectral_balance import approximate_cycle
+from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, grid

@@ -15,7 +15,7 @@ from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import shoot
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline

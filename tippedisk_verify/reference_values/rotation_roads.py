@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.folds import RotationFold, fold_near, fold_to_digit
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
 from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
 from tippedisk_verify.cycles.shooting import shoot
-from tippedisk_verify.cycles.spectral_fold import spectral_fold
+from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
@@ -246,7 +246,8 @@ def _fold_by_collocation(case: Case, known: Values) -> Values:
     if case.friction != "linear":
         return {}
     fold = spectral_fold(case.parameters, digits=_COLLOCATED_FOLD)
-    return {name: getattr(fold, name) for name in ("omega", "period", "beta_bar_top", "v_top", "null_vector")}
+    numbers = {name: getattr(fold, name) for name in ("omega", "period", "null_vector")}
+    return numbers | {"beta_bar_top": fold.angle, "v_top": fold.v}
 
 
 def _fold_by_scipy(case: Case, known: Values) -> Values:

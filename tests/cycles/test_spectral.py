@@ -9,7 +9,7 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.spectral_balance import balanced_cycle
+from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
