@@ -66,9 +66,8 @@ def newton(a: Collocation, start: Any, normal: Any = None, most: int = _MOST_PAS
         size = longest / amplitude + abs(step[n:] / point[n:]).max()
         if not math.isfinite(size) or not _is_cycle(a.kind, point, amplitude):
             return None
-        if size < (1e-8 if most == _FEW_PASSES else 1e-10) or (
-            size >= best and best < 1e-6
-        ):  # quadratic, then stopped by rounding
+        settled = 1e-8 if most == _FEW_PASSES else 1e-10
+        if size < settled or (size >= best and best < 1e-6):  # quadratic, then stopped by rounding
             return point
         best = min(best, size)
     return None
@@ -129,7 +128,7 @@ def walk(
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of samples grows,
     unless it is fixed, once the last harmonics are no longer small.
     """
-    length = 2.0  # the next step, in units of the last one
+    length, begin = 2.0, before[-2]  # the next step, in units of the last one, and the first frequency
     for _ in range(_MOST_STEPS):
         n = len(here) - 2
         a = Collocation(parameters, kind, n)
@@ -143,7 +142,9 @@ def walk(
             continue
         fold = None
         rises = (here[-1] - before[-1], ahead[-1] - here[-1])
-        if rises[0] * rises[1] < 0 and max(abs(rises[0]), abs(rises[1])) > _ROUNDING * here[-1]:
+        # Towards the connection the speed comes to rest, and then turns by rounding.
+        telling = min if here[-2] < begin / _LONG else max
+        if rises[0] * rises[1] < 0 and telling(map(abs, rises)) > _ROUNDING * here[-1]:
             fold = fold_near(a, here)
         behind = fold is not None and (fold[0] - here) @ (ahead - before) < 0
         if fold is not None and behind:
