@@ -17,7 +17,7 @@ from tippedisk_verify.checker import connection as module
 from tippedisk_verify.checker.connection import ReturnMap
 from tippedisk_verify.checker.passage import Passage
 from tippedisk_verify.checker.reading import parsed
-from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
 
 BITS = 64

@@ -30,8 +30,8 @@ from tippedisk_verify.certified.rotation import prove_rotation
 from tippedisk_verify.checker import claims
 from tippedisk_verify.checker.reading import decimal
 from tippedisk_verify.cli import main
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import jacobian, shifted
-from tippedisk_verify.model.measured import exact_text
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, SYMBOLS, Parameters
 
 ROOM = Path(checker.__file__).parent

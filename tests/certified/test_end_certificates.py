@@ -12,7 +12,7 @@ from tests.certified.end_entries import Change, disk, put, remember
 from tests.certified.saddle_orbits import OMEGA_H
 from tippedisk_verify import checker
 from tippedisk_verify.cli import main
-from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 
 

@@ -10,7 +10,8 @@ import numpy
 import pytest
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.measured import Measured
 
 
 def test_a_product_is_no_wider_than_it_must_be() -> None:

@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_down, rounded_up
 from tippedisk_verify.model.exact import PI, Exact, exact, fraction
-from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_down, rounded_up
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,

@@ -23,7 +23,8 @@ from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.decimals import decimal_magnitude
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
 from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared

@@ -32,8 +32,9 @@ from tippedisk_verify.atlas.connection_curve import (
 from tippedisk_verify.atlas.fold_curves import Plane, Trace, fold_at, fold_traces
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points

@@ -31,7 +31,8 @@ from tippedisk_verify.certified.closed_forms import check_linearization, hopf_ba
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
 from tippedisk_verify.certified.pieces import Piece, Status, joined
 from tippedisk_verify.certified.proved_end import ProvedEnd
-from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
+from tippedisk_verify.model.decimals import exact_text, rounded_down
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["BranchProof", "hopf_closed"]

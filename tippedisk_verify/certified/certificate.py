@@ -28,7 +28,8 @@ from tippedisk_verify.certified.rotation import turn_flight
 from tippedisk_verify.certified.section import HalfFlight, half_flight
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 
 __all__ = ["certificate_text", "cycle_certificate", "dyadic", "fold_certificate", "parameter_texts"]

@@ -42,8 +42,9 @@ from tippedisk_verify.certified.balls import (
     working_precision,
 )
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.results import Printable
 

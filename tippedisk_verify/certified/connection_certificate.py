@@ -39,7 +39,7 @@ from tippedisk_verify.checker.connection import END, FLIGHT, ReturnMap, flown, s
 from tippedisk_verify.checker.passage import Passage, Saddle, most
 from tippedisk_verify.checker.reading import parsed
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["end_bits", "end_certificate", "end_entry"]

@@ -45,8 +45,9 @@ from tippedisk_verify.certified.section import HalfFlight, half_flight
 from tippedisk_verify.certified.section import Status as HalfStatus
 from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured, exact_text, rounded_down
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 

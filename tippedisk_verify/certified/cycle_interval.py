@@ -20,9 +20,10 @@ from tippedisk_verify.certified.cycle import MANNERS
 from tippedisk_verify.certified.flow import Model
 from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured, exact_text, rounded_up
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = [

@@ -31,7 +31,7 @@ from tippedisk_verify.certified.jets import Jet
 from tippedisk_verify.certified.pieces import SHARES, Piece
 from tippedisk_verify.certified.scaled import ScaledCurve
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.model.measured import exact_text, rounded_down
+from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["family_certificate"]

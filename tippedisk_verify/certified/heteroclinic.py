@@ -77,8 +77,9 @@ from tippedisk_verify.certified.local_manifolds import (
 )
 from tippedisk_verify.certified.sliding import model_of
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_up
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured, decimal_magnitude, exact_text, rounded_up
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
 

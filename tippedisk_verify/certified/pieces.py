@@ -33,8 +33,9 @@ from tippedisk_verify.certified.curve_flow import Curve
 from tippedisk_verify.certified.cycle_interval import decimal_above, rounded_jet, two_digits
 from tippedisk_verify.certified.jets import Jet, negative, positive
 from tippedisk_verify.certified.scaled import ScaledCurve
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["SHARES", "Guess", "Piece", "Status", "joined", "on_curve", "prove_piece"]

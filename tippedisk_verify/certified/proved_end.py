@@ -9,7 +9,7 @@ from typing import Any
 
 from tippedisk_verify.certified.balls import arb, ball, positive
 from tippedisk_verify.certified.heteroclinic import ProvedConnection
-from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.decimals import exact_text
 
 __all__ = ["ProvedEnd", "Status"]
 

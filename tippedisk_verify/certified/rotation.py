@@ -20,8 +20,8 @@ from tippedisk_verify.certified.flow import Model, Path, Step
 from tippedisk_verify.certified.krawczyk import Flight
 from tippedisk_verify.certified.section import UPRIGHT, HalfFlight, Status, moment_of_zero, no_step
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import exact_text
 from tippedisk_verify.model.parameters import Parameters
 
 __all__ = ["RotationProof", "prove_rotation", "turn_flight"]

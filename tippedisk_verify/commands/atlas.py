@@ -18,7 +18,7 @@ from tippedisk_verify.commands.common import (
     progress,
     quantities_of,
 )
-from tippedisk_verify.model.measured import exact_text
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.results import plain
 from tippedisk_verify.reference_values.entries import trimmed
 

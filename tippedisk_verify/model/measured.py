@@ -9,15 +9,16 @@ import math
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from decimal import MAX_EMAX, MIN_EMIN, ROUND_DOWN, Context, Decimal
+from decimal import Decimal
 from fractions import Fraction
 from functools import partialmethod
 from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
 from tippedisk_verify.model.exact import Known, fraction, quotient, shown
 
-__all__ = ["DISTANCES", "Bounded", "Measured", "decimal_magnitude", "exact_text", "rounded_down", "rounded_up"]
+__all__ = ["DISTANCES", "Bounded", "Measured"]
 
 #: A half-width in units of the distance to a sharper run. It holds the truth if that run is at most half as wrong:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
@@ -25,7 +26,6 @@ DISTANCES = 2
 
 T = TypeVar("T")
 
-_TRUNCATED = Context(prec=1, rounding=ROUND_DOWN, Emin=MIN_EMIN, Emax=MAX_EMAX)
 _LARGEST_POWER = 1000  # that is taken by multiplication
 _LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
@@ -262,9 +262,9 @@ class Measured(Bounded):
     def decimals(self) -> tuple[str, str]:
         """``(value, uncertainty)`` as decimal strings."""
         if not self.uncertainty:
-            return _exact_decimals(self.value)
+            return exact_decimals(self.value)
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to it.
-        text, change = _at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
+        text, change = at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
         return text, rounded_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str]:
@@ -305,52 +305,3 @@ def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fra
     least, most = (Fraction(*map(int, libmp.to_rational(bound))) for bound in bounds)
     spare = Fraction(1, 2 ** (bits - _SPARE_BITS))
     return least - abs(least) * spare, most + abs(most) * spare
-
-
-def exact_text(value: Fraction) -> str:
-    """The number itself as text: a decimal, or a ratio of integers if no decimal ends."""
-    text, cut = _exact_decimals(value)
-    return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
-
-
-def rounded_up(value: Fraction) -> str:
-    """The least decimal of two significant digits that is not smaller than a positive ``value``."""
-    return _at_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
-
-
-def rounded_down(value: Fraction) -> str:
-    """The greatest decimal of two significant digits that is not larger than a positive ``value``."""
-    return _at_place(value, decimal_magnitude(value) - 1, math.floor)[0]
-
-
-def decimal_magnitude(value: Fraction) -> int:
-    """The integer k with 10**k <= |value| < 10**(k+1), for a value that is not zero."""
-    return _TRUNCATED.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
-
-
-def _exact_decimals(value: Fraction) -> tuple[str, str]:
-    places = value.denominator.bit_length()
-    if 10**places % value.denominator:  # a repeating decimal: fifty digits and the half-width of the cut
-        text, cut = _at_place(value, decimal_magnitude(value) - 50)
-        return text, rounded_up(cut)
-    while places and not value.numerator * 10 ** (places - 1) % value.denominator:
-        places -= 1
-    return _at_place(value, -places)[0], "0"
-
-
-def _at_place(value: Fraction, place: int, rounding: Callable[[Fraction], int] = round) -> tuple[str, Fraction]:
-    """``value`` rounded to a multiple of ``10**place``, and by how much that changes it.
-
-    As a decimal string, in scientific notation above 10^6 and below 10^-5.
-    """
-    unit = Fraction(10) ** place
-    steps = rounding(value / unit)
-    change = abs(value - steps * unit)
-    # Unlike str and int, Decimal has no limit of 4300 digits.
-    number = Decimal(f"{Decimal(steps)}e{place if steps else min(place, 0)}")
-    if not steps or Decimal("1e-5") <= number.copy_abs() <= 10**6:
-        return f"{number:f}", change
-    mantissa, exponent = f"{number:e}".split("e")
-    if not place:  # a whole number: its last zeros are only written out
-        mantissa = mantissa.rstrip("0").rstrip(".")
-    return f"{mantissa}e{int(exponent)}", change

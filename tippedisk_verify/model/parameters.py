@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction, quotient, shown
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.model.results import Printable
 

@@ -19,9 +19,10 @@ from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
+from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured, exact_text
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.motion.solution import integrated

@@ -19,8 +19,9 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction, quotient, shown
-from tippedisk_verify.model.measured import Measured, decimal_magnitude
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
