@@ -1,4 +1,4 @@
-"""Families of limit cycles: many cycles at once, at speeds or along a family."""
+"""Many limit cycles of a family: at speeds that are asked for, at the paper's, or at those of an overview."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which limit cycles a disk has at a speed, and where to shoot for them.
+"""Which limit cycles a disk has at a speed, where to shoot for them, and what is said where there are none.
 
 The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these families in double
 when a question first needs them, and keeps them; Omega_h is taken to more digits where a speed is so close to it that

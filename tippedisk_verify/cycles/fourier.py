@@ -1,4 +1,4 @@
-"""Fourier collocation in time: the equation of motion of a limit cycle at samples of its period, in any precision.
+"""Fourier collocation in time: a limit cycle's equation of motion at samples of its period, and how many it needs.
 
 One discretisation serves both kinds of cycles, which differ in what of the period is sampled. The point symmetry makes
 a librating cycle odd under a shift by half a period: half of it is sampled, and the harmonics are odd. A rotating cycle

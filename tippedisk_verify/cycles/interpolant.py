@@ -1,7 +1,7 @@
-"""Many cycles of a family at once, predicted by polynomials and corrected in one step of all lanes.
+"""Many cycles of a family at once: predicted by polynomials through its nodes, and corrected by `batch_shooting`.
 
 All numbers of a family's cycles at its nodes are solved to rounding. Omega(s) is inverted piece by piece, so that a
-speed at which two cycles coexist gives both. What is claimed for a number is the subject of `branch_budget`.
+speed at which two cycles coexist gives both. What is claimed for a number is the subject of `interpolant_budget`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
-from tippedisk_verify.cycles.branch_budget import BranchBudget
 from tippedisk_verify.cycles.family import Family
+from tippedisk_verify.cycles.interpolant_budget import BranchBudget
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array

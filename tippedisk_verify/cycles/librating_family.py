@@ -1,4 +1,4 @@
-"""The family of librating limit cycles: from the Hopf point, through any folds, to the connection.
+"""The family of librating limit cycles: where it begins, at the Hopf point, and where it ends, at the connection.
 
 The amplitude is gamma_bar_0 = pi tanh(s): s = 0 is the Hopf point, and infinite s the connection. v_0 / gamma_bar_0
 and beta_max / gamma_bar_0, the period and Omega are analytic there.

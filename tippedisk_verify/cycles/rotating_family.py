@@ -1,4 +1,4 @@
-"""The family of rotating limit cycles: from the connection at Omega_h through its fold and on to higher speeds.
+"""The family of rotating limit cycles: where it begins, beside the connection, and where it ends.
 
 Below Omega_h the unstable branch of the saddle goes over the top and leads to the stable rotating cycle. From there on
 the disk leans more and more at the top of its turn: beta_bar_top rises from what it is at the connection towards pi/2,

@@ -1,6 +1,6 @@
-"""Librating limit cycles and the folds of both kinds without an integrator, by Fourier collocation in time.
+"""Librating limit cycles, and the folds of librating and of rotating ones, by Fourier collocation in time.
 
-Each answer is computed at two resolutions. `fourier` has the equations, `spectral_branch` the way to a cycle.
+No integrator is used. Rotating cycles away from the fold are in `spectral_rotation`. Each answer is computed at two resolutions. `fourier` has the equations, `spectral_branch` the way to a cycle.
 """
 
 from __future__ import annotations

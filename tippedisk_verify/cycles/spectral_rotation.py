@@ -1,4 +1,4 @@
-"""Rotating limit cycles and their slow multiplier without an integrator, by collocation in time."""
+"""Rotating limit cycles and their slow multiplier by Fourier collocation in time; their fold is in `spectral`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What heyoka compiles for one kind of request: the field and its derivatives, with events and their callbacks."""
+"""One stepper of heyoka: compiled for a kind of request, with the callbacks that record its events."""
 
 from __future__ import annotations
 

@@ -226,7 +226,9 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, where the method counts them
     built: tuple[Build, ...] = ()  #: what the engine used for it
-    series: Any = None  #: the polynomials of the steps (`flow.series.Series`), where something is taken from them
+    series: Any = (
+        None  #: the polynomials of the steps (`flow.step_polynomials.Series`), where something is taken from them
+    )
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 

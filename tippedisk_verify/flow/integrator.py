@@ -7,8 +7,8 @@ from typing import Any
 from tippedisk_verify.flow.compiled import Compiled
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, EventRecord, Request, Result, Status
 from tippedisk_verify.flow.rounding import nudged
-from tippedisk_verify.flow.series import Series
 from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, StartSurfaces, event_values, surfaces
+from tippedisk_verify.flow.step_polynomials import Series
 from tippedisk_verify.model.equations import products
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
