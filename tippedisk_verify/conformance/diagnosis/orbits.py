@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
-from tippedisk_verify.conformance.diagnosis.equations import Equations
-from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, State, right, short
+from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, State, right
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, changed
 from tippedisk_verify.conformance.diagnosis.integrators import Integrators
 from tippedisk_verify.conformance.diagnosis.readings import Readings
@@ -33,17 +32,10 @@ _LAWS: tuple[tuple[str, Callable[[bool], bool]], ...] = (
 _START = "the orbits are those of other inputs: "
 _ILL = 0.25  # of the answers, that rounding may change
 _NUDGE = 1e-13  # rad
-_PASSES = 12  # of the Gauss-Newton method
-_LEFT = 1e-4  # of the errors, that a number which was solved for may leave
 _MOST = 20  # orbits that are read to the end
 _LONGEST = 4.0  # s, of the flights that changed inputs are tried on
 _CLOSER = 5.0  # times, that an orbit comes to a wrong sample
 _GIVEN = ("Omega", *STATE)
-_NUMBERS: tuple[tuple[str, Callable[[Any, Any], Any], tuple[str, ...]], ...] = (
-    ("{} times {:.7g}", lambda value, x: value * x, (*SYMBOLS, "Omega")),
-    ("{} shifted by {:.7g}", lambda value, x: value + x, _GIVEN),
-    ("{} = {:.7g} throughout", lambda value, x: x + 0 * value, _GIVEN),
-)
 
 
 @dataclass(eq=False)
@@ -112,49 +104,6 @@ class Inputs:
                 found.append(Cause(f"{says}{', and ' * bool(says and change)}{change}", rank, name="inputs"))
         return found
 
-    def solved(self) -> list[Cause]:
-        """One number in the inputs, with which the right equations give all answers; all are solved for at once."""
-        flights, sheet = self.flights, self.search.sheet
-        n = max(range(len(flights.tables)), key=lambda n: int(flights.tables[n].wrong.sum()))
-        table, time = flights.tables[n], float(flights.place[np.isin(flights.stem, STATE)].min(initial=math.inf))
-        mine = [k for k, spot in enumerate(flights.spots) if spot[0] == n and flights.sample(k, time)]
-        entries = sorted({*self.probes(n)[0], *mine[:: max(1, len(mine) // 3)]} & set(mine))
-        if not entries:
-            return []
-        cells = np.array([flights.sample(k, time) for k in entries]).T[:, None]
-        tasks = [(says, by, name) for says, by, names in _NUMBERS for name in names]
-        x = np.array([{"t": 1.0, "s": 0.0}.get(says[3], np.median(self.value(table, name))) for says, _, name in tasks])
-
-        def off(x: Array) -> Array:
-            variants = [self.with_number(table, *task[1:], number) for task, number in zip(tasks, x, strict=True)]
-            return np.asarray(self.flown(table.smooth, variants, entries, time) - sheet.answer[cells])
-
-        with np.errstate(all="ignore"):
-            for _ in range(_PASSES):
-                here = off(x)
-                slope = (off(x + 1e-7) - here) / 1e-7
-                move = (slope * here).sum(axis=(0, 2)) / (slope**2).sum(axis=(0, 2))
-                x = x - np.clip(np.nan_to_num(move), -0.3, 0.3)
-        size, found = np.abs(sheet.answer - sheet.truth)[cells].max(), []
-        for task in np.flatnonzero(np.abs(off(x)).max(axis=(0, 2)) < _LEFT * size).tolist():
-            (says, by, name), number = tasks[task], float(x[task])
-            if self.confirmed([self.with_number(one, by, name, number) for one in flights.tables], bool):
-                values = np.unique(self.value(table, name))
-                if "times" in says and len(values) == 1:
-                    says, number = f"{{}} = {{:.7g}} instead of {values[0]:.9g}", number * float(values[0])
-                found.append(Cause(_START + says.format(name, short(number)), 4, name=f"{name}-value"))
-        return found
-
-    def other_equations(self) -> list[Cause]:
-        """One change in the equations that the orbits follow."""
-        copy = " (in the orbits' equations" + ": those of level 1 are right)" * ("equations" in self.search.passed)
-        copy += ")" * ("equations" not in self.search.passed)
-        return [
-            replace(cause, says=cause.says + copy)
-            for cause in Equations(self.search, self.flights).causes()
-            if cause.program and self.confirmed(self.flights.tables, bool, equations=cause.program.trees["equations"])
-        ]
-
     def with_firsts(self) -> list[Table]:
         """With the speed of the first entry of all that has the same start."""
         firsts: dict[State, float] = {}
@@ -165,13 +114,6 @@ class Inputs:
         tables = enumerate(self.flights.tables)
         return [replace(table, given={**table.given, "first_Omega": speeds[of == n]}) for n, table in tables]
 
-    def value(self, table: Table, name: str) -> Array:
-        return np.asarray(table.p[SYMBOLS.index(name)] if name in SYMBOLS else table.given[name], dtype=float)
-
-    def with_number(self, table: Table, by: Callable[[Any, Any], Any], name: str, number: float) -> Table:
-        value = by(self.value(table, name), number)
-        return changed(table, lambda values: {name: value})
-
     def changed(self, table: Table, one: int) -> Table:
         """By an input's number in the table, from 1 on."""
         try:
@@ -179,9 +121,9 @@ class Inputs:
         except Exception:  # a change that these inputs do not bear
             return table
 
-    def confirmed(self, tables: Sequence[Table], law: Callable[[bool], bool], **changes: Any) -> bool:
+    def confirmed(self, tables: Sequence[Table], law: Callable[[bool], bool]) -> bool:
         """Whether right readings of these orbits give all answers: those to one entry, to three, to all."""
-        flights = Flights(tables, [law(table.smooth) for table in tables], changes=changes)
+        flights = Flights(tables, [law(table.smooth) for table in tables])
         sheet = self.search.sheet
         order = np.argsort(-np.bincount(flights.entry, sheet.wrong), kind="stable").tolist()
         for entries in (order[:1], order[:3], order):
@@ -193,7 +135,7 @@ class Inputs:
                 return False
             if missed.any():  # from next to an unstable equilibrium orbits go where rounding sends them
                 nudged = [replace(one, given={**one.given, "beta": one.given["beta"] + _NUDGE}) for one in tables]
-                other = Flights(nudged, flights.laws, changes=changes).read(np.unique(flights.entry[missed]).tolist())
+                other = Flights(nudged, flights.laws).read(np.unique(flights.entry[missed]).tolist())
                 with np.errstate(all="ignore"):
                     loose = np.abs(other - predicted) > sheet.allowed
                 lost = np.isnan(predicted) & np.isin(flights.entry, flights.entry[loose])
@@ -207,4 +149,4 @@ def orbit_causes(search: Search) -> list[Cause]:
     flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
     inputs = Inputs(search, flights)
     readings, integrators = Readings(search, flights), Integrators(search, flights)
-    return readings.causes() or inputs.causes() or inputs.other_equations() or integrators.causes() or inputs.solved()
+    return readings.causes() or inputs.causes() or integrators.causes()

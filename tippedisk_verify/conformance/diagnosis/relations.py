@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from functools import cache, partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import permutations, product
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
-from tippedisk_verify.conformance.diagnosis.joined import Found, joined
 from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
 from tippedisk_verify.conformance.diagnosis.suspects import Cause
 
@@ -23,12 +23,11 @@ __all__ = ["related"]
 
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
 _FREE = 3  # wrong answers of different entries that bear out a number that was read off them
+_STATEMENTS = 3  # different relations; more are several mistakes
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
 _BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _CONDITION = 5  # rank of a condition
-_AT_STATES = 5  # the last level whose inputs are those of the formula
-_LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
 
@@ -45,11 +44,6 @@ _FACTORS = {
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
 _FACTORS |= {"-2": -2.0, "-1/2": -0.5}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3)}
-#: Numbers beside a product of powers, with how many powers are as simple.
-_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {
-    text: (x, 0.6) for text, x in (_FACTORS | _TENS).items()
-}
-_SHORT |= {"1": (1.0, 0.0)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
     ("sign", 0): {"{has} the wrong sign": np.negative},
@@ -115,13 +109,6 @@ class _Grid:
         self.values = np.full(shape, np.nan)
         self.values[self.base, self.law, self.stem, self.place] = self.x
         self.p = parameters(sheet)
-        Bbar = self.p["B"] - self.p["m"] * self.p["e"] ** 2
-        self.bases = {**self.p, "Bbar": Bbar, "(r + e)": self.p["r"] + self.p["e"]}
-        if sheet.level <= _AT_STATES:
-            self.bases |= {name: self.given[name] for name in ("Omega", "v")}
-            for name in ("beta", "gamma"):
-                self.bases |= {f"sin({name})": np.sin(self.given[name]), f"cos({name})": np.cos(self.given[name])}
-        self.logs = np.log(np.abs(list(self.bases.values())))
 
     def at(self, **moved: Array | int) -> Array:
         """The right values where some indices are others; indices out of range find nothing."""
@@ -232,7 +219,7 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
 
 
 def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
-    """For each quantity one number for all, and a factor or a summand: a number times powers of the inputs."""
+    """For each quantity one number for all: a value, a factor or a summand."""
     answer, x = grid.sheet.answer, grid.x
     for n in np.unique(group[grid.sheet.wrong]):
         mine = group == n
@@ -241,49 +228,10 @@ def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
             continue
         middle = np.median(answer[cells])
         yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
-        for text, law in _power_laws(grid, cells, answer / x):
-            yield "solved factor", 4, f"{{q}} {{has}} the factor {text}", np.where(mine, law * x, np.nan)
+        factor = np.median((answer / x)[cells])
+        yield "solved factor", 4, f"{{q}} {{has}} the factor {factor:.9g}", np.where(mine, factor * x, np.nan)
         more = np.median((answer - x)[cells])
         yield "solved summand", 4, f"{{q}} {{has}} the summand {more:.9g}", np.where(mine, x + more, np.nan)
-
-
-@cache
-def _exponents(count: int) -> Array:
-    """Of so many bases all whole powers up to three in all, and half of them; the simplest first."""
-    units = np.concatenate([np.eye(count), -np.eye(count)])
-    whole = np.zeros((1, count))
-    for _ in range(3):
-        whole = np.unique(np.concatenate([whole, *(whole + unit for unit in units)]), axis=0)
-    whole = whole[np.lexsort((-whole.min(axis=1), np.abs(whole).sum(axis=1)))]
-    return np.concatenate([whole, whole[1:] / 2])
-
-
-def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
-    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
-    some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
-    some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
-    if len(some) < _FREE:
-        return
-    here = grid.logs[:, some]
-    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
-    exponents = _exponents(len(here))
-    left = np.log(np.abs(ratio[some])) - np.einsum("eb,bc->ec", exponents, here)  # einsum starts no threads
-    close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)
-    fits = np.flatnonzero(np.ptp(left, axis=1) < close)
-    if not len(fits):
-        return
-    numbers, costs = np.array(list(_SHORT.values())).T
-    sizes = np.exp(left[fits].mean(axis=1))
-    costs = np.where(np.abs(sizes[:, None] / numbers - 1) < close, costs, _LONG)
-    best = int(np.argmin(np.abs(exponents[fits]).sum(axis=1) + costs.min(axis=1)))
-    text = list(_SHORT)[costs[best].argmin()] if costs[best].min() < _LONG else f"{sizes[best]:.9g}"
-    law, words = sizes[best] * np.ones_like(ratio), [text]
-    for (name, base), k in zip(grid.bases.items(), exponents[fits[best]].tolist(), strict=True):
-        law = law * (base if k % 1 == 0 else np.abs(base)) ** k
-        words += [name if k == 1 else f"{name}^{k:g}"] if k else []
-    words = words[1:] if text == "1" and len(words) > 1 else words
-    sign = np.sign((ratio * law)[some[0]])
-    yield ("-" if sign < 0 else "") + " ".join(words), sign * law
 
 
 @np.errstate(all="ignore")
@@ -291,7 +239,7 @@ def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
     if not sheet.wrong.any():
         return []
-    grid, found = _Grid(sheet), dict[str, Found]()
+    grid, found = _Grid(sheet), dict[str, _Found]()
     group = np.unique(sheet.stems, return_inverse=True)[1]
     wrong = np.bincount(group, sheet.wrong)
     sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
@@ -309,6 +257,54 @@ def related(sheet: Sheet) -> list[Cause]:
             held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
         common = [text for text, _ in sides if all(text in some for some in held.values())]
         for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):
-            cause = Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+            cause = _Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
             found.setdefault(cause.says, cause).cells[mine & (group == n)] = True
-    return joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
+    return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What wrong answers are instead of right."""
+
+    name: str  #: a short word for the kind of relation
+    says: str
+    cells: Array  #: which answers of the sheet it explains
+    rank: float  #: lower is simpler
+
+
+def _joined(sheet: Sheet, found: Sequence[_Found]) -> list[Cause]:
+    """Relations that hold for all wrong quantities, or the simplest one for each."""
+    blamed, parts = set(sheet.stems[sheet.wrong]), list[tuple[_Found, set[str]]]()
+    whole = [cause for cause in found if blamed == set(sheet.stems[cause.cells])]
+    if whole:
+        return [Cause(_said(sheet, one.says, blamed), one.rank, one.name) for one in whole]
+    for cause in found:
+        mine = blamed & set(sheet.stems[cause.cells])
+        parts += [(cause, mine)] if mine else []
+        blamed -= mine
+    texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
+    # Two quantities that have each other's values are exchanged.
+    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
+    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
+        old = f"{one} has the values of {two}"
+        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
+    texts = list(dict.fromkeys(texts))
+    if blamed or len(texts) > _STATEMENTS:
+        return []
+    rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
+    return [Cause("; ".join(texts), rank, "-".join(dict.fromkeys(cause.name for cause, _ in parts)))]
+
+
+def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
+    """A relation of some quantities, in words."""
+    asked, laws = set(sheet.stems), sorted({stem.split(" ")[0] for stem in stems})
+    names = sorted({stem.split(" ")[1] for stem in stems})
+    one_law = {f"{law} {name}" for law in _LAWS for name in names} & asked != stems
+    for kind, whole, least in ((r"^(lambda_\w+)_(re|im)$", r"\1", 2), (r"^(h|residual)_\d+$", r"\1_n", 3)):
+        parts = [re.sub(kind, whole, name) for name in names]
+        names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
+    names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
+    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
+    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
+    return text + (f" under the {' and '.join(laws)} law" if one_law else "")

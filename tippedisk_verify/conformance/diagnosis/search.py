@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -26,12 +26,11 @@ from tippedisk_verify.conformance.diagnosis.suspects import (
     Suspect,
     candidates,
     fixed,
-    plain,
     scope,
     terms,
     values,
 )
-from tippedisk_verify.conformance.diagnosis.trees import Place, places, shown, statements
+from tippedisk_verify.conformance.diagnosis.trees import Place, statements
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
@@ -43,7 +42,7 @@ _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for 
 _ALLOWED_GAIN = 1e-3
 _TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
-_FREE = ast.Name("_free", ast.Load())
+_STATE = ("Omega", "beta", "gamma", "v")
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
 
 
@@ -183,47 +182,22 @@ class Search:
             if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
         ]
 
-    def solved(self, rights: Sequence[Specimen]) -> list[Cause]:
-        """One free factor at one place, solved for: in inputs that nothing has proved, then in results before terms."""
-        found = [] if self.passed else list(self._solved_inputs())
-        for right in rights:
-            for suspect in () if found else reversed(self.suspects_of(right)):
-                place = suspect.place
-                program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot in (place, *places(place.function, place.node, place.path)):
-                    if found or isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
-                        break
-                    program.computes(spot.within(place, fixed(ast.BinOp(_FREE, ast.Mult(), spot.node))))
-                    number = self.number(partial(self._with_free, program))
-                    if number is not None:
-                        says = f"in {suspect.where}: {plain(number)} times {shown(spot.node)}"
-                        new = ast.BinOp(ast.Constant(number), ast.Mult(), spot.node)
-                        found.append(Cause(says, 4, "factor", suspect.function, *spot.lines(new)))
-        return found
-
-    def _with_free(self, program: Program, number: float, sheet: Sheet) -> Array:
-        program.space[_FREE.id] = number
-        return self.run(program, sheet)
-
-    def _solved_inputs(self) -> Iterator[Cause]:
-        right = Program(specimen())
-        for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
-            for text, by in (("", np.multiply), ("shifted by ", np.add)):
-                if text and name in SYMBOLS:
-                    continue
-
-                answers = partial(_with_input, right, name, by)
-                number = self.number(answers)
+    def solved(self) -> list[Cause]:
+        """One free number in the inputs, solved for: a factor, or a shift of the speed and state."""
+        right, found = Program(specimen()), []
+        for name in (*SYMBOLS, *_STATE):
+            for by in (np.multiply, np.add)[: 1 + (name in _STATE)]:
+                number = self.number(partial(_with_input, right, name, by))
                 if number is None:
                     continue
-                place = (*SYMBOLS, name).index(name)
-                known = {float(table.p[place][0]) for table in self.sheet.tables if place < len(SYMBOLS)}
+                known = {float(table.p[SYMBOLS.index(name)][0]) for table in self.sheet.tables if name in SYMBOLS}
                 if len(known) == 1:
                     value = known.pop()
                     says = f"{name} = {value * number:.9g} instead of {value:.9g}"
                 else:
-                    says = f"{name} {text or 'times '}{plain(number - 1 if text else number)}"
-                yield Cause(says, 4, f"{name}-value")
+                    says = f"{name} " + (f"shifted by {number - 1:.6g}" if by is np.add else f"times {number:.6g}")
+                found.append(Cause(says, 4, f"{name}-value"))
+        return found
 
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
         """The number with which all answers are given, two digits better than asked; by the secant method."""

@@ -5,17 +5,16 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.operators import changes
-from tippedisk_verify.conformance.diagnosis.specimen import Program
-from tippedisk_verify.conformance.diagnosis.trees import Change, Place, places, shown
+from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen
+from tippedisk_verify.conformance.diagnosis.trees import Change, Place, places, shown, statements
 
-__all__ = ["STIRRED", "Cause", "Stir", "Suspect", "candidates", "fixed", "plain", "scope", "terms", "values"]
+__all__ = ["STIRRED", "Cause", "Stir", "Suspect", "all_changes", "candidates", "fixed", "scope", "terms", "values"]
 
 
 STIRRED = (1e-3, 0.3)  #: relative changes of a statement's values
@@ -78,14 +77,6 @@ class Stir:
         shape = array.shape if self.share > STIRRED[0] else ()  # a slight change leaves directions as they are
         stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, shape))
         return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
-
-
-def plain(number: float) -> str:
-    """A number as one says it: a fraction where it is one."""
-    fraction = Fraction(number).limit_denominator(24)
-    if fraction and abs(number / float(fraction) - 1) < 1e-8:
-        return str(fraction)
-    return f"{number:.6g}"
 
 
 def values(function: Any, statement: Any, path: Any) -> Iterator[tuple[Place, str]]:
@@ -155,6 +146,18 @@ def candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, 
             if change.rank in ranks:
                 fixed(change.node)
                 yield spot, change
+
+
+def all_changes(right: Specimen, name: str, ranks: Sequence[int]) -> Iterator[tuple[Suspect, Place, Change, Program]]:
+    """All changes of a function, each with a program that makes it until the next one is asked for."""
+    function = right.functions[name]
+    for statement, path in statements(function):
+        for place, label in values(function, statement, path):
+            suspect = Suspect(name, place, label, 0)
+            program = Program(right, {name: place.replaced(HERE)})
+            for spot, change in candidates(suspect, ranks):
+                program.computes(spot.within(place, change.node))
+                yield suspect, spot, change, program
 
 
 def fixed(node: Any) -> Any:
