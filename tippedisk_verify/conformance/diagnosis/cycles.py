@@ -15,9 +15,9 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.saddles import column, connections, known_speeds, laws_near, of
-from tippedisk_verify.conformance.diagnosis.search import Search
+from tippedisk_verify.conformance.diagnosis.search import Search, all_changes
 from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
-from tippedisk_verify.conformance.diagnosis.suspects import Cause, all_changes
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["cycle_causes"]
 
@@ -101,10 +101,11 @@ class Flight:
         """All that is asked of these orbits, as if they closed; the extremes are those after the start's image."""
         parts, *names = of("SECTIONS")[self.index]
         start = of("section_state")(self.Omega, self.index, *self.start)[:3]
-        image = start + [[0], [2 * np.pi], [0]] if self.index else [[np.pi], [np.pi], [0]] - start
-        found = {"period": parts * self.time, **dict(zip(names, self.start, strict=True))}
+        image = np.pi * np.array([[[1], [1], [0]], [[0], [2], [0]]][self.index]) + (2 * self.index - 1) * start
+        found: dict[str, Array] = {"period": parts * self.time, **dict(zip(names, self.start, strict=True))}
         found |= of("cycle_derivatives")(*self.inputs, self.index, self.end)
-        return found | of("cycle_extremes")(*self.inputs, self.index, image)
+        found |= of("cycle_extremes")(*self.inputs, self.index, image)
+        return found
 
 
 def _flight(table: Table, values: Array) -> Flight:
@@ -120,44 +121,19 @@ def _wrong(sheet: Sheet) -> set[str]:
 
 def cycle_causes(search: Search) -> list[Cause]:
     """The first of the mechanisms that gives all answers."""
-    sheet, calm = search.sheet, _without_equilibria(search.sheet)
-    if calm is None:
-        return [Cause(_fallen(sheet), 1, name="cycle")]
-    also = f"; {_fallen(sheet)}" * (calm is not sheet)
-    plain = all(table.kind in _INDEX for table in calm.tables)
+    sheet = search.sheet
+    plain = all(table.kind in _INDEX for table in sheet.tables)
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (laws_near, _instants, _orbits) if plain else ():
-            for says, results in way(calm):
-                if _fits(calm, results):
-                    return [Cause(says + also, 1, name="cycle")]
-        return _slips(search, calm) if plain else []
+            for says, results in way(sheet):
+                if _fits(sheet, results):
+                    return [Cause(says, 1, name="cycle")]
+        return _slips(search, sheet) if plain else []
 
 
 def _fits(sheet: Sheet, results: Sequence[Results]) -> bool:
     picked = np.concatenate([table.picked(one) for table, one in zip(sheet.tables, results, strict=True)])
     return sheet.fits(np.where(np.isnan(picked), sheet.truth, picked))
-
-
-# ------------------------------------------------------------------------------------------ the equilibrium
-def _resting(table: Table) -> Array:
-    """Which entries' answers are the equilibrium."""
-    if table.kind not in _INDEX:
-        return np.zeros(len(table.entries), dtype=bool)
-    mine, right = (_flight(table, values).start for values in (table.answer, table.truth))
-    return np.asarray((np.abs(mine) < 1e-3 * np.abs(right)).all(axis=0))
-
-
-def _fallen(sheet: Sheet) -> str:
-    count = sum(int(_resting(table).sum()) for table in sheet.tables)
-    return f"the cycles of {count} speed{'s' * (count > 1)} are the equilibrium: a shooting that fell onto it"
-
-
-def _without_equilibria(sheet: Sheet) -> Sheet | None:
-    """The sheet without them; None if nothing else is wrong."""
-    if not any(_resting(table).any() for table in sheet.tables):
-        return sheet
-    rest = sheet.where(lambda table: np.flatnonzero(~_resting(table)))
-    return rest if rest.tables and rest.wrong.any() else None
 
 
 # ------------------------------------------------------------------------------------------ beta_max

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array
-from tippedisk_verify.conformance.diagnosis.flights import ROUND, STATE, Flights, Rates, State
+from tippedisk_verify.conformance.diagnosis.orbits import ROUND, STATE, Flights, Rates, State
 from tippedisk_verify.conformance.diagnosis.search import Search
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["Integrators"]
 

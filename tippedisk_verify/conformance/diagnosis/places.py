@@ -74,22 +74,7 @@ def conditions(sheet: Sheet) -> Iterator[tuple[str, Array]]:
         if len(picked) <= _NAMED and not np.isin(values, picked).all():
             text = f"{text} {name}" if name in _ADJECTIVES else f"{name} {text}"
             yield f"for the {text}", np.isin(values, picked)
-    numbers, signed = inputs(sheet), {"the right value": sheet.truth}
-    if sheet.level <= _AT_STATES:
-        Omega, beta, gamma, v = (numbers[name] for name in _NUMBERS[:4])
-        p = parameters(sheet)
-        signed |= {"sin(beta)": np.sin(beta), "cos(beta)": np.cos(beta), "sin(gamma)": np.sin(gamma), "v": v}
-        sliding = (p["r"] + p["e"] * np.sin(gamma)) * v - p["e"] * Omega * np.sin(beta) * np.cos(gamma)
-        critical = (p["r"] + p["e"]) * np.sqrt(p["m"] * p["g"] / (p["r"] * (p["B"] - p["m"] * p["e"] ** 2)))
-        signed |= {
-            "cos(gamma)": np.cos(gamma),
-            "gamma_y": sliding * np.sin(beta),
-            "Omega - Omega_crit": Omega - critical,
-        }
-    for name, value in signed.items():
-        yield f"where {name} > 0", value > 0
-        yield f"where {name} < 0", value < 0
-    for name, value in numbers.items():
+    for name, value in inputs(sheet).items():
         bad = value[sheet.wrong]
         if np.isfinite(bad).all():
             yield f"from {name} = {bad.min():.6g} on", value >= bad.min()

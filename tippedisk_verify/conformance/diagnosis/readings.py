@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array
-from tippedisk_verify.conformance.diagnosis.flights import (
+from tippedisk_verify.conformance.diagnosis.orbits import (
     CROSSING,
     EARLY,
     EXACT,
@@ -23,7 +23,7 @@ from tippedisk_verify.conformance.diagnosis.flights import (
     tilt,
 )
 from tippedisk_verify.conformance.diagnosis.search import Search
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["Readings"]
 
@@ -222,8 +222,6 @@ class Readings:
             else:
                 common = set.intersection(*kept.values())
                 taken = {stem: min(common) if common else min(kept[stem]) for stem in stems}
-                if set(taken.values()) == {len(_TAKEN) - 1}:
-                    return f"crossings are missed that rows of a grid of {1000 * h:.6g} ms do not show"
                 words: dict[str, list[str]] = {}
                 for stem in stems:
                     words.setdefault(_TAKEN[taken[stem]], []).append(stem)

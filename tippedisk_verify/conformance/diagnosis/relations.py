@@ -11,13 +11,13 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import permutations, product
+from itertools import product
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
 from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["related"]
 
@@ -138,9 +138,8 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
     place, law = grid.place, grid.law
     for key, word in {"t": "sample in time", "n": "crossing", "order": "order"}.items():
         x = np.where(np.isfinite(grid.given[key]), grid.x, np.nan)
-        places = {"the first": 0 * place, "every second": 2 * place + 1, "every odd": 2 * place}
-        for text, index in (places | {f"the {near}": place + by for near, by in _NEAR.items()}).items():
-            yield "place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x
+        for text, by in _NEAR.items():
+            yield "place", 3, f"{{q}} {{has}} the values of the {text} {word}", grid.at(place=place + by) + 0 * x
         before = np.where(place > 0, grid.at(place=place - 1), 0.0)
         yield "interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before
     for text, index in (("linear", 0 * law + 1), ("smooth", 0 * law + 2), ("other", 3 - law)):
@@ -149,9 +148,6 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
     kinds = [key.rsplit("/", 1)[0] for key in listed]
     word, names = "equilibrium" if grid.sheet.level == 2 else "form", "|".join(_OTHER)
     moves = {f"the other {word}": [re.sub(f"(?<=/)({names})(?=-)", lambda m: _OTHER[m[0]], key) for key in listed]}
-    moves["the first entry"] = [listed[kinds.index(kind)] for kind in kinds]
-    for name in np.unique([key.split("/")[0] for key in listed]):
-        moves[f"the parameter set {name}"] = [f"{name}/{key.split('/', 1)[1]}" for key in listed]
     padded = ["", "", *listed, "", ""]
     for text, by in _NEAR.items():
         pairs = zip(padded[2 + by :], kinds, strict=False)
@@ -161,9 +157,6 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
         to = dict(zip(listed, others, strict=True))
         base = np.array([numbers.get(to[key], -1) for key in numbers])[grid.base]
         yield "entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base)
-    for text, by in {"below": 1, "above": -1}.items():
-        rows = np.concatenate([np.roll(np.append(table.truth, np.nan), -by)[:-1] for table in grid.sheet.tables])
-        yield "row", 4, f"{{q}} {{has}} the values of the row {text}", rows
 
 
 def _quantities(grid: _Grid) -> Iterator[_Relation]:
@@ -198,10 +191,6 @@ def _orders(grid: _Grid) -> Iterator[_Relation]:
         says = f"the eigenvalues in another order: {'ascending' if up > 0 else 'descending'} {text}"
         also = f", the {'positive' if first < 0 else 'negative'} imaginary part first"
         yield "order", 2, says if text == "imaginary parts" else says + also, answers(places)
-    orders = np.array([np.broadcast_to(one, z.shape) for one in permutations(range(len(real)))])
-    bad = [np.bincount(grid.base[~grid.sheet.fitted(answers(places))], minlength=len(z)) for places in orders]
-    best = orders[np.argmin(bad, axis=0), np.arange(len(z))]
-    yield "order", 4, "the eigenvalues not sorted: their order differs from entry to entry", answers(best)
 
 
 def _rounded(grid: _Grid) -> Iterator[_Relation]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -17,25 +17,26 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.operators import throughout
+from tippedisk_verify.conformance.diagnosis.operators import changes, throughout
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
-from tippedisk_verify.conformance.diagnosis.suspects import (
-    STIRRED,
+from tippedisk_verify.conformance.diagnosis.trees import (
     Cause,
-    Stir,
+    Change,
+    Place,
     Suspect,
-    candidates,
     fixed,
+    places,
     scope,
+    statements,
     terms,
     values,
 )
-from tippedisk_verify.conformance.diagnosis.trees import Place, statements
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Search"]
+__all__ = ["Search", "all_changes"]
 
+_STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
@@ -44,6 +45,51 @@ _TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the
 _SHARE = 0.4  # of the work, that one way of writing the program may take
 _STATE = ("Omega", "beta", "gamma", "v")
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
+
+
+class _Stir:
+    """Changes the numbers that pass through it, each by another share."""
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+        self.draws = np.random.default_rng(7)
+        self.touched = False
+
+    def __call__(self, value: Any) -> Any:
+        if isinstance(value, tuple | list):
+            return type(value)(self(part) for part in value)
+        if isinstance(value, Mapping):
+            return {name: self(part) for name, part in value.items()}
+        array = np.asarray(value)
+        if array.dtype.kind not in "fc":
+            return value
+        self.touched = True
+        shape = array.shape if self.share > _STIRRED[0] else ()  # a slight change leaves directions as they are
+        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, shape))
+        return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
+
+
+def _candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
+    """What may be changed in a statement, and how."""
+    place = suspect.place
+    names = scope(place.function)
+    for spot in (place, *places(place.function, place.node, place.path)):
+        for change in changes(spot, names, spot is place):
+            if change.rank in ranks:
+                fixed(change.node)
+                yield spot, change
+
+
+def all_changes(right: Specimen, name: str, ranks: Sequence[int]) -> Iterator[tuple[Suspect, Place, Change, Program]]:
+    """All changes of a function, each with a program that makes it until the next one is asked for."""
+    function = right.functions[name]
+    for statement, path in statements(function):
+        for place, label in values(function, statement, path):
+            suspect = Suspect(name, place, label, 0)
+            program = Program(right, {name: place.replaced(HERE)})
+            for spot, change in _candidates(suspect, ranks):
+                program.computes(spot.within(place, change.node))
+                yield suspect, spot, change, program
 
 
 @dataclass
@@ -125,15 +171,15 @@ class Search:
         stirred = fixed(place.replaced(fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
         moved: set[str] = set()
         program, also = Program(right, {name: stirred}), 0
-        for share in STIRRED:
-            program.space["_stirred"] = stir = Stir(share)
+        for share in _STIRRED:
+            program.space["_stirred"] = stir = _Stir(share)
             answers = self.run(program, self.few)
             if not stir.touched:
                 return 0 if isinstance(place.statement, ast.For | ast.If | ast.Assign | ast.AugAssign) else math.inf
             with np.errstate(all="ignore"):
                 away = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
             moved |= set(self.few.stems[away])
-            also = also if share != STIRRED[0] else len(moved & self.right_stems)
+            also = also if share != _STIRRED[0] else len(moved & self.right_stems)
         return also if self.mostly_wrong & set(self.few.stems) <= moved else math.inf
 
     def fits(self, program: Program) -> bool:
@@ -152,7 +198,7 @@ class Search:
             for suspect in suspects:
                 place = suspect.place
                 program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot, change in candidates(suspect, ranks):
+                for spot, change in _candidates(suspect, ranks):
                     if self.late():
                         break
                     program.computes(spot.within(place, change.node))

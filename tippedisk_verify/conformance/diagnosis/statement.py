@@ -11,12 +11,14 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table, tables_of
-from tippedisk_verify.conformance.diagnosis.orbits import orbit_causes
+from tippedisk_verify.conformance.diagnosis.integrators import Integrators
+from tippedisk_verify.conformance.diagnosis.orbits import Flights, OtherInputs
 from tippedisk_verify.conformance.diagnosis.places import lost, where
+from tippedisk_verify.conformance.diagnosis.readings import Readings
 from tippedisk_verify.conformance.diagnosis.relations import related
 from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -160,7 +162,7 @@ def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[C
     if sheet.level < _ORBITS and max(shares) < _SELDOM:
         return _named(related(sheet))
     if sheet.level >= _ORBITS:
-        return _named(related(sheet) or (orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
+        return _named(related(sheet) or (_orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
     outputs = related(sheet)
     search.allow(_WORK)
     found = search.inputs((0,)) or [one for one in outputs if one.rank <= 1]
@@ -171,6 +173,12 @@ def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[C
         found = found or (search.inputs(ranks) if 1 not in ranks and clean else []) + search.causes(ways(), ranks)
     search.allow(_WORK)
     return _named(found or ([] if passed else search.solved()))
+
+
+def _orbit_causes(search: Search) -> list[Cause]:
+    """Wrong readings of right orbits, right ones of other inputs, and the errors of integrators."""
+    flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
+    return next(filter(None, (way(search, flights).causes() for way in (Readings, OtherInputs, Integrators))), [])
 
 
 def _named(found: list[Cause]) -> list[Cause]:
