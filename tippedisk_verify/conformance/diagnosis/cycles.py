@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet, Table
-from tippedisk_verify.conformance.diagnosis.saddles import column, connections, known_speeds, laws_near, of
+from tippedisk_verify.conformance.diagnosis.saddles import column, connections, known_speeds, of
 from tippedisk_verify.conformance.diagnosis.search import Search, all_changes
 from tippedisk_verify.conformance.diagnosis.specimen import Specimen, specimen
 from tippedisk_verify.conformance.diagnosis.trees import Cause
@@ -124,7 +125,7 @@ def cycle_causes(search: Search) -> list[Cause]:
     sheet = search.sheet
     plain = all(table.kind in _INDEX for table in sheet.tables)
     with np.errstate(all="ignore"):
-        for way in (connections,) if sheet.level == 8 else (laws_near, _instants, _orbits) if plain else ():
+        for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
             for says, results in way(sheet):
                 if _fits(sheet, results):
                     return [Cause(says, 1, name="cycle")]
@@ -187,7 +188,7 @@ def _orbits(sheet: Sheet) -> Said:
     speeds = list(_speeds(flights))
     named = [one for one in speeds if not one[0].startswith(_UNNAMED)]
     swapped = [replace(f, smooth=not f.smooth) for f in flights]
-    for says, some in (*named, *_stopped(flights)):
+    for says, some in chain(named, _stopped(flights)):
         yield says, spread(some)
     if all(np.abs(f.missed).max() < _CLOSED for f in swapped):
         law = "smooth" if swapped[0].smooth else "linear"

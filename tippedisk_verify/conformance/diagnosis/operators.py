@@ -233,19 +233,6 @@ def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
                     yield Change(type(node)(elements, node.ctx), text, 1)
 
 
-def _brackets(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    """A product of several factors without the brackets around a sum among them."""
-    rest: list[Node] = []
-    while is_binary(node, ast.Mult):
-        left, factor = node.left, node.right
-        if rest and is_binary(factor, ast.Add, ast.Sub):
-            last = factor.right
-            for one in rest:
-                last = ast.BinOp(last, ast.Mult(), one)
-            yield Change(ast.BinOp(ast.BinOp(left, ast.Mult(), factor.left), factor.op, last), "", 1)
-        node, rest = left, [factor, *rest]
-
-
 def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if is_binary(node, ast.Add, ast.Sub, ast.Mult):
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
@@ -270,7 +257,6 @@ OPERATORS: dict[str, Operator] = {
     "names": _exchanged,
     "number": _numbers,
     "arguments": _arguments,
-    "brackets": _brackets,
     "swapped": _swapped,
     "extra": _extra,
 }

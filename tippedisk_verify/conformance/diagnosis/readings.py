@@ -107,49 +107,22 @@ class Readings:
 
     # -- samples
     def samples(self, part: Array) -> str:
+        """Those of a time that is off by the same for all, as a row's number would make it."""
         probe = part & (self.flights.entry == self.entries(part)[0])
-        for says, rule in self.sample_rules(part, probe):
-            for chosen in (probe, part):
-                predicted = np.full(len(part), np.nan)
-                predicted[chosen] = rule(chosen)
-                if not self.given(predicted, chosen):
-                    break
-            else:
-                stems = sorted(set(self.flights.stem[part]))
-                return f"samples{f' of {stems[0]}' * (len(stems) == 1)} are {says}"
-        return ""
-
-    def picked(self, times: Array, chosen: Array) -> Array:
-        past = times > self.flights.place[chosen].max() + EXACT  # where the orbits may end
-        return np.where(past, np.nan, self.at(times, chosen))
+        shift = self.shift(probe)
+        for chosen in (probe, part):
+            predicted, times = np.full(len(part), np.nan), self.flights.place[chosen] + shift
+            past = times > self.flights.place[chosen].max() + EXACT  # where the orbits may end
+            predicted[chosen] = np.where(past, np.nan, self.at(times, chosen))
+            if not shift or not self.given(predicted, chosen):
+                return ""
+        late, stems = "early" if shift < 0 else "late", sorted(set(self.flights.stem[part]))
+        says = f"those of a time {abs(shift):.6g} s too {late} (a row {late}, if rows are so far apart)"
+        return f"samples{f' of {stems[0]}' * (len(stems) == 1)} are {says}"
 
     def at(self, times: Array, chosen: Array) -> Array:
         which = [STATE.index(stem) for stem in self.flights.stem[chosen].tolist()]
         return np.asarray(np.choose(which, self.flights.at(times, chosen)))
-
-    def sample_rules(self, part: Array, probe: Array) -> Iterator[tuple[str, Callable[[Array], Array]]]:
-        places = self.flights.place
-        if shift := self.shift(probe):
-            late = "early" if shift < 0 else "late"
-            says = f"those of a time {abs(shift):.6g} s too {late} (a row {late}, if rows are so far apart)"
-            yield says, lambda chosen: self.picked(places[chosen] + shift, chosen)
-        for h in (h for h in (*ROUND, *_ODD) if h > 2 * ROW):
-
-            def line(chosen: Array, h: float = h) -> Array:
-                row = np.floor(places[chosen] / h + 1e-7)
-                share, ends = places[chosen] / h - row, [self.picked(h * k, chosen) for k in (row, row + 1)]
-                return ends[0] + share * np.where(share < 1e-6, 0, ends[1] - ends[0])
-
-            yield f"on straight lines between rows {h:.6g} s apart", line
-        if set(self.flights.stem[part]) == {"v"}:
-            ways = (("forward", 1, 0), ("backward", 0, -1), ("central", 1, -1))
-            for h, (word, one, two) in itertools.product(ROUND, ways):
-
-                def quotient(chosen: Array, h: float = h, one: int = one, two: int = two) -> Array:
-                    ends = [self.flights.at(np.maximum(places[chosen] + by * h, 0), chosen)[0] for by in (one, two)]
-                    return np.asarray((ends[0] - ends[1]) / (h * (one - two)))
-
-                yield f"{word} difference quotients of beta over {h * (one - two):.6g} s", quotient
 
     def shift(self, chosen: Array) -> float:
         """By how much the times are off at which the right orbit comes nearest to these samples."""

@@ -22,10 +22,9 @@ from tippedisk_verify.conformance.diagnosis.trees import Cause
 __all__ = ["related"]
 
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
-_FREE = 3  # wrong answers of different entries that bear out a number that was read off them
+_FEW = 3  # wrong answers that bear out a relation to another question
 _STATEMENTS = 3  # different relations; more are several mistakes
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
-_BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _CONDITION = 5  # rank of a condition
 _LAWS = ("both", "linear", "smooth")
@@ -207,22 +206,6 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
             yield "rounded", rank + d / 100 + share / 1000, says, np.where(fits, answer, x)
 
 
-def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
-    """For each quantity one number for all: a value, a factor or a summand."""
-    answer, x = grid.sheet.answer, grid.x
-    for n in np.unique(group[grid.sheet.wrong]):
-        mine = group == n
-        cells = np.flatnonzero(mine & grid.sheet.wrong)
-        if len(np.unique(grid.base[cells])) < _FREE:
-            continue
-        middle = np.median(answer[cells])
-        yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
-        factor = np.median((answer / x)[cells])
-        yield "solved factor", 4, f"{{q}} {{has}} the factor {factor:.9g}", np.where(mine, factor * x, np.nan)
-        more = np.median((answer - x)[cells])
-        yield "solved summand", 4, f"{{q}} {{has}} the summand {more:.9g}", np.where(mine, x + more, np.nan)
-
-
 @np.errstate(all="ignore")
 def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
@@ -232,17 +215,17 @@ def related(sheet: Sheet) -> list[Cause]:
     group = np.unique(sheet.stems, return_inverse=True)[1]
     wrong = np.bincount(group, sheet.wrong)
     sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
-    for name, rank, says, predicted in (*_relations(grid), *_solved(grid, group)):
+    for name, rank, says, predicted in _relations(grid):
         known = np.isfinite(predicted)
-        fits = sheet.fitted(predicted, _BEYOND * name.startswith("solved")) & known
+        fits = sheet.fitted(predicted) & known
         mine, against = fits & sheet.wrong, known & ~fits
         away = np.maximum(np.abs(sheet.answer - predicted), _SURE * sheet.allowed)
         closer = np.where(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away), 0.0)
         told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
-        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
+        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
         held = {}  # conditions where nothing speaks against the relation, and without which nothing is wrong
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
+            here, tried = group == n, sides if wrong[n] > _FEW else sides[:1]
             held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
         common = [text for text, _ in sides if all(text in some for some in held.values())]
         for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):

@@ -1,4 +1,4 @@
-"""What is wrong near the heteroclinic connection: its speed, the saddle's eigenvalues, and laws that hold near it."""
+"""What is wrong with the heteroclinic connection: its speed, and the saddle's eigenvalues."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tippedisk_verify.conformance.diagnosis.entries import Array, Results, Sheet
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
 from tippedisk_verify.reference_values.store import stored
 
-__all__ = ["column", "connections", "known_speeds", "laws_near", "of"]
+__all__ = ["column", "connections", "known_speeds", "of"]
 
 Said = Iterator[tuple[str, Sequence[Results]]]
 _VALUES = ("lambda_u", "lambda_s", "lambda_ss")
@@ -92,48 +92,3 @@ def connections(sheet: Sheet) -> Said:
         text = "the eigenvalues are those at the answered speed, so the search for Omega_h is wrong"
         how = "it ended too early, or its bracket, its start at the saddle or its criterion is coarse or wrong"
         yield f"omega_h is off by {size}, and {text}: {how}", at(answers)
-
-
-def _laws(table: Table) -> dict[str, tuple[str, Array]]:
-    """Laws that hold near Omega_h: by what is said, the quantity and its values."""
-    u, s, ss = _eigenvalues(table, known_speeds(table, "Omega_h")).values()
-    gap = table.given["Omega"] - known_speeds(table, "Omega_h")
-    period = column(table, "period", table.truth)
-    laws = {
-        "dperiod_domega": {
-            **{f"-{k}/(lambda_u (Omega - Omega_h))": -k / (u * gap) for k in (2, 1)},
-            **{f"{k}/(lambda_s (Omega - Omega_h))": k / (s * gap) for k in (2, 1)},
-        },
-        "log_multiplier_slow": {
-            "-2 (1 + lambda_s/lambda_u) log(Omega - Omega_h)": -2 * (1 + s / u) * np.log(gap),
-            "(lambda_u + lambda_s) times the period": (u + s) * period,
-            "lambda_s times the period": s * period,
-        },
-        "log_multiplier_fast": {"lambda_ss times the period": ss * period},
-        "period": {
-            f"-({k}/{name}) log(Omega - Omega_h)": -k / one * np.log(gap)
-            for k in (2, 1)
-            for name, one in (("lambda_u", u), ("abs(lambda_s)", -s))
-        },
-    }
-    named = ((name, text, one) for name, some in laws.items() for text, one in some.items())
-    return {f"{name} is the asymptotic {text}": (name, one) for name, text, one in named}
-
-
-def laws_near(sheet: Sheet) -> Said:
-    """Laws next to Omega_h in place of a cycle's quantities, with a constant that is solved for or without."""
-    if sheet.level != 9:
-        return
-    laws = [_laws(table) for table in sheet.tables]
-    for text, (name, _) in laws[0].items():
-        bare, added, constants = [], [], []
-        for table, law in zip(sheet.tables, laws, strict=True):
-            value = np.where(column(table, name, table.wrong), law[text][1], np.nan)
-            rest = (column(table, name, table.answer) - value)[np.isfinite(value)]
-            constants.append(float(np.median(rest)) if rest.size > 2 else np.nan)
-            bare.append({name: value})
-            added.append({name: value + constants[-1]})
-        yield f"{text}, with the eigenvalues at Omega_h", bare
-        if np.isfinite(constants).all():
-            said = ", ".join(f"{one:+.5g} ({t.friction})" for one, t in zip(constants, sheet.tables, strict=True))
-            yield f"{text} {said}, with the eigenvalues at Omega_h: its constant is not the cycles'", added

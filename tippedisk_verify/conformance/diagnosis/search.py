@@ -40,10 +40,9 @@ _STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
-_ALLOWED_GAIN = 1e-3
+_LARGEST = 1e6  # times, that a parameter may be off
 _TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
-_STATE = ("Omega", "beta", "gamma", "v")
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
 
 
@@ -229,42 +228,28 @@ class Search:
         ]
 
     def solved(self) -> list[Cause]:
-        """One free number in the inputs, solved for: a factor, or a shift of the speed and state."""
+        """One parameter with another value, with which all answers are given."""
         right, found = Program(specimen()), []
-        for name in (*SYMBOLS, *_STATE):
-            for by in (np.multiply, np.add)[: 1 + (name in _STATE)]:
-                number = self.number(partial(_with_input, right, name, by))
-                if number is None:
-                    continue
-                known = {float(table.p[SYMBOLS.index(name)][0]) for table in self.sheet.tables if name in SYMBOLS}
-                if len(known) == 1:
-                    value = known.pop()
-                    says = f"{name} = {value * number:.9g} instead of {value:.9g}"
-                else:
-                    says = f"{name} " + (f"shifted by {number - 1:.6g}" if by is np.add else f"times {number:.6g}")
-                found.append(Cause(says, 4, f"{name}-value"))
+        for place, name in enumerate(SYMBOLS):
+            number = self.number(partial(_with_share, right, name))
+            known = {float(table.p[place][0]) for table in self.sheet.tables}
+            if number is not None and len(known) == 1:
+                value = known.pop()
+                found.append(Cause(f"{name} = {value * number:.9g} instead of {value:.9g}", 4, f"{name}-value"))
         return found
 
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
-        """The number with which all answers are given, two digits better than asked; by the secant method."""
+        """The number with which all answers are given, better than asked; from a wrong one by the secant method."""
         tiny = self.tiny
         with np.errstate(all="ignore"):
-            start, other = answers(1.0, tiny), answers(1.001, tiny)
-            gain = np.where(tiny.wrong & np.isfinite(other - start), np.abs(other - start) / tiny.allowed, 0)
-            cell = int(np.argmax(gain))
-            if not gain[cell] > 1e3 * _ALLOWED_GAIN:
-                return None
-            wanted = tiny.answer[cell]
-            x, y, before, value_before = 1.001, other[cell], 1.0, start[cell]
+            before, after = answers(1.0, tiny), answers(1.001, tiny)
+            cell = int(np.argmax(np.nan_to_num(np.abs(after - before) / tiny.allowed * tiny.wrong)))
+            x, last, y, y_last = 1.001, 1.0, after[cell], before[cell]
             for _ in range(25):
-                if y == value_before or not np.isfinite(y):
-                    return None
-                x, before, value_before = x + (wanted - y) * (x - before) / (y - value_before), x, y
-                if abs(x) > 1e6:
-                    return None
-                y = answers(x, tiny)[cell]
-                if abs(y - wanted) <= 1e-4 * tiny.allowed[cell] or x == before:
+                if not np.isfinite(y) or y == y_last or x == last or abs(x) > _LARGEST:
                     break
+                x, last, y_last = x + (tiny.answer[cell] - y) * (x - last) / (y - y_last), x, y
+                y = answers(x, tiny)[cell]
         return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
 
     def suspects_of(self, right: Specimen) -> list[Suspect]:
@@ -278,11 +263,9 @@ class Search:
         return sorted((suspect for suspect in kept[right.way] if suspect.also), key=lambda suspect: suspect.also)
 
 
-def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet) -> Array:
-    """The right program's answers with one input times a number, or that much more than one larger."""
-    share = number - 1 if by is np.add else number
-    changed = all_changed(sheet, lambda values: {name: by(values[name], share)} if name in values else {})
-    return right.answers(changed)
+def _with_share(right: Program, name: str, share: float, sheet: Sheet) -> Array:
+    """The right program's answers with one parameter times a number."""
+    return right.answers(all_changed(sheet, lambda values: {name: values[name] * share}))
 
 
 def _orders(table: Table, more: int) -> Table:
