@@ -123,10 +123,11 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
 """
 
 
-def test_what_is_made_of_a_cycle_is_a_change_of_the_client(store: Store) -> None:
-    """Right cycles whose slow multiplier is that of half a period."""
+@pytest.mark.parametrize("kind", ["limit-cycle", "rotating-cycle"])
+def test_what_is_made_of_a_cycle_is_a_change_of_the_client(kind: str, store: Store) -> None:
+    """Right cycles with the square root of their slow multiplier."""
     given = {}
-    for quantity in store.matching("printed/linear/limit-cycle/"):
+    for quantity in store.matching(f"printed/linear/{kind}/"):
         value = quantity.for_doubles
         given[quantity.id] = "doubles", repr(value**0.5 if quantity.name == "multiplier_slow" else value)
     causes = cycle_causes(Search(Sheet(tuple(tables_of(graded(Answers(given), store), store)))))

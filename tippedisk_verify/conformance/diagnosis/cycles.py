@@ -122,7 +122,8 @@ def _wrong(sheet: Sheet) -> set[str]:
 
 def cycle_causes(search: Search) -> list[Cause]:
     """The first of the mechanisms that gives all answers."""
-    sheet = search.sheet
+    tables = (table for table in search.sheet.tables if table.kind != "rotation-fold" or table.wrong.any())
+    sheet = Sheet(tuple(tables))
     plain = all(table.kind in _INDEX for table in sheet.tables)
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
@@ -144,7 +145,9 @@ def _instants(sheet: Sheet) -> Said:
         return
     flights = [_flight(table, table.truth) for table in sheet.tables]
     at = [
-        of("fly_to")(of("flow"), *f.inputs, of("section_state")(f.Omega, 0, *f.start)[:3], lambda s: s[1] - np.pi / 2)
+        of("fly_to")(
+            of("flow"), *f.inputs, of("section_state")(f.Omega, 0, *f.start)[:3], lambda s: s[1] - np.pi / 2, -1
+        )
         for f in flights
     ]
     yield "beta_max is taken where gamma = pi/2, not where v = 0", [{"beta_max": np.pi / 2 - s[0]} for _, s in at]

@@ -219,10 +219,12 @@ class OtherInputs:
     def causes(self) -> list[Cause]:
         """Another law, or a known change of the inputs."""
         tables = self.flights.tables
-        laws = [Cause(says, 1, name="law") for says, law in _LAWS if self.confirmed(tables, law)]
-        found: list[Cause] = laws[:1]
+        for says, law in _LAWS:
+            if self.confirmed(tables, law):
+                return [Cause(says, 1, name="law")]
+        found: list[Cause] = []
         tried: set[tuple[bytes, ...]] = set()
-        for one in () if found else sorted(self.likely(), key=lambda one: one.rank):
+        for one in sorted(self.likely(), key=lambda one: one.rank):
             others = [self.changed(table, one) for table in tables]
             key = tuple(np.array([*t.p, *map(t.given.get, _GIVEN)]).tobytes() for t in others)
             if key in tried or len(tried) > _MOST or (found and one.rank > found[0].rank):
