@@ -38,7 +38,7 @@ _TAKEN = (
     "of the row before",
     "of the row after",
     "the mean of both rows",
-    "on the straight line between both",
+    "on the straight line between rows",
     "right",
 )
 _VALUES: dict[str, Value] = {
