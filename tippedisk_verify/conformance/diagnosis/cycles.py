@@ -75,9 +75,11 @@ class Flight:
     def end(self) -> Array:
         """The state with its variations after that time."""
         step = of("FLIGHT_STEP") / (2 if self.smooth and self.table.kind == "near-heteroclinic" else 1)
-        flow = of("variational_flow")
-        time, _, _, end = of("section_return")(flow, *self.inputs, self.index, *self.start, step)
-        return np.asarray(of("runge_kutta_step")(flow, *self.inputs, end, self.time - time))
+        count = int(np.ceil(np.max(self.time) / step))
+        state = of("section_state")(self.Omega, self.index, *self.start)
+        for _ in range(count):
+            state = of("flight_step")(of("variational_flow"), *self.inputs, state, self.time / count)
+        return np.asarray(state)
 
     @property
     def missed(self) -> Array:
