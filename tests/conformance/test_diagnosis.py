@@ -14,8 +14,7 @@ from tippedisk_verify.conformance.diagnosis.operators import changes
 from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import Program, Specimen, specimen
 from tippedisk_verify.conformance.diagnosis.statement import diagnosed
-from tippedisk_verify.conformance.diagnosis.suspects import values
-from tippedisk_verify.conformance.diagnosis.trees import places, statements
+from tippedisk_verify.conformance.diagnosis.trees import places, statements, values
 from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
@@ -124,27 +123,15 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
 """
 
 
-def test_cycles_on_the_equilibrium_are_said_to_be_that(store: Store) -> None:
-    given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/linear/limit-cycle/")}
-    for id_ in given:
-        if any(f"/crit-{shift}/" in id_ for shift in ("0.05", "0.1", "0.3")):
-            given[id_] = "doubles", "1e-12" if id_.endswith(("/gamma_bar_0", "/v_0", "/beta_max")) else "1.01"
-    (found,) = diagnosed(graded(Answers(given), store), store)
-    assert "are the equilibrium: a shooting that fell onto it" in found.says()
-
-
-def _cycles(store: Store, power: float) -> Sheet:
-    """Right cycles whose slow multiplier is the right one to a power."""
+@pytest.mark.parametrize("kind", ["limit-cycle", "rotating-cycle"])
+def test_what_is_made_of_a_cycle_is_a_change_of_the_client(kind: str, store: Store) -> None:
+    """Right cycles with the square root of their slow multiplier."""
     given = {}
-    for quantity in store.matching("printed/linear/limit-cycle/"):
+    for quantity in store.matching(f"printed/linear/{kind}/"):
         value = quantity.for_doubles
-        given[quantity.id] = "doubles", repr(value**power if quantity.name == "multiplier_slow" else value)
-    return Sheet(tuple(tables_of(graded(Answers(given), store), store)))
-
-
-def test_what_is_made_of_the_half_map_is_named(store: Store) -> None:
-    causes = cycle_causes(Search(_cycles(store, 0.5)))
-    assert any("half a period" in cause.says for cause in causes)
+        given[quantity.id] = "doubles", repr(value**0.5 if quantity.name == "multiplier_slow" else value)
+    causes = cycle_causes(Search(Sheet(tuple(tables_of(graded(Answers(given), store), store)))))
+    assert "sqrt(multiplier_slow) for multiplier_slow" in [cause.says.partition(": ")[2] for cause in causes]
 
 
 def test_samples_of_another_time_are_named(store: Store) -> None:

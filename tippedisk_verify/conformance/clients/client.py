@@ -505,15 +505,61 @@ def trajectory(p, smooth, given, asked):
 
 # ---- cycles, from a section to itself: beta = pi/2 with the symmetry (index 0), gamma = pi/2 + 2 pi (index 1) ----
 
+# Returns to a period, and what is asked of x and v.
+SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
-def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
-    """Time, x, v and state of the return to a section; x is gamma - pi/2 for index 0, beta - pi/2 for index 1."""
+
+def section_state(Omega, index, x, v):
+    """A state on a section with its variations; x is gamma - pi/2 for index 0, beta - pi/2 for index 1."""
     state = np.zeros((13,) + Omega.shape)
     state[:3] = pi / 2 + index * x, pi / 2 + (1 - index) * x, v
     state[[6 - 3 * index, 10]] = 1  # the first variation begins along x, the second along v
+    return state
+
+
+def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
+    """Time, x, v and state of the return to a section."""
+    state = section_state(Omega, index, x, v)
     state = state[:3] if rates is flow else state
     time, end = fly_to(rates, p, Omega, smooth, state, lambda s: s[index] - pi / 2 - 2 * pi * index, h=h)
     return time, (2 * index - 1) * (end[1 - index] - pi / 2), (2 * index - 1) * end[2], end
+
+
+def return_derivative(p, Omega, smooth, index, end):
+    """How the time of the return, and x and v there, change with x, v and Omega of the start."""
+    end_rate = flow(p, Omega, smooth, end[:3])
+    delta = end[3:12].reshape((3, 3) + Omega.shape)
+    dtime = -delta[index] / end_rate[index]
+    delta = (2 * index - 1) * (delta + end_rate[:, np.newaxis] * dtime)
+    return dtime, np.moveaxis(delta[[1 - index, 2]], 2, 0)
+
+
+def cycle_derivatives(p, Omega, smooth, index, end):
+    """The multipliers of a cycle, from where it returned, and its derivatives by Omega."""
+    parts, x_name, v_name = SECTIONS[index]
+    dtime, derivative = return_derivative(p, Omega, smooth, index, end)
+    P, by_omega = derivative[:, :, :2], derivative[:, :, 2:]
+    eigenvalue = np.max(abs(np.linalg.eigvals(np.nan_to_num(P))), axis=1)
+    multiplier_slow = eigenvalue**parts
+    tangent = np.linalg.solve(np.eye(2) - P, by_omega)[:, :, 0].T
+    return {
+        "multiplier_slow": multiplier_slow,
+        "log_multiplier_slow": log(multiplier_slow),
+        "log_multiplier_fast": parts * end[12] - log(multiplier_slow),
+        "dperiod_domega": parts * (sum(dtime[:2] * tangent) + dtime[2]),
+        f"d{x_name}_domega": tangent[0],
+        f"d{v_name}_domega": tangent[1],
+        "null_vector": (1 - P[:, 0, 0]) / P[:, 0, 1],
+    }
+
+
+def cycle_extremes(p, Omega, smooth, index, end):
+    """The largest beta on a cycle, from where it returned, and the state next to the saddle on a rotating one."""
+    time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
+    if index == 0:
+        return {"beta_max": highest[0] - pi / 2}
+    time_low, low = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[1] - 7 * pi / 2)
+    return {"beta_max": highest[0] - pi / 2, "beta_bar_0": low[0] - pi / 2, "v_0": low[2]}
 
 
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
@@ -532,12 +578,9 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     free, fixed, step, slope = ([1, 2], 0, 0.02, 0) if fold else ([0, 1], 2, 0, 0)
     for k in range(20 if fold else 11):
         time, x_next, v_next, end = section_return(variational_flow, p, Omega, smooth, index, x, v, h)
-        end_rate = flow(p, Omega, smooth, end[:3])
-        delta = end[3:12].reshape((3, 3) + Omega.shape)
-        dtime = -delta[index] / end_rate[index]
-        delta = (2 * index - 1) * (delta + end_rate[:, np.newaxis] * dtime)
+        derivative = return_derivative(p, Omega, smooth, index, end)[1]
         # x, v and Omega are to close the cycle: one of them is fixed, or takes a chosen step; the others follow.
-        matrix = np.moveaxis(delta[[1 - index, 2]], 2, 0) - np.eye(2, 3)
+        matrix = derivative - np.eye(2, 3)
         sides = np.stack([np.array([x - x_next, v - v_next]).T, -matrix[:, :, fixed]], axis=2)
         newton, tangent = np.linalg.solve(matrix[:, :, free], sides).T
         newton = np.where(stable & (k < 2), [x_next - x, v_next - v], newton)  # stable cycles attract
@@ -549,26 +592,10 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
         x, v, Omega = np.array([x, v, Omega]) + change
         if not (abs(change) > 2e-8).any():
             break
-    time_highest, highest = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[2], -1)
-    multiplier = abs(np.linalg.eigvals(np.nan_to_num(matrix[:, :, :2] + np.eye(2)))).max(axis=1)
-    parts, x_name, v_name = ((2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top"))[index]  # parts of a period
-    answers = {
-        "omega": Omega,
-        "period": parts * time,
-        x_name: x,
-        v_name: v,
-        "beta_max": highest[0] - pi / 2,
-        "multiplier_slow": multiplier**parts,
-        "log_multiplier_slow": parts * log(multiplier),
-        "log_multiplier_fast": parts * (end[12] - log(multiplier)),
-        "dperiod_domega": parts * (dtime[0] * tangent[0] + dtime[1] * tangent[1] + dtime[2]),
-        f"d{x_name}_domega": tangent[0],
-        f"d{v_name}_domega": tangent[1],
-        "null_vector": tangent[0],
-    }
-    if index == 1:
-        time_low, low = fly_to(flow, p, Omega, smooth, end[:3], lambda s: s[1] - 7 * pi / 2)
-        answers["beta_bar_0"], answers["v_0"] = low[0] - pi / 2, low[2]
+    parts, x_name, v_name = SECTIONS[index]
+    answers = {"omega": Omega, "period": parts * time, x_name: x, v_name: v}
+    answers.update(cycle_derivatives(p, Omega, smooth, index, end))
+    answers.update(cycle_extremes(p, Omega, smooth, index, end))
     # Newton's method also comes to rest at the equilibrium, within some 1e-8 of it: there is no cycle then.
     return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
 

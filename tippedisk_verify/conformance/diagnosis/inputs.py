@@ -144,7 +144,6 @@ INPUTS: tuple[Input, ...] = (
     Input("v-slow", "v of the slow manifold, h_0 = e Omega sin(beta) cos(gamma) / rho", _slow),
     Input("omega-crit", "Omega_crit in place of Omega", _critical),
     Input("omega-30.92", "Omega = 30.92 throughout", _all(("Omega",), lambda x: 30.92 + 0 * x), 1),
-    Input("first-of-start", "Omega of the first entry with the same start", _from({"Omega": "first_Omega"}), 1),
     Input("g-9.8", "g = 9.8 for 9.81", lambda values: {"g": 9.8 + 0 * values["g"]}),
     Input("g-9.80665", "g = 9.80665 for 9.81", lambda values: {"g": 9.80665 + 0 * values["g"]}),
     *_pairs(),

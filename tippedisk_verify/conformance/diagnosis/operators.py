@@ -92,7 +92,13 @@ RULES: tuple[tuple[str, str, str, int], ...] = (
     ("a * b / (abs(b) + c)", "a * 2 / pi * np.arctan(pi / 2 * b / c)", "", 1),
     *(("sqrt(sum(abs(a) ** 2))", norm, "", 1) for norm in _NORMS),
     ("i", "i + 1", "", 1), ("i", "i - 1", "", 1), ("i", "0", "", 1), ("range(a)", "range(1)", "", 1),
-    ("a[b, c, d]", "a[b, d, c]", "", 1), ("t", "np.float32(t)", "{old} in single precision", 3),
+    ("a[b, c, d]", "a[b, d, c]", "", 1),
+    ("smooth", "False", "the linear law for {old}", 0), ("smooth", "not smooth", "the other law for {old}", 0),
+    ("np.linalg.solve(a - b, c)", "np.linalg.solve(a - b @ b, c)", "the square of {b} for {b} in {old}", 0),
+    ("np.linalg.solve(a - b, c)", "np.linalg.solve(a - np.swapaxes(b, 1, 2), c)", "{b} transposed in {old}", 0),
+    ("np.max(abs(np.linalg.eigvals(a)), axis=1)", "np.linalg.norm(a, 2, (1, 2))", "", 1),
+    ("np.max(abs(np.linalg.eigvals(a)), axis=1)", "a[:, 0, 0]", "", 1),
+    ("t", "np.float32(t)", "{old} in single precision", 3),
     ("a +- b", "np.float32(a +- b)", "{old} in single precision", 3), ("t", "abs(t)", "the modulus of {old}", 2),
     ("a +- b", "abs(a +- b)", "the modulus of {old}", 2),
 )  # fmt: skip
@@ -227,19 +233,6 @@ def _arguments(node: Node, names: Sequence[str]) -> Iterator[Change]:
                     yield Change(type(node)(elements, node.ctx), text, 1)
 
 
-def _brackets(node: Node, names: Sequence[str]) -> Iterator[Change]:
-    """A product of several factors without the brackets around a sum among them."""
-    rest: list[Node] = []
-    while is_binary(node, ast.Mult):
-        left, factor = node.left, node.right
-        if rest and is_binary(factor, ast.Add, ast.Sub):
-            last = factor.right
-            for one in rest:
-                last = ast.BinOp(last, ast.Mult(), one)
-            yield Change(ast.BinOp(ast.BinOp(left, ast.Mult(), factor.left), factor.op, last), "", 1)
-        node, rest = left, [factor, *rest]
-
-
 def _swapped(node: Node, names: Sequence[str]) -> Iterator[Change]:
     if is_binary(node, ast.Add, ast.Sub, ast.Mult):
         used = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
@@ -264,7 +257,6 @@ OPERATORS: dict[str, Operator] = {
     "names": _exchanged,
     "number": _numbers,
     "arguments": _arguments,
-    "brackets": _brackets,
     "swapped": _swapped,
     "extra": _extra,
 }
@@ -281,7 +273,8 @@ def _passed_on(place: Place) -> bool:
 
 def changes(place: Place, names: Sequence[str], whole: bool = False) -> Iterator[Change]:
     """What may stand there by mistake, by all operators; ``whole`` says that it is all that a statement computes."""
-    if whole and not kind(place.node, ast.Constant) and not _passed_on(place):
+    added = kind(place.statement, ast.AugAssign)
+    if whole and not kind(place.node, ast.Constant) and (added or not _passed_on(place)):
         yield Change(ast.BinOp(ast.Constant(0), ast.Mult(), place.node), "{old} is left out")
         if not kind(place.node, ast.UnaryOp):
             yield Change(ast.UnaryOp(ast.USub(), place.node), "the wrong sign of {old}")

@@ -1,53 +1,196 @@
-"""Orbits: other inputs behind them, other times on them, and the errors of integrators.
-
-What a mutation of a formula cannot say of them. Right orbits are known at all times, and those of changed inputs too.
-"""
+"""Orbits: the right ones at all times, what is asked of them, and those of other inputs or of the other law."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
-from tippedisk_verify.conformance.diagnosis.equations import Equations
-from tippedisk_verify.conformance.diagnosis.flights import STATE, Flights, State, right, short
-from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, changed
-from tippedisk_verify.conformance.diagnosis.integrators import Integrators
-from tippedisk_verify.conformance.diagnosis.readings import Readings
+from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, Input, changed
 from tippedisk_verify.conformance.diagnosis.search import Search
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.specimen import Program, specimen
+from tippedisk_verify.conformance.diagnosis.trees import Cause
+from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["orbit_causes"]
+__all__ = [
+    "CROSSING",
+    "EARLY",
+    "EXACT",
+    "ROUND",
+    "ROW",
+    "STATE",
+    "Flights",
+    "Orbit",
+    "OtherInputs",
+    "Rates",
+    "State",
+    "Value",
+    "right",
+    "short",
+    "tilt",
+]
 
+State = tuple[float, float, float]
+Rates = Callable[[float, float, float], State]
+Value = Callable[[Array], Array]  #: of states
+STATE = ("beta", "gamma", "v")
+CROSSING = ("crossing_time", "crossing_gamma", "crossing_v")
+ROW = 1e-3  # s, between the rows of an orbit
+EARLY = 0.01  # s, in which crossings do not count
+EXACT = 1e-7  # s, of times that are read exactly
+ROUND = sorted((f * 10.0**-k for k in range(1, 6) for f in (5, 4, 2.5, 2, 1.25, 1)), reverse=True)  # s, of steps
+_TOLERANCE = 1e-11
+_END = 25.0  # s
+_SCALAR: dict[str, Any] = {"sin": math.sin, "cos": math.cos, "abs": abs}
 _LAWS: tuple[tuple[str, Callable[[bool], bool]], ...] = (
-    ("", lambda smooth: smooth),
     ("the orbits of the smooth law follow the linear law", lambda smooth: False),
     ("the orbits of the linear law follow the smooth law", lambda smooth: True),
     ("the orbits follow the other friction law", lambda smooth: not smooth),
 )
-_START = "the orbits are those of other inputs: "
 _ILL = 0.25  # of the answers, that rounding may change
 _NUDGE = 1e-13  # rad
-_PASSES = 12  # of the Gauss-Newton method
-_LEFT = 1e-4  # of the errors, that a number which was solved for may leave
 _MOST = 20  # orbits that are read to the end
 _LONGEST = 4.0  # s, of the flights that changed inputs are tried on
 _CLOSER = 5.0  # times, that an orbit comes to a wrong sample
 _GIVEN = ("Omega", *STATE)
-_NUMBERS: tuple[tuple[str, Callable[[Any, Any], Any], tuple[str, ...]], ...] = (
-    ("{} times {:.7g}", lambda value, x: value * x, (*SYMBOLS, "Omega")),
-    ("{} shifted by {:.7g}", lambda value, x: value + x, _GIVEN),
-    ("{} = {:.7g} throughout", lambda value, x: x + 0 * value, _GIVEN),
-)
+_BEYOND = 0.6  # s, that orbits go on after what is asked
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """States and rates at rows, with cubic polynomials between them."""
+
+    states: Array
+    rates: Array
+
+    def at(self, times: Any) -> Array:
+        place, last = np.asarray(times, dtype=float) / ROW, self.states.shape[1] - 1
+        outside = ~((place >= -1e-6) & (place <= last + 1e-6))
+        row = np.clip(np.where(outside, 0, place).astype(int), 0, last - 1)
+        s, a, b = place - row, self.states[:, row], self.states[:, row + 1]
+        da, db = ROW * self.rates[:, row], ROW * self.rates[:, row + 1]
+        found = a + s * (da + s * (3 * (b - a) - 2 * da - db + s * (2 * (a - b) + da + db)))
+        return np.where(outside, np.nan, found)
+
+    def events(self, value: Value, step: float = ROW) -> tuple[Array, Array]:
+        """Where a function of the state changes its sign between rows so far apart: these rows, and when."""
+        rows = np.arange(int(ROW * (self.states.shape[1] - 1) / step + 1e-6) + 1) * step
+        values = value(self.at(rows))
+        k = np.flatnonzero((values[:-1] * values[1:] < 0) | ((values[1:] == 0) & (values[:-1] != 0)))
+        low, high = rows[k], rows[k + 1]
+        for _ in range(45):
+            middle = (low + high) / 2
+            below = value(self.at(middle)) * values[k] > 0
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        return rows[k], (low + high) / 2
+
+
+def tilt(state: Array) -> Array:
+    return np.asarray(state[0] - np.pi / 2)
+
+
+@cache
+def right(scalar: bool = False) -> Mapping[str, Any]:
+    return Program(specimen(), **(_SCALAR if scalar else {})).space
 
 
 @dataclass(eq=False)
-class Inputs:
+class Flights:
+    """The orbits of all entries of some tables, each flown when it is wanted, and where their answers stand."""
+
+    tables: Sequence[Table]
+    laws: Sequence[bool]
+    flown: dict[int, Orbit] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.space, self.scalar = right(), right(True)
+        self.spots = [(n, row) for n, table in enumerate(self.tables) for row in range(len(table.entries))]
+        first = np.cumsum([0, *(len(table.entries) for table in self.tables)])
+        self.entry = np.concatenate([table.rows + first[n] for n, table in enumerate(self.tables)])
+        self.stem = np.concatenate([table.stems for table in self.tables])
+        places = (placed(name)[1] for table in self.tables for name in table.names)
+        self.place = np.array([float(one.get("t", one.get("n", "nan"))) for one in places])
+        self.latest = np.concatenate([np.fmax(table.truth, np.clip(table.answer, 0, _END)) for table in self.tables])
+
+    def inputs(self, k: int) -> tuple[tuple[float, ...], float, bool, State]:
+        n, row = self.spots[k]
+        beta, gamma, v, Omega = (float(self.tables[n].given[name][row]) for name in (*STATE, "Omega"))
+        return tuple(float(one[row]) for one in self.tables[n].p), Omega, self.laws[n], (beta, gamma, v)
+
+    def rates(self, k: int) -> Rates:
+        (p, Omega, smooth, _), equations = self.inputs(k), self.scalar["equations"]
+        return lambda beta, gamma, v: (v, *equations(p, Omega, smooth, beta, gamma, v)[6:8])
+
+    def orbit(self, k: int) -> Orbit:
+        if k not in self.flown:
+            from scipy.integrate import odeint
+
+            p, Omega, smooth, start = self.inputs(k)
+            rates, here = self.rates(k), self.entry == k
+            asked = np.where(np.isin(self.stem, STATE), self.place, 0)
+            asked = np.where(np.isin(self.stem, ("crossing_time", "flat_time")), self.latest, asked)
+            times = np.arange(int((asked[here].max(initial=0) + _BEYOND) / ROW) + 1) * ROW
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                tight = {"rtol": _TOLERANCE, "atol": _TOLERANCE, "mxstep": 20000}
+                try:
+                    states = odeint(lambda t, y: rates(*y.tolist()), start, times, tfirst=True, **tight).T
+                except (ArithmeticError, ValueError):  # of inputs that make no orbit
+                    states = np.full((3, len(times)), np.nan)
+                self.flown[k] = Orbit(states, self.space["flow"](p, Omega, smooth, states))
+        return self.flown[k]
+
+    def at(self, times: Array, chosen: Array) -> Array:
+        """States at a time for each of some answers, from the orbits of their entries."""
+        states = np.full((3, len(times)), np.nan)
+        for k in np.unique(self.entry[chosen]):
+            here = self.entry[chosen] == k
+            states[:, here] = self.orbit(k).at(times[here])
+        return states
+
+    def lies(self, k: int, value: Value = lambda state: np.sin(state[0])) -> float:
+        times = self.orbit(k).events(value)[1]
+        return float(times[0]) if len(times) else math.inf
+
+    def crossings(self, k: int) -> Array:
+        times = self.orbit(k).events(tilt)[1]
+        return np.asarray(times[(times > EARLY) & (times < self.lies(k))])
+
+    def read(self, entries: Sequence[int]) -> Array:
+        """The answers to all questions of some entries, read rightly."""
+        found = np.full(len(self.entry), np.nan)
+        for k in entries:
+            here, times = self.entry == k, self.crossings(k)
+            self.enter(found, k, (times, *self.orbit(k).at(times)[1:]))
+            for stem, values in zip(STATE, self.orbit(k).at(self.place[here]), strict=True):
+                found[here] = np.where(self.stem[here] == stem, values, found[here])
+            found[here & (self.stem == "flat_time")] = self.lies(k)
+        return found
+
+    def enter(self, found: Array, k: int, crossings: Sequence[Array], stems: Sequence[str] = CROSSING) -> None:
+        """Enter crossings in their order."""
+        for stem, values in zip(stems, crossings, strict=True):
+            cells = np.flatnonzero((self.entry == k) & (self.stem == stem))
+            number = self.place[cells].astype(int) - 1
+            known = (number >= 0) & (number < len(values))
+            found[cells[known]] = values[number[known]]
+
+    def sample(self, k: int, time: float) -> list[int]:
+        """Where the answers to (beta, gamma, v) at a time stand; nothing if one is missing."""
+        here = (self.entry == k) & (np.abs(self.place - time) < EXACT)
+        cells = [np.flatnonzero(here & (self.stem == stem)) for stem in STATE]
+        return [int(cell[0]) for cell in cells] if all(map(len, cells)) else []
+
+
+@dataclass(eq=False)
+class OtherInputs:
     """Right orbits of other inputs than those that were asked for."""
 
     search: Search
@@ -74,114 +217,46 @@ class Inputs:
         return np.asarray(state.reshape(3, len(variants), len(rows)))
 
     def causes(self) -> list[Cause]:
-        """A known change of the inputs, another law, or both."""
-        sheet, tables, count = self.search.sheet, self.with_firsts(), len(INPUTS) + 1
-        left = set(range(len(_LAWS) * count))
-        for n, table in enumerate(tables):
-            entries, end = self.probes(n)
-            if not entries or end > _LONGEST:
-                continue
-            variants = [self.changed(table, one) for one in range(count)]
-            new = [m for m, one in enumerate(variants) if m == 0 or one is not table]
-            cells = np.array([self.flights.sample(k, end) for k in entries]).T[:, None]
-            for smooth in {law(table.smooth) for _, law in _LAWS}:
-                states = np.repeat(self.flown(smooth, [table], entries, end), count, axis=1)
-                states[:, new] = self.flown(smooth, [variants[m] for m in new], entries, end)
-                off = np.abs(states - sheet.answer[cells])
-                grown = np.maximum(1, np.abs(states / sheet.truth[cells]))
-                near = off * _CLOSER <= np.abs(sheet.answer - sheet.truth)[cells]
-                good = ((off <= 3 * sheet.allowed[cells] * grown) & (near | ~sheet.wrong[cells])).all(axis=(0, 2))
-                left -= {o for o in left if _LAWS[o // count][1](table.smooth) == smooth and not good[o % count]}
-        if len(left) == len(_LAWS) * count:
-            return []
+        """Another law, or a known change of the inputs."""
+        tables = self.flights.tables
+        for says, law in _LAWS:
+            if self.confirmed(tables, law):
+                return [Cause(says, 1, name="law")]
         found: list[Cause] = []
-        tried: set[tuple[Any, ...]] = set()
-        ranks = [0, *(one.rank for one in INPUTS)]
-        for o in sorted(left, key=lambda o: (ranks[o % count] + (o >= count), o)):
-            (says, law), one, rank = _LAWS[o // count], o % count, ranks[o % count] + (o >= count)
+        tried: set[tuple[bytes, ...]] = set()
+        for one in sorted(self.likely(), key=lambda one: one.rank):
             others = [self.changed(table, one) for table in tables]
-            key = (
-                *(law(t.smooth) for t in tables),
-                *(np.array([*t.p, *map(t.given.get, _GIVEN)]).tobytes() for t in others),
-            )
-            if key in tried or len(tried) > _MOST or (found and rank > found[0].rank):
+            key = tuple(np.array([*t.p, *map(t.given.get, _GIVEN)]).tobytes() for t in others)
+            if key in tried or len(tried) > _MOST or (found and one.rank > found[0].rank):
                 continue
             tried.add(key)
-            if self.confirmed(others, law):
-                change = f"{_START}{INPUTS[one - 1].says}" if one else ""
-                found.append(Cause(f"{says}{', and ' * bool(says and change)}{change}", rank, name="inputs"))
+            if self.confirmed(others, bool):
+                found.append(Cause(f"the orbits are those of other inputs: {one.says}", one.rank, name="inputs"))
         return found
 
-    def solved(self) -> list[Cause]:
-        """One number in the inputs, with which the right equations give all answers; all are solved for at once."""
-        flights, sheet = self.flights, self.search.sheet
-        n = max(range(len(flights.tables)), key=lambda n: int(flights.tables[n].wrong.sum()))
-        table, time = flights.tables[n], float(flights.place[np.isin(flights.stem, STATE)].min(initial=math.inf))
-        mine = [k for k, spot in enumerate(flights.spots) if spot[0] == n and flights.sample(k, time)]
-        entries = sorted({*self.probes(n)[0], *mine[:: max(1, len(mine) // 3)]} & set(mine))
-        if not entries:
-            return []
-        cells = np.array([flights.sample(k, time) for k in entries]).T[:, None]
-        tasks = [(says, by, name) for says, by, names in _NUMBERS for name in names]
-        x = np.array([{"t": 1.0, "s": 0.0}.get(says[3], np.median(self.value(table, name))) for says, _, name in tasks])
+    def likely(self) -> list[Input]:
+        """The changes of inputs that give the first wrong samples."""
+        sheet, good = self.search.sheet, np.ones(len(INPUTS), dtype=bool)
+        for n, table in enumerate(self.flights.tables):
+            entries, end = self.probes(n)
+            if entries and end < _LONGEST:
+                cells = np.array([self.flights.sample(k, end) for k in entries]).T[:, None]
+                states = self.flown(table.smooth, [self.changed(table, one) for one in INPUTS], entries, end)
+                off = np.abs(states - sheet.answer[cells])
+                grown = np.maximum(1, np.abs(states / sheet.truth[cells]))
+                near = (off * _CLOSER <= np.abs(sheet.answer - sheet.truth)[cells]) | ~sheet.wrong[cells]
+                good &= ((off <= 3 * sheet.allowed[cells] * grown) & near).all(axis=(0, 2))
+        return [one for one, fits in zip(INPUTS, good, strict=True) if fits]
 
-        def off(x: Array) -> Array:
-            variants = [self.with_number(table, *task[1:], number) for task, number in zip(tasks, x, strict=True)]
-            return np.asarray(self.flown(table.smooth, variants, entries, time) - sheet.answer[cells])
-
-        with np.errstate(all="ignore"):
-            for _ in range(_PASSES):
-                here = off(x)
-                slope = (off(x + 1e-7) - here) / 1e-7
-                move = (slope * here).sum(axis=(0, 2)) / (slope**2).sum(axis=(0, 2))
-                x = x - np.clip(np.nan_to_num(move), -0.3, 0.3)
-        size, found = np.abs(sheet.answer - sheet.truth)[cells].max(), []
-        for task in np.flatnonzero(np.abs(off(x)).max(axis=(0, 2)) < _LEFT * size).tolist():
-            (says, by, name), number = tasks[task], float(x[task])
-            if self.confirmed([self.with_number(one, by, name, number) for one in flights.tables], bool):
-                values = np.unique(self.value(table, name))
-                if "times" in says and len(values) == 1:
-                    says, number = f"{{}} = {{:.7g}} instead of {values[0]:.9g}", number * float(values[0])
-                found.append(Cause(_START + says.format(name, short(number)), 4, name=f"{name}-value"))
-        return found
-
-    def other_equations(self) -> list[Cause]:
-        """One change in the equations that the orbits follow."""
-        copy = " (in the orbits' equations" + ": those of level 1 are right)" * ("equations" in self.search.passed)
-        copy += ")" * ("equations" not in self.search.passed)
-        return [
-            replace(cause, says=cause.says + copy)
-            for cause in Equations(self.search, self.flights).causes()
-            if cause.program and self.confirmed(self.flights.tables, bool, equations=cause.program.trees["equations"])
-        ]
-
-    def with_firsts(self) -> list[Table]:
-        """With the speed of the first entry of all that has the same start."""
-        firsts: dict[State, float] = {}
-        for k in range(len(self.flights.spots)):
-            firsts.setdefault(self.flights.inputs(k)[3], self.flights.inputs(k)[1])
-        speeds = np.array([firsts[self.flights.inputs(k)[3]] for k in range(len(self.flights.spots))])
-        of = np.array([n for n, _ in self.flights.spots])
-        tables = enumerate(self.flights.tables)
-        return [replace(table, given={**table.given, "first_Omega": speeds[of == n]}) for n, table in tables]
-
-    def value(self, table: Table, name: str) -> Array:
-        return np.asarray(table.p[SYMBOLS.index(name)] if name in SYMBOLS else table.given[name], dtype=float)
-
-    def with_number(self, table: Table, by: Callable[[Any, Any], Any], name: str, number: float) -> Table:
-        value = by(self.value(table, name), number)
-        return changed(table, lambda values: {name: value})
-
-    def changed(self, table: Table, one: int) -> Table:
-        """By an input's number in the table, from 1 on."""
+    def changed(self, table: Table, one: Input) -> Table:
         try:
-            return changed(table, INPUTS[one - 1].change) if one else table
+            return changed(table, one.change)
         except Exception:  # a change that these inputs do not bear
             return table
 
-    def confirmed(self, tables: Sequence[Table], law: Callable[[bool], bool], **changes: Any) -> bool:
+    def confirmed(self, tables: Sequence[Table], law: Callable[[bool], bool]) -> bool:
         """Whether right readings of these orbits give all answers: those to one entry, to three, to all."""
-        flights = Flights(tables, [law(table.smooth) for table in tables], changes=changes)
+        flights = Flights(tables, [law(table.smooth) for table in tables])
         sheet = self.search.sheet
         order = np.argsort(-np.bincount(flights.entry, sheet.wrong), kind="stable").tolist()
         for entries in (order[:1], order[:3], order):
@@ -193,7 +268,7 @@ class Inputs:
                 return False
             if missed.any():  # from next to an unstable equilibrium orbits go where rounding sends them
                 nudged = [replace(one, given={**one.given, "beta": one.given["beta"] + _NUDGE}) for one in tables]
-                other = Flights(nudged, flights.laws, changes=changes).read(np.unique(flights.entry[missed]).tolist())
+                other = Flights(nudged, flights.laws).read(np.unique(flights.entry[missed]).tolist())
                 with np.errstate(all="ignore"):
                     loose = np.abs(other - predicted) > sheet.allowed
                 lost = np.isnan(predicted) & np.isin(flights.entry, flights.entry[loose])
@@ -202,9 +277,7 @@ class Inputs:
         return True
 
 
-def orbit_causes(search: Search) -> list[Cause]:
-    """What explains wrong orbits, and is no mistake in a formula."""
-    flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
-    inputs = Inputs(search, flights)
-    readings, integrators = Readings(search, flights), Integrators(search, flights)
-    return readings.causes() or inputs.causes() or inputs.other_equations() or integrators.causes() or inputs.solved()
+def short(number: float, near: float = 2e-8) -> float:
+    """A number with few digits, if it is nearly one."""
+    rounded = (float(f"{number:.{digits}g}") for digits in range(1, 9))
+    return next((one for one in rounded if abs(one - number) < near * max(1.0, abs(number))), number)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array
-from tippedisk_verify.conformance.diagnosis.flights import (
+from tippedisk_verify.conformance.diagnosis.orbits import (
     CROSSING,
     EARLY,
     EXACT,
@@ -23,7 +23,7 @@ from tippedisk_verify.conformance.diagnosis.flights import (
     tilt,
 )
 from tippedisk_verify.conformance.diagnosis.search import Search
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["Readings"]
 
@@ -33,16 +33,14 @@ _FEW = 4  # wrong answers, to which a prediction has to come closer
 _ROWS = ROUND[:-7]  # s, from 0.5 s to 0.1 ms
 _ODD = [1e-3 * k for k in range(3, 500)]
 _PAUSES = (0.02, 0.03, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.75, 1.0, 1.5, 2.0)
-_HELD = (("nearest", np.round), ("last", lambda x: np.floor(x + 1e-7)), ("next", lambda x: np.ceil(x - 1e-7)))
+#: What may be made of a crossing between two rows; all but the last are wrong.
 _TAKEN = (
-    *("of the row before", "of the row after", "of the nearest row", "of the middle of the step"),
-    *(
-        "the mean of both rows",
-        "on the straight line between rows",
-        "by one step of Newton's method from the row before",
-    ),
-    *("of the row after plus the time within the step", "of the row before less the time within the step", "right"),
-)  # what may be made of a crossing between two rows
+    "of the row before",
+    "of the row after",
+    "the mean of both rows",
+    "on the straight line between rows",
+    "right",
+)
 _VALUES: dict[str, Value] = {
     "beta": lambda s: s[0], "gamma": lambda s: s[1], "v": lambda s: s[2], "sin(beta)": lambda s: np.sin(s[0]),
     "the angle between disk and ground": lambda s: np.minimum(s[0], np.pi - s[0]),
@@ -61,21 +59,9 @@ def after_pause(pause: float) -> Callable[[Array, Array], Array]:
     return kept
 
 
-def numbered(first: int) -> Callable[[Array, Array], Array]:
-    return lambda times, rises: np.flatnonzero(times > EARLY)[first:]
-
-
-def later(begin: float) -> Callable[[Array, Array], Array]:
-    return lambda times, rises: np.asarray(times > begin)
-
-
 def past(value: Value, c: float) -> Value:
     """What vanishes where a function of the state comes to a value."""
     return lambda state: np.asarray(value(state) - c)
-
-
-def on_grid(h: float, to: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    return lambda times: h * to(times / h)
 
 
 _COUNTS: dict[str, Callable[[Array, Array], Array]] = {
@@ -84,10 +70,6 @@ _COUNTS: dict[str, Callable[[Array, Array], Array]] = {
     "only those with falling beta": lambda t, up: (t > EARLY) & ~up,
     "those of the first 0.01 s too": lambda t, up: t >= 0,
     "each counted twice": lambda t, up: np.repeat(np.flatnonzero(t > EARLY), 2),
-    "every second one": lambda t, up: np.flatnonzero(t > EARLY)[::2],
-    "every second one, from the second on": lambda t, up: np.flatnonzero(t > EARLY)[1::2],
-    **{f"counted from number {n + 1} on": numbered(n) for n in (1, 2)},
-    **{f"only those after the first {x:g} s": later(x) for x in _PAUSES},
     **{f"none of those within about {x:g} s of the one before": after_pause(x) for x in _PAUSES},
 }
 
@@ -125,60 +107,22 @@ class Readings:
 
     # -- samples
     def samples(self, part: Array) -> str:
+        """Those of a time that is off by the same for all, as a row's number would make it."""
         probe = part & (self.flights.entry == self.entries(part)[0])
-        for says, rule in self.sample_rules(part, probe):
-            for chosen in (probe, part):
-                predicted = np.full(len(part), np.nan)
-                predicted[chosen] = rule(chosen)
-                if not self.given(predicted, chosen):
-                    break
-            else:
-                stems = sorted(set(self.flights.stem[part]))
-                return f"samples{f' of {stems[0]}' * (len(stems) == 1)} are {says}"
-        return ""
-
-    def sampled(self, instants: Callable[[Array], Array]) -> Callable[[Array], Array]:
-        """What samples are at other times than asked."""
-        return lambda chosen: self.picked(instants(self.flights.place[chosen]), chosen)
-
-    def picked(self, times: Array, chosen: Array) -> Array:
-        past = times > self.flights.place[chosen].max() + EXACT  # where the orbits may end
-        return np.where(past, np.nan, self.at(times, chosen))
+        shift = self.shift(probe)
+        for chosen in (probe, part):
+            predicted, times = np.full(len(part), np.nan), self.flights.place[chosen] + shift
+            past = times > self.flights.place[chosen].max() + EXACT  # where the orbits may end
+            predicted[chosen] = np.where(past, np.nan, self.at(times, chosen))
+            if not shift or not self.given(predicted, chosen):
+                return ""
+        late, stems = "early" if shift < 0 else "late", sorted(set(self.flights.stem[part]))
+        says = f"those of a time {abs(shift):.6g} s too {late} (a row {late}, if rows are so far apart)"
+        return f"samples{f' of {stems[0]}' * (len(stems) == 1)} are {says}"
 
     def at(self, times: Array, chosen: Array) -> Array:
         which = [STATE.index(stem) for stem in self.flights.stem[chosen].tolist()]
         return np.asarray(np.choose(which, self.flights.at(times, chosen)))
-
-    def sample_rules(self, part: Array, probe: Array) -> Iterator[tuple[str, Callable[[Array], Array]]]:
-        places, at = self.flights.place, self.sampled
-        if shift := self.shift(probe):
-            late = "early" if shift < 0 else "late"
-            says = f"those of a time {abs(shift):.6g} s too {late} (a row {late}, if rows are so far apart)"
-            yield says, at(lambda t: t + shift)
-        start = places[probe].min()
-        factor = short(1 + self.shift(probe & (places == start)) / start)
-        yield f"those of {factor:.9g} times the time asked for", at(lambda t: factor * t)
-        for h, (word, to) in itertools.product([h for h in (*ROUND, *_ODD) if h > ROW / 3], _HELD):
-            yield f"those of the {word} row of a grid of {h:.6g} s", at(on_grid(h, to))
-        last = places[part].max()
-        for h, ends in itertools.product([h for h in (*ROUND, *_ODD) if h > 2 * ROW], (last + 1, last)):
-
-            def line(chosen: Array, h: float = h, ends: float = ends) -> Array:
-                row = np.floor(places[chosen] / h + 1e-7)  # after the last row there may be none
-                after, share = np.minimum(row + 1, np.floor(ends / h + 1e-7)), places[chosen] / h - row
-                one, two = (self.picked(h * k, chosen) for k in (row, after))
-                return one + share * np.where(share < 1e-6, 0, two - one)
-
-            yield f"on straight lines between rows {h:.6g} s apart", line
-        if set(self.flights.stem[part]) == {"v"}:
-            ways = (("forward", 1, 0), ("backward", 0, -1), ("central", 1, -1))
-            for h, (word, one, two) in itertools.product(ROUND, ways):
-
-                def quotient(chosen: Array, h: float = h, one: int = one, two: int = two) -> Array:
-                    ends = [self.flights.at(np.maximum(places[chosen] + by * h, 0), chosen)[0] for by in (one, two)]
-                    return np.asarray((ends[0] - ends[1]) / (h * (one - two)))
-
-                yield f"{word} difference quotients of beta over {h * (one - two):.6g} s", quotient
 
     def shift(self, chosen: Array) -> float:
         """By how much the times are off at which the right orbit comes nearest to these samples."""
@@ -251,8 +195,6 @@ class Readings:
             else:
                 common = set.intersection(*kept.values())
                 taken = {stem: min(common) if common else min(kept[stem]) for stem in stems}
-                if set(taken.values()) == {len(_TAKEN) - 1}:
-                    return f"crossings are missed that rows of a grid of {1000 * h:.6g} ms do not show"
                 words: dict[str, list[str]] = {}
                 for stem in stems:
                     words.setdefault(_TAKEN[taken[stem]], []).append(stem)
@@ -266,13 +208,11 @@ class Readings:
         before, time = orbit.events(tilt, h)
         some = (time > EARLY) & (time < self.flights.lies(k))
         before, time, after = before[some], time[some], before[some] + h
+        right = (time, *orbit.at(time)[1:])
         one, two = orbit.at(before), orbit.at(after)
-        share, newton = tilt(one) / (one[0] - two[0]), before - tilt(one) / one[2]
-        nearest, middle = np.where(time - before < h / 2, before, after), before + h / 2
-        ways = [(t, orbit.at(t)) for t in (before, after, nearest, middle)]
-        ways += [(middle, (one + two) / 2), (before + share * h, one + share * (two - one)), (newton, orbit.at(newton))]
-        ways += [(after + time - before, two), (2 * before - time, one), (time, orbit.at(time))]
-        return [(t, *states[1:]) for t, states in ways]
+        share = tilt(one) / (one[0] - two[0])
+        line = (before + share * h, *(one + share * (two - one))[1:])
+        return [(before, *one[1:]), (after, *two[1:]), (before + h / 2, *((one + two) / 2)[1:]), line, right]
 
     # -- lying flat
     def flat(self, part: Array) -> str:
@@ -288,25 +228,9 @@ class Readings:
             return min(found)[1]
         for c, (name, value) in itertools.product(_THRESHOLDS, list(_VALUES.items())[3:]):
             ends = np.array([self.flights.lies(k, past(value, c)) for k in entries])
-            for word, to in (("before", np.floor), ("after", np.ceil), ("nearest to it", np.round)):
+            for word, to in (("before", np.floor), ("after", np.ceil)):
                 if grids := [h for h in _ROWS if np.all(np.abs(h * to(ends / h) - answers) < EXACT)]:
+                    listed = " or ".join(f"{1000 * h:.6g}" for h in grids[:3])
                     below = f"{name} comes below {c:g}" if c else "the disk lies flat"
-                    return f"flat_time is not located: it is the row {word} {listed(grids)}, where {below}"
-        return self.extrapolated(entries, answers)
-
-    def extrapolated(self, entries: list[int], answers: Array) -> str:
-        """flat_time by one step of Newton's method from a row before."""
-        leads: dict[float, float] = {}
-        ends = np.array([self.flights.lies(k) for k in entries])
-        for h in _ROWS:
-            for back in range(int(_FAR / h) + 1) if h >= ROW else ():
-                rows = h * (np.floor(ends / h) - back)
-                beta, _, v = np.array([self.flights.orbit(k).at(t) for k, t in zip(entries, rows, strict=True)]).T
-                if np.all(np.abs(rows + (np.where(beta > np.pi / 2, np.pi, 0) - beta) / v - answers) < EXACT):
-                    leads.setdefault(h, float((ends - rows).max()))
-        lead = f"from a row up to {max(leads.values(), default=0):.3g} s before, {listed(list(leads))}"
-        return f"flat_time is extrapolated linearly (one step of Newton's method) {lead}" if leads else ""
-
-
-def listed(grids: Sequence[float]) -> str:
-    return f"on a grid of {' or '.join(f'{1000 * h:.6g}' for h in grids[:3])} ms"
+                    return f"flat_time is not located: it is the row {word} on a grid of {listed} ms, where {below}"
+        return ""

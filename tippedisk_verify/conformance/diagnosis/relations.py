@@ -8,27 +8,25 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from functools import cache, partial
-from itertools import permutations, product
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet
-from tippedisk_verify.conformance.diagnosis.joined import Found, joined
 from tippedisk_verify.conformance.diagnosis.places import conditions, inputs, labels, names_of, parameters
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 
 __all__ = ["related"]
 
 _COVERED = 0.4  # of a quantity's wrong answers must have a counterpart, where the relation is to another question
-_FREE = 3  # wrong answers of different entries that bear out a number that was read off them
+_FEW = 3  # wrong answers that bear out a relation to another question
+_STATEMENTS = 3  # different relations; more are several mistakes
 _EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
-_BEYOND = 2.0  # digits beyond those asked for, where a number is solved for
 _SURE = 1e-4  # of what is allowed: closer answers tell no more
 _CONDITION = 5  # rank of a condition
-_AT_STATES = 5  # the last level whose inputs are those of the formula
-_LONG = 3.5  # powers that are as simple as a number of many digits
 _LAWS = ("both", "linear", "smooth")
 _Function = Callable[[Array], Array]
 
@@ -45,11 +43,6 @@ _FACTORS = {
 _FACTORS |= {f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()}
 _FACTORS |= {"-2": -2.0, "-1/2": -0.5}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3)}
-#: Numbers beside a product of powers, with how many powers are as simple.
-_SHORT = {f"{k / 10:g}": (k / 10, 1.5) for k in range(1, 100)} | {
-    text: (x, 0.6) for text, x in (_FACTORS | _TENS).items()
-}
-_SHORT |= {"1": (1.0, 0.0)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 _OF_VALUE: dict[tuple[str, int], dict[str, _Function]] = {  # by kind and rank
     ("sign", 0): {"{has} the wrong sign": np.negative},
@@ -115,13 +108,6 @@ class _Grid:
         self.values = np.full(shape, np.nan)
         self.values[self.base, self.law, self.stem, self.place] = self.x
         self.p = parameters(sheet)
-        Bbar = self.p["B"] - self.p["m"] * self.p["e"] ** 2
-        self.bases = {**self.p, "Bbar": Bbar, "(r + e)": self.p["r"] + self.p["e"]}
-        if sheet.level <= _AT_STATES:
-            self.bases |= {name: self.given[name] for name in ("Omega", "v")}
-            for name in ("beta", "gamma"):
-                self.bases |= {f"sin({name})": np.sin(self.given[name]), f"cos({name})": np.cos(self.given[name])}
-        self.logs = np.log(np.abs(list(self.bases.values())))
 
     def at(self, **moved: Array | int) -> Array:
         """The right values where some indices are others; indices out of range find nothing."""
@@ -151,9 +137,8 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
     place, law = grid.place, grid.law
     for key, word in {"t": "sample in time", "n": "crossing", "order": "order"}.items():
         x = np.where(np.isfinite(grid.given[key]), grid.x, np.nan)
-        places = {"the first": 0 * place, "every second": 2 * place + 1, "every odd": 2 * place}
-        for text, index in (places | {f"the {near}": place + by for near, by in _NEAR.items()}).items():
-            yield "place", 3, f"{{q}} {{has}} the values of {text} {word}", grid.at(place=index) + 0 * x
+        for text, by in _NEAR.items():
+            yield "place", 3, f"{{q}} {{has}} the values of the {text} {word}", grid.at(place=place + by) + 0 * x
         before = np.where(place > 0, grid.at(place=place - 1), 0.0)
         yield "interval", 4, f"{{q}} {{is}} counted from the previous {word}", x - before
     for text, index in (("linear", 0 * law + 1), ("smooth", 0 * law + 2), ("other", 3 - law)):
@@ -162,9 +147,6 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
     kinds = [key.rsplit("/", 1)[0] for key in listed]
     word, names = "equilibrium" if grid.sheet.level == 2 else "form", "|".join(_OTHER)
     moves = {f"the other {word}": [re.sub(f"(?<=/)({names})(?=-)", lambda m: _OTHER[m[0]], key) for key in listed]}
-    moves["the first entry"] = [listed[kinds.index(kind)] for kind in kinds]
-    for name in np.unique([key.split("/")[0] for key in listed]):
-        moves[f"the parameter set {name}"] = [f"{name}/{key.split('/', 1)[1]}" for key in listed]
     padded = ["", "", *listed, "", ""]
     for text, by in _NEAR.items():
         pairs = zip(padded[2 + by :], kinds, strict=False)
@@ -174,9 +156,6 @@ def _elsewhere(grid: _Grid) -> Iterator[_Relation]:
         to = dict(zip(listed, others, strict=True))
         base = np.array([numbers.get(to[key], -1) for key in numbers])[grid.base]
         yield "entry", 3, f"{{q}} {{has}} the values of {text}", grid.at(base=base)
-    for text, by in {"below": 1, "above": -1}.items():
-        rows = np.concatenate([np.roll(np.append(table.truth, np.nan), -by)[:-1] for table in grid.sheet.tables])
-        yield "row", 4, f"{{q}} {{has}} the values of the row {text}", rows
 
 
 def _quantities(grid: _Grid) -> Iterator[_Relation]:
@@ -211,10 +190,6 @@ def _orders(grid: _Grid) -> Iterator[_Relation]:
         says = f"the eigenvalues in another order: {'ascending' if up > 0 else 'descending'} {text}"
         also = f", the {'positive' if first < 0 else 'negative'} imaginary part first"
         yield "order", 2, says if text == "imaginary parts" else says + also, answers(places)
-    orders = np.array([np.broadcast_to(one, z.shape) for one in permutations(range(len(real)))])
-    bad = [np.bincount(grid.base[~grid.sheet.fitted(answers(places))], minlength=len(z)) for places in orders]
-    best = orders[np.argmin(bad, axis=0), np.arange(len(z))]
-    yield "order", 4, "the eigenvalues not sorted: their order differs from entry to entry", answers(best)
 
 
 def _rounded(grid: _Grid) -> Iterator[_Relation]:
@@ -231,84 +206,77 @@ def _rounded(grid: _Grid) -> Iterator[_Relation]:
             yield "rounded", rank + d / 100 + share / 1000, says, np.where(fits, answer, x)
 
 
-def _solved(grid: _Grid, group: Array) -> Iterator[_Relation]:
-    """For each quantity one number for all, and a factor or a summand: a number times powers of the inputs."""
-    answer, x = grid.sheet.answer, grid.x
-    for n in np.unique(group[grid.sheet.wrong]):
-        mine = group == n
-        cells = np.flatnonzero(mine & grid.sheet.wrong)
-        if len(np.unique(grid.base[cells])) < _FREE:
-            continue
-        middle = np.median(answer[cells])
-        yield "constant", 2, f"{{q}} {{is}} {middle:.9g} throughout", np.where(mine, middle, np.nan)
-        for text, law in _power_laws(grid, cells, answer / x):
-            yield "solved factor", 4, f"{{q}} {{has}} the factor {text}", np.where(mine, law * x, np.nan)
-        more = np.median((answer - x)[cells])
-        yield "solved summand", 4, f"{{q}} {{has}} the summand {more:.9g}", np.where(mine, x + more, np.nan)
-
-
-@cache
-def _exponents(count: int) -> Array:
-    """Of so many bases all whole powers up to three in all, and half of them; the simplest first."""
-    units = np.concatenate([np.eye(count), -np.eye(count)])
-    whole = np.zeros((1, count))
-    for _ in range(3):
-        whole = np.unique(np.concatenate([whole, *(whole + unit for unit in units)]), axis=0)
-    whole = whole[np.lexsort((-whole.min(axis=1), np.abs(whole).sum(axis=1)))]
-    return np.concatenate([whole, whole[1:] / 2])
-
-
-def _power_laws(grid: _Grid, cells: Array, ratio: Array) -> Iterator[tuple[str, Array]]:
-    """The simplest number times powers that a ratio is at some answers: in words, and at all answers."""
-    some = cells[np.isfinite(ratio[cells]) & (ratio[cells] != 0)]
-    some = some[:: max(1, len(some) // _FREE)]  # the others have to bear it out
-    if len(some) < _FREE:
-        return
-    here = grid.logs[:, some]
-    here = np.where(np.isfinite(here), here, 1e6 * np.arange(len(some)))  # so that no power of what is not there fits
-    exponents = _exponents(len(here))
-    left = np.log(np.abs(ratio[some])) - np.einsum("eb,bc->ec", exponents, here)  # einsum starts no threads
-    close = np.clip(np.median(grid.sheet.allowed[some] / np.abs(ratio * grid.x)[some]), 1e-11, 1e-7)
-    fits = np.flatnonzero(np.ptp(left, axis=1) < close)
-    if not len(fits):
-        return
-    numbers, costs = np.array(list(_SHORT.values())).T
-    sizes = np.exp(left[fits].mean(axis=1))
-    costs = np.where(np.abs(sizes[:, None] / numbers - 1) < close, costs, _LONG)
-    best = int(np.argmin(np.abs(exponents[fits]).sum(axis=1) + costs.min(axis=1)))
-    text = list(_SHORT)[costs[best].argmin()] if costs[best].min() < _LONG else f"{sizes[best]:.9g}"
-    law, words = sizes[best] * np.ones_like(ratio), [text]
-    for (name, base), k in zip(grid.bases.items(), exponents[fits[best]].tolist(), strict=True):
-        law = law * (base if k % 1 == 0 else np.abs(base)) ** k
-        words += [name if k == 1 else f"{name}^{k:g}"] if k else []
-    words = words[1:] if text == "1" and len(words) > 1 else words
-    sign = np.sign((ratio * law)[some[0]])
-    yield ("-" if sign < 0 else "") + " ".join(words), sign * law
-
-
 @np.errstate(all="ignore")
 def related(sheet: Sheet) -> list[Cause]:
     """The relations that give all wrong answers of a sheet, simplest first."""
     if not sheet.wrong.any():
         return []
-    grid, found = _Grid(sheet), dict[str, Found]()
+    grid, found = _Grid(sheet), dict[str, _Found]()
     group = np.unique(sheet.stems, return_inverse=True)[1]
     wrong = np.bincount(group, sheet.wrong)
     sides = [("", np.ones_like(sheet.wrong)), *((f" {text}", mask) for text, mask in conditions(sheet))]
-    for name, rank, says, predicted in (*_relations(grid), *_solved(grid, group)):
+    for name, rank, says, predicted in _relations(grid):
         known = np.isfinite(predicted)
-        fits = sheet.fitted(predicted, _BEYOND * name.startswith("solved")) & known
+        fits = sheet.fitted(predicted) & known
         mine, against = fits & sheet.wrong, known & ~fits
         away = np.maximum(np.abs(sheet.answer - predicted), _SURE * sheet.allowed)
         closer = np.where(mine, np.log10(np.abs(sheet.answer - sheet.truth) / away), 0.0)
         told, explained, spoken = (np.bincount(group, one) for one in (closer, mine, against & sheet.wrong))
-        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FREE))
+        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
         held = {}  # conditions where nothing speaks against the relation, and without which nothing is wrong
         for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            here, tried = group == n, sides if wrong[n] > _FREE else sides[:1]
+            here, tried = group == n, sides if wrong[n] > _FEW else sides[:1]
             held[n] = [text for text, mask in tried if not (here & np.where(mask, against, sheet.wrong)).any()]
         common = [text for text, _ in sides if all(text in some for some in held.values())]
         for n, side in ((n, side) for n, some in held.items() for side in (common or some)[:1]):
-            cause = Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
+            cause = _Found(name, says + side, np.zeros_like(mine), rank + _CONDITION * bool(side))
             found.setdefault(cause.says, cause).cells[mine & (group == n)] = True
-    return joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
+    return _joined(sheet, sorted(found.values(), key=lambda cause: cause.rank))
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What wrong answers are instead of right."""
+
+    name: str  #: a short word for the kind of relation
+    says: str
+    cells: Array  #: which answers of the sheet it explains
+    rank: float  #: lower is simpler
+
+
+def _joined(sheet: Sheet, found: Sequence[_Found]) -> list[Cause]:
+    """Relations that hold for all wrong quantities, or the simplest one for each."""
+    blamed, parts = set(sheet.stems[sheet.wrong]), list[tuple[_Found, set[str]]]()
+    whole = [cause for cause in found if blamed == set(sheet.stems[cause.cells])]
+    if whole:
+        return [Cause(_said(sheet, one.says, blamed), one.rank, one.name) for one in whole]
+    for cause in found:
+        mine = blamed & set(sheet.stems[cause.cells])
+        parts += [(cause, mine)] if mine else []
+        blamed -= mine
+    texts = [_said(sheet, cause.says, mine) for cause, mine in parts]
+    # Two quantities that have each other's values are exchanged.
+    pairs = set(re.findall(r"^(\w+) has the values of (\w+)$", "\n".join(texts), re.M))
+    for one, two in (pair for pair in pairs if pair[::-1] in pairs):
+        old = f"{one} has the values of {two}"
+        texts = [f"{min(one, two)} and {max(one, two)} are exchanged" if text == old else text for text in texts]
+    texts = list(dict.fromkeys(texts))
+    if blamed or len(texts) > _STATEMENTS:
+        return []
+    rank = max(cause.rank for cause, _ in parts) + len(texts) - 1
+    return [Cause("; ".join(texts), rank, "-".join(dict.fromkeys(cause.name for cause, _ in parts)))]
+
+
+def _said(sheet: Sheet, says: str, stems: set[str]) -> str:
+    """A relation of some quantities, in words."""
+    asked, laws = set(sheet.stems), sorted({stem.split(" ")[0] for stem in stems})
+    names = sorted({stem.split(" ")[1] for stem in stems})
+    one_law = {f"{law} {name}" for law in _LAWS for name in names} & asked != stems
+    for kind, whole, least in ((r"^(lambda_\w+)_(re|im)$", r"\1", 2), (r"^(h|residual)_\d+$", r"\1_n", 3)):
+        parts = [re.sub(kind, whole, name) for name in names]
+        names = [part if parts.count(part) >= least else name for part, name in zip(parts, names, strict=True)]
+    names = list(dict.fromkeys(names)) if stems != asked or len(stems) <= _STATEMENTS else ["all answers"]
+    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    verbs = {"has": "has", "is": "is"} if len(names) == 1 and names != ["all answers"] else {}
+    text = says.format(**{"q": text, "has": "have", "is": "are", **verbs})
+    return text + (f" under the {' and '.join(laws)} law" if one_law else "")

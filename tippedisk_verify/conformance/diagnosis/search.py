@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -17,34 +17,78 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table
 from tippedisk_verify.conformance.diagnosis.inputs import INPUTS, all_changed
-from tippedisk_verify.conformance.diagnosis.operators import throughout
+from tippedisk_verify.conformance.diagnosis.operators import changes, throughout
 from tippedisk_verify.conformance.diagnosis.specimen import HERE, Program, Specimen, specimen
-from tippedisk_verify.conformance.diagnosis.suspects import (
-    STIRRED,
+from tippedisk_verify.conformance.diagnosis.trees import (
     Cause,
-    Stir,
+    Change,
+    Place,
     Suspect,
-    candidates,
     fixed,
-    plain,
+    places,
     scope,
+    statements,
     terms,
     values,
 )
-from tippedisk_verify.conformance.diagnosis.trees import Place, places, shown, statements
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Search"]
+__all__ = ["Search", "all_changes"]
 
+_STIRRED = (1e-3, 0.3)  # relative changes of a statement's values
 _MOVED = 3.0  # times what is allowed
 _MOSTLY = 0.3  # of the largest share of wrong answers that a quantity has
 _SOLVED = 1.0  # digits beyond what is asked that a number which was solved for must have
-_ALLOWED_GAIN = 1e-3
+_LARGEST = 1e6  # times, that a parameter may be off
 _TURNS, _CALLS = 100, 8  # of a loop and of functions, which take as long as the shortest formula
 _SHARE = 0.4  # of the work, that one way of writing the program may take
-_FREE = ast.Name("_free", ast.Load())
 _FEW = 4  # entries with wrong answers, and as many without, that each change is tried on first
+
+
+class _Stir:
+    """Changes the numbers that pass through it, each by another share."""
+
+    def __init__(self, share: float) -> None:
+        self.share = share
+        self.draws = np.random.default_rng(7)
+        self.touched = False
+
+    def __call__(self, value: Any) -> Any:
+        if isinstance(value, tuple | list):
+            return type(value)(self(part) for part in value)
+        if isinstance(value, Mapping):
+            return {name: self(part) for name, part in value.items()}
+        array = np.asarray(value)
+        if array.dtype.kind not in "fc":
+            return value
+        self.touched = True
+        shape = array.shape if self.share > _STIRRED[0] else ()  # a slight change leaves directions as they are
+        stirred = array * (1 + self.share * self.draws.uniform(0.5, 1, shape))
+        return stirred + self.share * (np.abs(array) == 0) if array.ndim else stirred
+
+
+def _candidates(suspect: Suspect, ranks: Sequence[int]) -> Iterator[tuple[Place, Change]]:
+    """What may be changed in a statement, and how."""
+    place = suspect.place
+    names = scope(place.function)
+    for spot in (place, *places(place.function, place.node, place.path)):
+        for change in changes(spot, names, spot is place):
+            if change.rank in ranks:
+                fixed(change.node)
+                yield spot, change
+
+
+def all_changes(right: Specimen, name: str, ranks: Sequence[int]) -> Iterator[tuple[Suspect, Place, Change, Program]]:
+    """All changes of a function, each with a program that makes it until the next one is asked for."""
+    function = right.functions[name]
+    for statement, path in statements(function):
+        for place, label in values(function, statement, path):
+            suspect = Suspect(name, place, label, 0)
+            program = Program(right, {name: place.replaced(HERE)})
+            for spot, change in _candidates(suspect, ranks):
+                program.computes(spot.within(place, change.node))
+                yield suspect, spot, change, program
 
 
 @dataclass
@@ -126,15 +170,15 @@ class Search:
         stirred = fixed(place.replaced(fixed(ast.Call(ast.Name("_stirred", ast.Load()), [place.node], []))))
         moved: set[str] = set()
         program, also = Program(right, {name: stirred}), 0
-        for share in STIRRED:
-            program.space["_stirred"] = stir = Stir(share)
+        for share in _STIRRED:
+            program.space["_stirred"] = stir = _Stir(share)
             answers = self.run(program, self.few)
             if not stir.touched:
                 return 0 if isinstance(place.statement, ast.For | ast.If | ast.Assign | ast.AugAssign) else math.inf
             with np.errstate(all="ignore"):
                 away = ~(np.abs(answers - base) <= _MOVED * self.few.allowed) & known
             moved |= set(self.few.stems[away])
-            also = also if share != STIRRED[0] else len(moved & self.right_stems)
+            also = also if share != _STIRRED[0] else len(moved & self.right_stems)
         return also if self.mostly_wrong & set(self.few.stems) <= moved else math.inf
 
     def fits(self, program: Program) -> bool:
@@ -153,7 +197,7 @@ class Search:
             for suspect in suspects:
                 place = suspect.place
                 program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot, change in candidates(suspect, ranks):
+                for spot, change in _candidates(suspect, ranks):
                     if self.late():
                         break
                     program.computes(spot.within(place, change.node))
@@ -183,68 +227,29 @@ class Search:
             if one.rank in ranks and all(sheet.fits(right.answers(all_changed(sheet, one.change))) for sheet in stages)
         ]
 
-    def solved(self, rights: Sequence[Specimen]) -> list[Cause]:
-        """One free factor at one place, solved for: in inputs that nothing has proved, then in results before terms."""
-        found = [] if self.passed else list(self._solved_inputs())
-        for right in rights:
-            for suspect in () if found else reversed(self.suspects_of(right)):
-                place = suspect.place
-                program = Program(right, {suspect.function: place.replaced(HERE)})
-                for spot in (place, *places(place.function, place.node, place.path)):
-                    if found or isinstance(spot.node, ast.Constant | ast.Starred) or self.late():
-                        break
-                    program.computes(spot.within(place, fixed(ast.BinOp(_FREE, ast.Mult(), spot.node))))
-                    number = self.number(partial(self._with_free, program))
-                    if number is not None:
-                        says = f"in {suspect.where}: {plain(number)} times {shown(spot.node)}"
-                        new = ast.BinOp(ast.Constant(number), ast.Mult(), spot.node)
-                        found.append(Cause(says, 4, "factor", suspect.function, *spot.lines(new)))
+    def solved(self) -> list[Cause]:
+        """One parameter with another value, with which all answers are given."""
+        right, found = Program(specimen()), []
+        for place, name in enumerate(SYMBOLS):
+            number = self.number(partial(_with_share, right, name))
+            known = {float(table.p[place][0]) for table in self.sheet.tables}
+            if number is not None and len(known) == 1:
+                value = known.pop()
+                found.append(Cause(f"{name} = {value * number:.9g} instead of {value:.9g}", 4, f"{name}-value"))
         return found
 
-    def _with_free(self, program: Program, number: float, sheet: Sheet) -> Array:
-        program.space[_FREE.id] = number
-        return self.run(program, sheet)
-
-    def _solved_inputs(self) -> Iterator[Cause]:
-        right = Program(specimen())
-        for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
-            for text, by in (("", np.multiply), ("shifted by ", np.add)):
-                if text and name in SYMBOLS:
-                    continue
-
-                answers = partial(_with_input, right, name, by)
-                number = self.number(answers)
-                if number is None:
-                    continue
-                place = (*SYMBOLS, name).index(name)
-                known = {float(table.p[place][0]) for table in self.sheet.tables if place < len(SYMBOLS)}
-                if len(known) == 1:
-                    value = known.pop()
-                    says = f"{name} = {value * number:.9g} instead of {value:.9g}"
-                else:
-                    says = f"{name} {text or 'times '}{plain(number - 1 if text else number)}"
-                yield Cause(says, 4, f"{name}-value")
-
     def number(self, answers: Callable[[float, Sheet], Array]) -> float | None:
-        """The number with which all answers are given, two digits better than asked; by the secant method."""
+        """The number with which all answers are given, better than asked; from a wrong one by the secant method."""
         tiny = self.tiny
         with np.errstate(all="ignore"):
-            start, other = answers(1.0, tiny), answers(1.001, tiny)
-            gain = np.where(tiny.wrong & np.isfinite(other - start), np.abs(other - start) / tiny.allowed, 0)
-            cell = int(np.argmax(gain))
-            if not gain[cell] > 1e3 * _ALLOWED_GAIN:
-                return None
-            wanted = tiny.answer[cell]
-            x, y, before, value_before = 1.001, other[cell], 1.0, start[cell]
+            before, after = answers(1.0, tiny), answers(1.001, tiny)
+            cell = int(np.argmax(np.nan_to_num(np.abs(after - before) / tiny.allowed * tiny.wrong)))
+            x, last, y, y_last = 1.001, 1.0, after[cell], before[cell]
             for _ in range(25):
-                if y == value_before or not np.isfinite(y):
-                    return None
-                x, before, value_before = x + (wanted - y) * (x - before) / (y - value_before), x, y
-                if abs(x) > 1e6:
-                    return None
-                y = answers(x, tiny)[cell]
-                if abs(y - wanted) <= 1e-4 * tiny.allowed[cell] or x == before:
+                if not np.isfinite(y) or y == y_last or x == last or abs(x) > _LARGEST:
                     break
+                x, last, y_last = x + (tiny.answer[cell] - y) * (x - last) / (y - y_last), x, y
+                y = answers(x, tiny)[cell]
         return x if all(sheet.fits(answers(x, sheet), _SOLVED) for sheet in (tiny, self.few, self.sheet)) else None
 
     def suspects_of(self, right: Specimen) -> list[Suspect]:
@@ -258,11 +263,9 @@ class Search:
         return sorted((suspect for suspect in kept[right.way] if suspect.also), key=lambda suspect: suspect.also)
 
 
-def _with_input(right: Program, name: str, by: Any, number: float, sheet: Sheet) -> Array:
-    """The right program's answers with one input times a number, or that much more than one larger."""
-    share = number - 1 if by is np.add else number
-    changed = all_changed(sheet, lambda values: {name: by(values[name], share)} if name in values else {})
-    return right.answers(changed)
+def _with_share(right: Program, name: str, share: float, sheet: Sheet) -> Array:
+    """The right program's answers with one parameter times a number."""
+    return right.answers(all_changed(sheet, lambda values: {name: values[name] * share}))
 
 
 def _orders(table: Table, more: int) -> Table:

@@ -11,12 +11,14 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.cycles import cycle_causes
 from tippedisk_verify.conformance.diagnosis.entries import Array, Sheet, Table, tables_of
-from tippedisk_verify.conformance.diagnosis.orbits import orbit_causes
-from tippedisk_verify.conformance.diagnosis.places import derived, lost, quotients, where
+from tippedisk_verify.conformance.diagnosis.integrators import Integrators
+from tippedisk_verify.conformance.diagnosis.orbits import Flights, OtherInputs
+from tippedisk_verify.conformance.diagnosis.places import lost, where
+from tippedisk_verify.conformance.diagnosis.readings import Readings
 from tippedisk_verify.conformance.diagnosis.relations import related
 from tippedisk_verify.conformance.diagnosis.search import Search
 from tippedisk_verify.conformance.diagnosis.specimen import specimen
-from tippedisk_verify.conformance.diagnosis.suspects import Cause
+from tippedisk_verify.conformance.diagnosis.trees import Cause
 from tippedisk_verify.conformance.diagnosis.ways import ways
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -24,7 +26,6 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _WORK = 40_000.0  # runs of a short formula, some eight seconds, for each rank of changes, and for solved numbers
-_THEORY = range(2, 6)  # levels whose derivatives are formulas
 _ORBITS = 6  # the first level whose answers are flown
 _PROVED = 40  # right answers to a kind of questions, after which the functions behind them are beyond doubt
 _SELDOM = 0.2  # of the answers to a quantity: a change of a formula makes more of them wrong
@@ -151,38 +152,33 @@ def _proved(tables: Sequence[Table], level: int) -> frozenset[str]:
 def explained(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> tuple[list[Cause], tuple[str, Array] | None]:
     """The mistakes that give all answers and cannot be told apart, and what digits are lost, with the answers."""
     digits = lost(sheet)
-    told = digits is not None and "a step of" in digits[0]  # by the rounding of many answers
-    found = [] if told else causes_of(sheet, passed, advance)
-    if found or digits is not None:
-        return found, None if found else digits
-    slopes = sheet.wrong & derived(sheet)
-    if sheet.level not in _THEORY and slopes.any() and (sheet.wrong & ~slopes).any():
-        for cause in causes_of(sheet.without(slopes), passed, advance, thorough=False):
-            errors = sheet.answer - cause.program.answers(sheet) if cause.program else np.full(len(slopes), np.nan)
-            if quotients(errors[slopes] / sheet.answer[slopes]):
-                text = "errors of the size of a difference quotient, in the derivatives, beside another mistake"
-                return [cause], (text, slopes)
-    return [], None
+    return ([], digits) if digits else (causes_of(sheet, passed, advance), None)
 
 
-def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance, thorough: bool = True) -> list[Cause]:
+def causes_of(sheet: Sheet, passed: frozenset[str], advance: _Advance) -> list[Cause]:
     """From what is simple to say to what is less so; ``passed`` are functions that are beyond doubt."""
     search = Search(sheet, advance, passed)
     shares = (sheet.wrong[sheet.stems == stem].mean() for stem in np.unique(sheet.stems[sheet.wrong]))
     if sheet.level < _ORBITS and max(shares) < _SELDOM:
         return _named(related(sheet))
     if sheet.level >= _ORBITS:
-        return _named(related(sheet) or (orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
+        return _named(related(sheet) or (_orbit_causes if sheet.level == _ORBITS else cycle_causes)(search))
     outputs = related(sheet)
     search.allow(_WORK)
     found = search.inputs((0,)) or [one for one in outputs if one.rank <= 1]
     found = found or search.causes(ways(), (0,)) or search.inputs((1,)) or outputs
-    for ranks, clean in (((1,), True), ((0,), False), ((1,), False), ((2, 3), True))[: 4 if thorough else 1]:
+    for ranks, clean in (((1,), True), ((0,), False), ((1,), False), ((2, 3), True)):
         search.allow(_WORK)
         search.clean = clean
         found = found or (search.inputs(ranks) if 1 not in ranks and clean else []) + search.causes(ways(), ranks)
     search.allow(_WORK)
-    return _named(found or (search.solved(ways()) if thorough else []))
+    return _named(found or ([] if passed else search.solved()))
+
+
+def _orbit_causes(search: Search) -> list[Cause]:
+    """Wrong readings of right orbits, right ones of other inputs, and the errors of integrators."""
+    flights = Flights(search.sheet.tables, [table.smooth for table in search.sheet.tables])
+    return next(filter(None, (way(search, flights).causes() for way in (Readings, OtherInputs, Integrators))), [])
 
 
 def _named(found: list[Cause]) -> list[Cause]:

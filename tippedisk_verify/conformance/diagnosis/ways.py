@@ -39,48 +39,6 @@ def linearisation(p, Omega, side):
     matrix[:, 2, 2] = A_33
     return matrix
 """
-_POLYNOMIAL = """
-def sorted_eigenvalues(matrix):
-    A_21, A_31, A_32, A_33 = matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1], matrix[:, 2, 2]
-    a_2 = -A_33
-    a_1 = -A_31
-    a_0 = -A_21 * A_32
-    eigenvalues = np.array([np.roots([1, *row]) for row in np.array([a_2, a_1, a_0]).T]).astype(complex)
-    order = np.lexsort((-eigenvalues.imag, -eigenvalues.real), axis=-1)
-    return np.take_along_axis(eigenvalues, order, axis=-1)
-"""
-_ROUTH = """
-def routh(p, Omega):
-    matrix = linearisation(p, Omega, 1)
-    A_21, A_31, A_32, A_33 = matrix[:, 1, 0], matrix[:, 2, 0], matrix[:, 2, 1], matrix[:, 2, 2]
-    a_2 = -A_33
-    a_1 = -A_31
-    a_0 = -A_21 * A_32
-    return a_2 * a_1 - a_0
-
-def critical_speed(p):
-    before, Omega = 20 + 0 * p[0], 40 + 0 * p[0]
-    before_value, value = routh(p, before), routh(p, Omega)
-    for _ in range(12):
-        step = -value * (Omega - before) / (value - before_value)
-        before, before_value = Omega, value
-        Omega = Omega + np.where(np.isfinite(step), step, 0)
-        value = routh(p, Omega)
-    return Omega
-
-def pair_frequency(p, Omega):
-    A_31 = linearisation(p, Omega, 1)[:, 2, 0]
-    return sqrt(-A_31)
-"""
-_IMPLICIT_RATE = """
-def eigenvalue_rate(p, Omega, q, p_star):
-    A_31, A_32, A_33 = linearisation(p, Omega, 1)[:, 2].T
-    eigenvalue = 1j * sqrt(-A_31)
-    a_2, a_1, a_0 = -A_33, -A_31, -Omega * A_32
-    da_1 = 2 * Omega
-    da_0 = -2 * A_32
-    return -(da_1 * eigenvalue + da_0) / (3 * eigenvalue**2 + 2 * a_2 * eigenvalue + a_1)
-"""
 _ONE_LAW = """
 def one_harmonic_law(p, Omega, form):
     r, e, m, A, B, g, mu, epsilon = p
@@ -268,12 +226,9 @@ def ways() -> tuple[Specimen, ...]:
         plain.patched("named terms", _NAMED_TERMS),
         general,
         steps.patched("general state, complex steps", _GENERAL_STATE + plain.text("equations")),
-        plain.patched("characteristic polynomial", _POLYNOMIAL),
         plain.patched("frequency of the matrix", hopf + pair),
         plain.patched("eigenvectors of a solver", hopf + _SOLVER),
         plain.patched("polarised cubic terms", hopf + _SOLVER + _POLARISED),
-        general.patched("Routh's condition", hopf + _ROUTH),
-        plain.patched("implicit derivative", _IMPLICIT_RATE),
         plain.patched("one law", _ONE_LAW),
         plain.patched("one law, one fraction", _ONE_FRACTION),
         plain.patched("one law, roots of moduli", _ONE_LAW + _ROOTS_OF_MODULI),
