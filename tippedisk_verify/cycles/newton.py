@@ -1,7 +1,7 @@
 """One stopping rule for Newton and chord iterations: when the last size says converged, and after how many to give up.
 
-Its numbers, and what a step is, stand where the iteration is: for one cycle in double in `shooting`. Two iterations have
-rules of their own: that of `batch_shooting`, which ends lane by lane, and that of `spectral_branch`, which shares
+Its numbers, and what a step is, stand where the iteration is: for one cycle in double in `shooting`. Two iterations
+have rules of their own: that of `batch_shooting`, which ends lane by lane, and that of `spectral_branch`, which shares
 nothing with shooting on purpose.
 """
 

@@ -1,6 +1,7 @@
 """Librating limit cycles, and the folds of librating and of rotating ones, by Fourier collocation in time.
 
-No integrator is used. Rotating cycles away from the fold are in `spectral_rotation`. Each answer is computed at two resolutions. `fourier` has the equations, `spectral_branch` the way to a cycle.
+No integrator is used. Each answer is computed at two resolutions. `fourier` has the equations, `spectral_branch` the
+way to a cycle, and `spectral_rotation` the rotating cycles away from their fold.
 """
 
 from __future__ import annotations
