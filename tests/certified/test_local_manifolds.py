@@ -26,7 +26,8 @@ from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.theory.equilibria import linearization as theory_linearization
-from tippedisk_verify.theory.saddle_manifolds import Saddle, Series
+from tippedisk_verify.theory.saddle_manifolds import Saddle
+from tippedisk_verify.theory.series import PowerSeries
 
 SPEED = Fraction("30.05")
 BITS, ORDER = 160, 41
@@ -50,7 +51,7 @@ def _curve(parameters: Parameters, along: int, width: str = "0", order: int = OR
     return Curve(frame, ball(Fraction(round(SPEED * 2**100), 2**100)) + arb(0, width), along, order)
 
 
-def _point_of(frame: Frame, series: list[Series], component: int, wanted: float) -> list[object]:
+def _point_of(frame: Frame, series: list[PowerSeries], component: int, wanted: float) -> list[object]:
     """z of the ordinary road's curve where one linear coordinate has the value wanted."""
     rows = frame.inverse
 

@@ -180,7 +180,9 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     samples = None
     if request.times is not None:
         times = numpy.array([DOUBLE.number(time) for time in request.times])
-        samples = dense(times[abs(times) <= abs(end)])[:3].T.copy()
+        reached = times[abs(times) <= abs(end)]
+        # SciPy's interpolant refuses an empty array.
+        samples = dense(reached)[:3].T.copy() if reached.size else numpy.empty((0, 3))
     return Result(
         status=status,
         time=end,

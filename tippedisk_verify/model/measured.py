@@ -272,6 +272,11 @@ class Measured(Bounded):
         value, uncertainty = self.decimals()
         return {"value": value, "uncertainty": uncertainty}
 
+    def _repr_html_(self) -> str:
+        """A table, for notebooks."""
+        rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
+        return f"<table>{''.join(rows)}</table>"
+
     def __str__(self) -> str:
         return " ± ".join(self.decimals())
 
