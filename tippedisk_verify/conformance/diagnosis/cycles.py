@@ -92,8 +92,7 @@ class Flight:
     def turning_point(self) -> Array:
         """The state with its variations where v first vanishes."""
         start = of("section_state")(self.Omega, self.index, *self.start)
-        found = of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])
-        return np.asarray(found[1])
+        return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])[1])
 
     def answers(self) -> dict[str, Array]:
         """All that is asked of these orbits, as if they closed; the extremes are those after the start's image."""
@@ -296,8 +295,11 @@ def _rule(flights: Sequence[Flight]) -> str:
 
 # ------------------------------------------------------------------------------------------ multipliers and slopes
 def _ways() -> tuple[Specimen, Specimen]:
+    """With the state's own rates apart from those of its variations, which may be at another law."""
     client = specimen()
-    return client.patched("known returns", _KINDS + _GIVEN), client.patched("known states", _KINDS + _FLOWN)
+    together, apart = "[v, -Omega * cos(beta), v_rate]", "flow(p, Omega, smooth, state[:3])"
+    flown = _FLOWN + client.text("variational_flow").replace(together, apart)
+    return client.patched("known returns", _KINDS + _GIVEN), client.patched("known states", _KINDS + flown)
 
 
 def _slips(search: Search, sheet: Sheet) -> list[Cause]:
