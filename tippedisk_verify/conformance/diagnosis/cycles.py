@@ -145,7 +145,6 @@ def _fits(sheet: Sheet, results: Sequence[Results]) -> bool:
     return sheet.fits(np.where(np.isnan(picked), sheet.truth, picked))
 
 
-# ------------------------------------------------------------------------------------------ beta_max
 def _instants(sheet: Sheet) -> Said:
     """Another instant of the right cycle for beta_max."""
     if _wrong(sheet) != {"beta_max"} or sheet.level == 10:
