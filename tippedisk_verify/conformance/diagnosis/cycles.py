@@ -320,7 +320,7 @@ def _slips(search: Search, sheet: Sheet) -> list[Cause]:
     found: list[Cause] = []
     for rank in (0, 1, 2):
         found = found or inner.causes((known,), (rank,))
-    return found or _variations(flown, inner)
+    return found if found or sheet.level == 9 else _variations(flown, inner)  # flights near a saddle are long
 
 
 def _variations(flown: Specimen, search: Search) -> list[Cause]:
