@@ -123,6 +123,15 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
 """
 
 
+def test_cycles_on_the_equilibrium_are_said_to_be_that(store: Store) -> None:
+    given = {q.id: ("doubles", repr(q.for_doubles)) for q in store.matching("printed/linear/limit-cycle/")}
+    for id_ in given:
+        if any(f"/crit-{shift}/" in id_ for shift in ("0.05", "0.1", "0.3")):
+            given[id_] = "doubles", "1e-12" if id_.endswith(("/gamma_bar_0", "/v_0", "/beta_max")) else "1.01"
+    (found,) = diagnosed(graded(Answers(given), store), store)
+    assert "are the equilibrium: a shooting that fell onto it" in found.says()
+
+
 @pytest.mark.parametrize("kind", ["limit-cycle", "rotating-cycle"])
 def test_what_is_made_of_a_cycle_is_a_change_of_the_client(kind: str, store: Store) -> None:
     """Right cycles with the square root of their slow multiplier."""

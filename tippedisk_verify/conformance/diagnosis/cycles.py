@@ -33,16 +33,11 @@ _UNNAMED = "the cycles are right ones at other speeds"
 _ORIGINS = ("Omega_h of the other law", "Omega_h", "Omega_crit", "30.07", "30.92")
 
 #: The client with right cycles given: where they return, or only their states, so that the flight may be changed.
-_KINDS = """
-def limit_cycle(p, smooth, given, asked):
-    return cycle_derivatives(p, given["Omega"], smooth, 0, returned(p, smooth, given, 0))
-
-def near_heteroclinic(p, smooth, given, asked):
-    return cycle_derivatives(p, given["Omega"], smooth, 0, returned(p, smooth, given, 0))
-
-def rotating_cycle(p, smooth, given, asked):
-    return cycle_derivatives(p, given["Omega"], smooth, 1, returned(p, smooth, given, 1))
+_KIND = """
+def {kind}(p, smooth, given, asked):
+    return cycle_derivatives(p, given["Omega"], smooth, {index}, returned(p, smooth, given, {index}))
 """
+_KINDS = "".join(_KIND.format(kind=kind.replace("-", "_"), index=index) for kind, index in _INDEX.items())
 _FLOWN = """
 def returned(p, smooth, given, index):
     return section_return(variational_flow, p, given["Omega"], smooth, index, given["x"], given["v"], FLIGHT_STEP)[3]
@@ -97,8 +92,7 @@ class Flight:
     def turning_point(self) -> Array:
         """The state with its variations where v first vanishes."""
         start = of("section_state")(self.Omega, self.index, *self.start)
-        found = of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])
-        return np.asarray(found[1])
+        return np.asarray(of("fly_to")(of("variational_flow"), *self.inputs, start, lambda s: s[2])[1])
 
     def answers(self) -> dict[str, Array]:
         """All that is asked of these orbits, as if they closed; the extremes are those after the start's image."""
@@ -125,14 +119,25 @@ def _wrong(sheet: Sheet) -> set[str]:
 def cycle_causes(search: Search) -> list[Cause]:
     """The first of the mechanisms that gives all answers."""
     tables = (table for table in search.sheet.tables if table.kind != "rotation-fold" or table.wrong.any())
-    sheet = Sheet(tuple(tables))
+    sheet, also = Sheet(tuple(tables)), ""
     plain = all(table.kind in _INDEX for table in sheet.tables)
+    if plain and (count := sum(int(_resting(table).sum()) for table in sheet.tables)):
+        sheet = sheet.where(lambda table: np.flatnonzero(~_resting(table)))
+        also = f"the cycles of {count} speed{'s' * (count > 1)} are the equilibrium: a shooting that fell onto it"
+        if not sheet.wrong.any():
+            return [Cause(also, 1, name="cycle")]
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
             for says, results in way(sheet):
                 if _fits(sheet, results):
-                    return [Cause(says, 1, name="cycle")]
-        return _slips(search, sheet) if plain else []
+                    return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
+        return _slips(search, sheet) if plain and not also else []
+
+
+def _resting(table: Table) -> Array:
+    """Which entries' answers are the equilibrium."""
+    mine, right = (_flight(table, values).start for values in (table.answer, table.truth))
+    return np.asarray((np.abs(mine) < 1e-3 * np.abs(right)).all(axis=0))
 
 
 def _fits(sheet: Sheet, results: Sequence[Results]) -> bool:
@@ -140,7 +145,6 @@ def _fits(sheet: Sheet, results: Sequence[Results]) -> bool:
     return sheet.fits(np.where(np.isnan(picked), sheet.truth, picked))
 
 
-# ------------------------------------------------------------------------------------------ beta_max
 def _instants(sheet: Sheet) -> Said:
     """Another instant of the right cycle for beta_max."""
     if _wrong(sheet) != {"beta_max"} or sheet.level == 10:
@@ -290,8 +294,11 @@ def _rule(flights: Sequence[Flight]) -> str:
 
 # ------------------------------------------------------------------------------------------ multipliers and slopes
 def _ways() -> tuple[Specimen, Specimen]:
+    """With the state's own rates apart from those of its variations, which may be at another law."""
     client = specimen()
-    return client.patched("known returns", _KINDS + _GIVEN), client.patched("known states", _KINDS + _FLOWN)
+    together, apart = "[v, -Omega * cos(beta), v_rate]", "flow(p, Omega, smooth, state[:3])"
+    flown = _FLOWN + client.text("variational_flow").replace(together, apart)
+    return client.patched("known returns", _KINDS + _GIVEN), client.patched("known states", _KINDS + flown)
 
 
 def _slips(search: Search, sheet: Sheet) -> list[Cause]:
@@ -313,7 +320,7 @@ def _slips(search: Search, sheet: Sheet) -> list[Cause]:
     found: list[Cause] = []
     for rank in (0, 1, 2):
         found = found or inner.causes((known,), (rank,))
-    return found or _variations(flown, inner)
+    return found if found or sheet.level == 9 else _variations(flown, inner)  # flights near a saddle are long
 
 
 def _variations(flown: Specimen, search: Search) -> list[Cause]:
@@ -332,16 +339,12 @@ def _variations(flown: Specimen, search: Search) -> list[Cause]:
 
 def _lost(sheet: Sheet) -> str:
     """The smaller eigenvalue, which doubles do not hold."""
-    wrong = _wrong(sheet)
-    given = [column(table, name, table.answer) for table in sheet.tables for name in sorted(wrong)]
-    if "multiplier_slow" in wrong and all(
-        (np.abs(column(table, "multiplier_slow", table.answer)) < 1e-9).all() for table in sheet.tables
-    ):
-        return "multiplier_slow is tiny: the smaller eigenvalue, or what rounding leaves of it, for the larger"
-    parts = np.repeat([2.0 - _INDEX[table.kind] for table in sheet.tables], len(wrong))
-    if wrong == {"log_multiplier_fast"} and all(
-        ((one < -26 * n) & (one > -46 * n)).all() for one, n in zip(given, parts, strict=True)
-    ):
-        text = "log_multiplier_fast is made of the matrix's smaller eigenvalue, which is lost to rounding"
+    tiny, fast = "multiplier_slow", "log_multiplier_fast"
+    answers = {name: sheet.answer[np.char.endswith(sheet.stems, f" {name}")] for name in (tiny, fast)}
+    if tiny in _wrong(sheet) and (np.abs(answers[tiny]) < 1e-9).all():
+        return f"{tiny} is tiny: the smaller eigenvalue, or what rounding leaves of it, for the larger"
+    logarithms = answers[fast] / (1 if sheet.level == 10 else 2)
+    if _wrong(sheet) == {fast} and ((logarithms < -26) & (logarithms > -46)).all():
+        text = f"{fast} is made of the matrix's smaller eigenvalue, which is lost to rounding"
         return f"{text}, not of the divergence's integral"
     return ""

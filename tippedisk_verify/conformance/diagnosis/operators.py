@@ -93,7 +93,7 @@ RULES: tuple[tuple[str, str, str, int], ...] = (
     *(("sqrt(sum(abs(a) ** 2))", norm, "", 1) for norm in _NORMS),
     ("i", "i + 1", "", 1), ("i", "i - 1", "", 1), ("i", "0", "", 1), ("range(a)", "range(1)", "", 1),
     ("a[b, c, d]", "a[b, d, c]", "", 1),
-    ("smooth", "False", "the linear law for {old}", 0), ("smooth", "not smooth", "the other law for {old}", 0),
+    ("smooth", "False", "the linear friction law", 0), ("smooth", "not smooth", "the other friction law", 0),
     ("np.linalg.solve(a - b, c)", "np.linalg.solve(a - b @ b, c)", "the square of {b} for {b} in {old}", 0),
     ("np.linalg.solve(a - b, c)", "np.linalg.solve(a - np.swapaxes(b, 1, 2), c)", "{b} transposed in {old}", 0),
     ("np.max(abs(np.linalg.eigvals(a)), axis=1)", "np.linalg.norm(a, 2, (1, 2))", "", 1),

@@ -68,7 +68,8 @@ def connections(sheet: Sheet) -> Said:
         text += " or the orbits are judged wrongly (criterion, time, start)"
         yield f"{text}, with the eigenvalues at that speed", at(answers)
     named = {f"{name} in its place": [known_speeds(table, name) for table in tables] for name in _PLACES}
-    named |= {f"rounded to {k} decimals": [np.round(one, k) for one in right] for k in range(1, 7)}
+    for k in range(1, 7):
+        named[f"rounded to {k} decimals, or by a scan with steps of 1e-{k}"] = [np.round(one, k) for one in right]
     for text, speeds in named.items():
         yield f"omega_h: {text}, with the eigenvalues at that speed", at(speeds)
         yield f"omega_h: {text}, with the right eigenvalues", [{"omega_h": one} for one in speeds]
