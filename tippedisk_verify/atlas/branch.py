@@ -124,12 +124,14 @@ def family(
     return _at(locator(parameters, engine), speeds)
 
 
-def _at(known: Locator, speeds: Sequence[Fraction]) -> Iterator[LimitCycle]:
+def _at(disk_locator: Locator, speeds: Sequence[Fraction]) -> Iterator[LimitCycle]:
     """All cycles at these speeds, many of them in lanes."""
-    parameters, engine = known.parameters, known.engine
+    parameters, engine = disk_locator.parameters, disk_locator.engine
     if len(speeds) < MANY or parameters.friction != "linear":
-        return (cycle for speed in speeds for cycle in known.librating(speed).cycles())
-    return _in_lanes(partial(LibratingFamily, parameters, engine), LIBRATING, parameters, speeds, 0, known.librating)
+        return (cycle for speed in speeds for cycle in disk_locator.librating(speed).cycles())
+    return _in_lanes(
+        partial(LibratingFamily, parameters, engine), LIBRATING, parameters, speeds, 0, disk_locator.librating
+    )
 
 
 def _in_lanes(
@@ -153,28 +155,28 @@ def _in_lanes(
         yield from singly(Fraction(speed)).cycles() if cycles is None else cycles
 
 
-def _overview(known: Locator) -> Iterator[LimitCycle]:
+def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
     """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
 
     Not closer to them than doubles can follow; pieces that are too short for that are left out.
     """
     try:
-        family = known.family
+        family = disk_locator.family
     except NoSuchCycleError as fault:  # no speed was asked for
         raise Shortfall(str(fault)) from None
     breaks, closest = family.breaks, 2 * float(DOUBLE_SHOOTS)
     for piece, ((_, begin), (name, end)) in enumerate(pairwise(family.ends)):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
         count = max(_FEWEST, round(DEFAULT_COUNT * share))
-        away = (end - begin) / 1000
-        first = begin + math.copysign(max(abs(away), _UNRESOLVED * begin), away)
-        last = end - math.copysign(max(abs(away), closest if name == "Omega_h" else _UNRESOLVED * end), away)
-        if (last - first) * away <= 0:
+        margin = (end - begin) / 1000
+        first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
+        last = end - math.copysign(max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin)
+        if (last - first) * margin <= 0:
             continue
         for n in range(count):
             place = (2 * n - count + 1) / (count - 1)
             omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-            location = known.librating(Fraction(omega))
+            location = disk_locator.librating(Fraction(omega))
             yield from (location.cycle(start) for start in location.starts if start.piece == piece)
 
 
@@ -189,26 +191,26 @@ def rotating_branch(
     decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
     speeds = None if omegas is None else checked_speeds(omegas)
-    known = locator(parameters, engine)
+    disk_locator = locator(parameters, engine)
     if speeds is None:
-        return _rotating_overview(known)
+        return _rotating_overview(disk_locator)
     if len(speeds) < MANY or parameters.friction != "linear":
-        return (cycle for speed in speeds for cycle in known.rotating(speed).cycles())
+        return (cycle for speed in speeds for cycle in disk_locator.rotating(speed).cycles())
 
     def followed(solve: Solver) -> RotatingFamily:
-        family = RotatingFamily(parameters, engine, known.omega_h, solve)
+        family = RotatingFamily(parameters, engine, disk_locator.omega_h, solve)
         family.reach(float(max(speeds)))
         return family
 
-    return _in_lanes(followed, ROTATING, parameters, speeds, _DOUBLE_DIGITS, known.rotating)
+    return _in_lanes(followed, ROTATING, parameters, speeds, _DOUBLE_DIGITS, disk_locator.rotating)
 
 
-def _rotating_overview(known: Locator) -> Iterator[RotatingCycle]:
+def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
     """Cycles lie closest together, for their speeds, where the family turns round, and Omega_h is never reached."""
-    family, half = known.rotations, DEFAULT_ROTATIONS // 2
+    family, half = disk_locator.rotations, DEFAULT_ROTATIONS // 2
     fold = Fraction(float(rotation_fold(family).omega))
-    below, beyond = family.omega_h - fold, omega_crit(known.parameters, 20).value + Fraction(1, 2) - fold
+    below, beyond = family.omega_h - fold, omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold
     for n in range(half, 0, -1):
-        yield from known.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
+        yield from disk_locator.rotating(fold + below * Fraction(n * n, half * half + 1), stable=True).cycles()
     for n in range(1, half + 1):
-        yield from known.rotating(fold + beyond * Fraction(n * n, half * half), stable=False).cycles()
+        yield from disk_locator.rotating(fold + beyond * Fraction(n * n, half * half), stable=False).cycles()

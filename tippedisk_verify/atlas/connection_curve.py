@@ -105,30 +105,30 @@ def sampled(plane: Plane, work: Work) -> list[Sample]:
 
 def _sample(plane: Plane, share: float) -> Sample:
     value, engine = plane.decimal(share), default_engine()
-    disk, near, omega_h = plane.at(value), None, None
+    disk, guess, omega_h = plane.at(value), None, None
     folds: tuple[tuple[float, Any], ...] = ()
     missing = []
     try:
         family = LibratingFamily(disk, engine)
-        near = Fraction(family.limit)
+        guess = Fraction(family.limit)
         places = map(family.place, family.folds)
         folds = tuple((one.s, numpy.array([one.start[1] / one.start[0], one.omega, share])) for one in places)
     except (InputError, Shortfall) as fault:
         missing.append(Missing("fold", value, str(fault)))
     try:
-        omega_h = _omega_h(disk, near, engine)
+        omega_h = _omega_h(disk, guess, engine)
     except (InputError, Shortfall) as fault:
         missing.append(Missing("heteroclinic", value, str(fault)))
     return Sample(share, omega_h, folds, tuple(missing))
 
 
-def _omega_h(disk: Parameters, near: Fraction | None, engine: Engine) -> float:
+def _omega_h(disk: Parameters, guess: Fraction | None, engine: Engine) -> float:
     """Omega_h from where the family tends to, else from a bisection."""
-    if near is not None:
+    if guess is not None:
         with suppress(InputError, Shortfall):
-            return float(splitting_zero_in_double(disk, near, engine))
-    near = bisect_omega_h(disk, engine, confirm=False).omega_h.value
-    return float(splitting_zero_in_double(disk, near, engine))
+            return float(splitting_zero_in_double(disk, guess, engine))
+    guess = bisect_omega_h(disk, engine, confirm=False).omega_h.value
+    return float(splitting_zero_in_double(disk, guess, engine))
 
 
 def _unclear(samples: Sequence[Sample]) -> set[float]:
@@ -159,12 +159,12 @@ def predicted_omega_h(run: Sequence[tuple[float, float]], share: float) -> float
 
 
 # ------------------------------------------------------------------------------------------------ points on the curve
-def omega_h_near(disk: Parameters, near: float, engine: Engine, digits: int) -> Measured:
+def omega_h_near(disk: Parameters, guess: float, engine: Engine, digits: int) -> Measured:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five.
 
     Raises Shortfall if it is not found or the digits are not reached, NoConnectionError where there are no saddles.
     """
-    omega_h = splitting_zero_in_double(disk, Fraction(near), engine)
+    omega_h = splitting_zero_in_double(disk, Fraction(guess), engine)
     if omega_h.uncertainty > omega_h.value / 10**digits:
         omega_h = splitting_zero(disk, omega_h.value, engine, digits).omega_h
     return omega_h
@@ -191,21 +191,21 @@ def refined_point(
     kind: Condition,
     plane: Plane,
     ends: tuple[float, float],
-    near: Callable[[float], float],
+    speed_at: Callable[[float], float],
     engine: Engine,
     digits: int,
 ) -> SpecialPoint:
     """The point of that kind between two shares of the range at which its condition differs in sign.
 
-    ``near`` gives Omega_h to some five digits at a share. The half-width of the parameter is a distance at which the
-    condition has its two signs on the two sides, however large the errors of what it is computed from. Raises as
+    ``speed_at`` gives Omega_h to some five digits at a share. The half-width of the parameter is a distance at which
+    the condition has its two signs on the two sides, however large the errors of what it is computed from. Raises as
     `omega_h_near` does.
     """
     from scipy.optimize import brentq
 
     def rough(share: float) -> float:
         disk = plane.at(plane.value(share))
-        return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(near(share)), engine)))
+        return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(speed_at(share)), engine)))
 
     share: float = brentq(rough, *ends, xtol=_SETTLED)
     value = plane.value(share)
@@ -216,7 +216,7 @@ def refined_point(
         sides = []
         for side in (value - width, value + width):
             disk = plane.at(side)
-            omega = omega_h_near(disk, near(share), engine, exact_digits)
+            omega = omega_h_near(disk, speed_at(share), engine, exact_digits)
             sides.append((omega, _signs(kind, disk, omega)))
         (left, before), (right, after) = sides
         if (before, after) in (({-1}, {1}), ({1}, {-1})):

@@ -89,16 +89,16 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     is found, Shortfall if the digits are not reached.
     """
     distance, wanted = _checked_distance(above, "above", digits)
-    known = locator(parameters, engine)
+    disk_locator = locator(parameters, engine)
     room = _room_above(parameters, engine)
     if distance >= room:
         raise NoSuchCycleError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
-    omega_h = splitting_zero(parameters, known.omega_h, engine, wanted).omega_h
+    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, wanted).omega_h
     omega = omega_h.value + distance
     if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
         location = Location(LIBRATING, parameters, engine, omega, (Start(None),), "", omega_h.value)
     else:
-        location = known.librating(omega, omega_h.value)
+        location = disk_locator.librating(omega, omega_h.value)
     return _at_distance(location, omega_h, distance, room, digits)
 
 
@@ -145,14 +145,14 @@ def _room_above(parameters: Parameters, engine: Engine) -> Fraction:
     return Fraction(start) - omega_h
 
 
-def _checked_distance(given: object, side: str, digits: int) -> tuple[Fraction, int]:
+def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
     """A distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs for ``digits`` of its own.
 
     Raises InputError unless it is a positive decimal that is not too small.
     """
-    distance = exact(given)
+    distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
-        raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(given)}")
+        raise InputError(f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}")
     checked_digits(digits)
     value = distance.rational
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))  # of huge integers too

@@ -145,8 +145,8 @@ class Locator:
                 if (omega > omega_h) is attracts:
                     starts.append(Start(None, last))
                 else:  # the reason in double may be off by more than the distance
-                    away, side = float(abs(omega_h - omega)), "below" if attracts else "above"
-                    refusal = f"no limit cycle found at {speed:.10g} rad/s, {away:.2g} rad/s {side} Omega_h"
+                    distance, side = float(abs(omega_h - omega)), "below" if attracts else "above"
+                    refusal = f"no limit cycle found at {speed:.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
         return Location(LIBRATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
 
     def rotating(
@@ -164,8 +164,8 @@ class Locator:
             if omega < omega_h:
                 starts.append(Start(None))
             else:
-                away = float(omega - omega_h)
-                refusal = f"no stable rotating cycle found at {speed:.10g} rad/s, {away:.2g} rad/s above Omega_h"
+                distance = float(omega - omega_h)
+                refusal = f"no stable rotating cycle found at {speed:.10g} rad/s, {distance:.2g} rad/s above Omega_h"
         for piece, side in enumerate((True, False)):
             if stable in (None, side) and not (side and beside):
                 try:
@@ -205,9 +205,9 @@ _OWN = _Own()
 
 def locator(parameters: Parameters, engine: Engine) -> Locator:
     """The disk's locator, the same whenever disk, law and engine's name are."""
-    key, known = (type(parameters), parameters, engine.name), _OWN.locators
-    if key not in known:
-        if len(known) >= _MOST_DISKS:
-            del known[next(iter(known))]
-        known[key] = Locator(parameters, engine)
-    return known[key]
+    key, locators = (type(parameters), parameters, engine.name), _OWN.locators
+    if key not in locators:
+        if len(locators) >= _MOST_DISKS:
+            del locators[next(iter(locators))]
+        locators[key] = Locator(parameters, engine)
+    return locators[key]

@@ -152,8 +152,8 @@ def with_speed(
     proportion to the speed (docs/error_budgets.md), and twice the share of the change is added.
     """
     moved = min(distance, room - distance) * _MOVED
-    near = distance < DOUBLE_SHOOTS
-    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if near else DOUBLE
+    beside = distance < DOUBLE_SHOOTS
+    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if beside else DOUBLE
     # Away from Omega_h, towards which everything is steeper.
     ahead = moved if cycle.omega.value > omega_h.value else -moved
     return_map = ReturnMap(section, cycle.parameters, cycle.omega.value + ahead, engine, precision)

@@ -81,7 +81,7 @@ class SplittingFunction:
     def __init__(
         self,
         parameters: Parameters,
-        near: Fraction,
+        speed: Fraction,
         engine: Engine,
         precision: Precision,
         closer: float = 1.0,
@@ -92,13 +92,13 @@ class SplittingFunction:
         # Longer series cost a cube of their order, closer starts a longer flight: a balance, measured.
         self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
-        self._saddle = saddle = Saddle(parameters, near, self.bits, self.order)
+        self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
         self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
         self.end = _short(
             float(saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)) * share
         )
-        self.duration = self._flight_time(near, saddle)
+        self.duration = self._flight_time(speed, saddle)
         if coarser is not None:
             # The fast coordinate must fall until its square, which is neglected, is below what is resolved.
             too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (digits + 2) / 2 * math.log(10)
@@ -107,7 +107,7 @@ class SplittingFunction:
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
         self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
-        self.speed = near  #: that was asked for last
+        self.speed = speed  #: that was asked for last
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
@@ -154,14 +154,14 @@ class SplittingFunction:
         beta, gamma, v = (curve.at(quotient(ctx, self.start)) for curve in saddle.unstable_curve)
         return [fraction(beta), fraction(gamma - ctx.pi), fraction(v)]
 
-    def _flight_time(self, near: Fraction, saddle: Saddle) -> Fraction:
+    def _flight_time(self, speed: Fraction, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
         start = [float(curve.at(saddle.context.mpf(float(self.start)))) for curve in saddle.unstable_curve]
         state = (start[0], Exact(fraction(start[1]), Fraction(-1)), start[2])
         times = numpy.arange(0, _LONGEST, 0.01)
         request = Request(
             self.parameters,
-            near,
+            speed,
             state,
             float(times[-1]),
             shifted=True,
@@ -198,7 +198,7 @@ class SplittingZero:
 
 
 @lru_cache(maxsize=_KEPT)
-def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digits: int) -> SplittingZero:
+def splitting_zero(parameters: Parameters, guess: Fraction, engine: Engine, digits: int) -> SplittingZero:
     """Omega_h [rad/s] to ``digits`` significant digits from an approximation good to some five; kept once found.
 
     Raises Shortfall if the iteration does not settle or the branch does not arrive, or if the digits are not reached,
@@ -206,7 +206,7 @@ def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digit
     """
     guard = _GUARD
     while True:
-        zero = _zero(parameters, near, engine, _stages(digits + guard))
+        zero = _zero(parameters, guess, engine, _stages(digits + guard))
         if zero.omega_h.uncertainty <= zero.omega_h.value / 10**digits:
             return zero
         guard *= 2
@@ -216,12 +216,12 @@ def splitting_zero(parameters: Parameters, near: Fraction, engine: Engine, digit
             )
 
 
-def splitting_zero_in_double(parameters: Parameters, near: Fraction, engine: Engine) -> Measured:
+def splitting_zero_in_double(parameters: Parameters, guess: Fraction, engine: Engine) -> Measured:
     """Omega_h [rad/s] in double from an approximation good to some five digits, for curves of many of them.
 
     Raises as `splitting_zero` does.
     """
-    return _zero(parameters, near, engine, [DOUBLE]).omega_h
+    return _zero(parameters, guess, engine, [DOUBLE]).omega_h
 
 
 def _stages(wanted: int) -> list[Precision]:
@@ -235,8 +235,8 @@ def _stages(wanted: int) -> list[Precision]:
     return [QUADRUPLE, *stages[::-1]]
 
 
-def _zero(parameters: Parameters, near: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
-    omega = _cut(near, stages[0])
+def _zero(parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]) -> SplittingZero:
+    omega = _cut(guess, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None
     for precision in stages:

@@ -164,7 +164,7 @@ def shoot_batch(
 
 
 def _iterated(
-    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: Section[Any], given: int
+    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: Section[Any], held: int
 ) -> tuple[Any, dict[str, Any]]:
     """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
 
@@ -176,15 +176,15 @@ def _iterated(
     converged = numpy.zeros(count, dtype=bool)
     active = numpy.flatnonzero(_possible(unknowns, section))
     smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
-    free = numpy.delete(numpy.arange(4), given)
+    free = numpy.delete(numpy.arange(4), held)
     for _ in range(_MOST_STEPS):
         if not len(active):
             break
-        step = _Step(constants[active], unknowns[active], lanes, section, free, given)
+        step = _Step(constants[active], unknowns[active], lanes, section, free, held)
         unknowns[numpy.ix_(active, free)] += step.step
         now = unknowns[active]
         sizes = numpy.abs(now[:, free])
-        if given == _OMEGA:
+        if held == _OMEGA:
             sizes = sizes.max(axis=1, keepdims=True)  # the coordinates and the time are of one order
         relative = (numpy.abs(step.step) / sizes).max(axis=1)
         inside = _possible(now, section) & (now[:, 0] >= smallest[active])
@@ -226,7 +226,7 @@ class _Step:
         lanes: BatchTaylor,
         section: Section[Any],
         free: Any,
-        given: int,
+        held: int,
     ) -> None:
         starts, omegas = _starts(unknowns, section), unknowns[:, _OMEGA]
         flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
@@ -248,7 +248,7 @@ class _Step:
         inverse = _inverse(matrix[:, :, free])
         self.step = -(inverse @ errors[:, :, None])[:, :, 0]
         by_given = numpy.ones_like(unknowns)
-        by_given[:, free] = -(inverse @ matrix[:, :, given, None])[:, :, 0]
+        by_given[:, free] = -(inverse @ matrix[:, :, held, None])[:, :, 0]
         with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
             self.by_omega = by_given[:, :3] / by_given[:, 3:]
         self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])

@@ -154,12 +154,12 @@ class Family:
 
     def _guess(self, s: Array, rows: Array) -> Any:
         """(3, n): second coordinate / first, flight time and Omega on the polynomials through the last rows."""
-        near = rows[-_GROUP:]
-        offset, size = near[:, 0] - s[0], near[-1, 0] - near[0, 0] + s[0] - near[-1, 0]
+        last = rows[-_GROUP:]
+        offset, size = last[:, 0] - s[0], last[-1, 0] - last[0, 0] + s[0] - last[-1, 0]
         size = size or 1.0
-        degree = min(_DEGREE, 2 * len(near) - 1)
+        degree = min(_DEGREE, 2 * len(last) - 1)
         powers, rates = _powers_and_rates(offset / size, degree)
-        right = numpy.concatenate((near[:, 1:4], near[:, 4:] * size))
+        right = numpy.concatenate((last[:, 1:4], last[:, 4:] * size))
         coefficients = numpy.linalg.lstsq(numpy.concatenate((powers, rates)), right, rcond=None)[0]
         return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
 

@@ -162,13 +162,13 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
 
 
 def fold_to_digits(
-    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, digits: int
+    kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, digits: int
 ) -> Any:
     """The fold of that kind near a point (both coordinates on the section, Omega), to ``digits`` significant digits.
 
     Raises Shortfall if it is not found, or the digits are not reached.
     """
-    fold = fold_in(kind, parameters, near, engine, bits(bits_for_digits(digits + _GUARD)))
+    fold = fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
@@ -177,7 +177,7 @@ def fold_to_digits(
 
 
 def fold_in(
-    kind: type[Fold], parameters: Parameters, near: tuple[float, float, float], engine: Engine, precision: Precision
+    kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
 ) -> Any:
     """The fold of that kind near a point, computed in ``precision`` and compared with the next wider arithmetic.
 
@@ -185,7 +185,7 @@ def fold_in(
     """
     for arithmetic in (DOUBLE, _WIDE):  # the second where conditions nearly coincide
         try:
-            start, jacobian = fold_near(kind.section, parameters, near, engine, arithmetic)
+            start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
             sharp = _numbers(kind.section, parameters, start, jacobian, engine, companion(precision))
         except (Shortfall, NoSuchCycleError, numpy.linalg.LinAlgError):

@@ -76,30 +76,30 @@ def monodromy(cycle: Any, time: object = 0) -> Monodromy:
     finest = max(move.denominator.bit_length() - move.numerator.bit_length() for move in moves if move)
     precision = DOUBLE if finest < _DOUBLE_BITS else bits(finest + _MORE_BITS)
 
-    def flown(state: Any, duration: object, omega: Fraction, **needs: Any) -> Result:
+    def flight(state: Any, duration: object, omega: Fraction, **needs: Any) -> Result:
         request = Request(
             cycle.parameters, omega, state, duration, shifted=True, precision=precision, domain="none", **needs
         )
         return raise_unless_usable(default_engine()(request))
 
     def point(numbers: list[Any]) -> Any:
-        return flown(numbers[:3], since, numbers[4]).state if float(since) else numbers[:3]
+        return flight(numbers[:3], since, numbers[4]).state if float(since) else numbers[:3]
 
     def over_a_period(state: Any, numbers: list[Any], error_estimate: bool = False) -> Result:
-        return flown(state, *numbers[3:], variations=STATE_VARIATIONS, error_estimate=error_estimate)
+        return flight(state, *numbers[3:], variations=STATE_VARIATIONS, error_estimate=error_estimate)
 
     origin = point(values)
-    found = over_a_period(origin, values, error_estimate=True)
+    whole = over_a_period(origin, values, error_estimate=True)
     others = [over_a_period(point(moved), moved) for moved in _each_moved(values, moves)]
     if float(since):
-        error = flown(values[:3], since, values[4], error_estimate=True).error
+        error = flight(values[:3], since, values[4], error_estimate=True).error
         assert error is not None
         states = _each_moved([fraction(part) for part in origin], [fraction(float(part)) for part in error.state])
         others += [over_a_period(moved, values) for moved in states]
-    assert found.error is not None
-    by_moving = sum(abs(other.derivatives - found.derivatives).astype(float) for other in others)
-    width = found.error.variations.astype(float) * (1 + DISTANCES * len(others) / _MOVED)
-    return Monodromy(cycle, time, found.derivatives, width + by_moving * DISTANCES / _MOVED)
+    assert whole.error is not None
+    by_moving = sum(abs(other.derivatives - whole.derivatives).astype(float) for other in others)
+    width = whole.error.variations.astype(float) * (1 + DISTANCES * len(others) / _MOVED)
+    return Monodromy(cycle, time, whole.derivatives, width + by_moving * DISTANCES / _MOVED)
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:

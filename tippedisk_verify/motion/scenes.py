@@ -120,9 +120,9 @@ class Ending(Printable):
     wells_passed: int | None = None  #: how often gamma passed a noninverted state before the disk lay flat
 
     def to_dict(self) -> dict[str, object]:
-        told = super().to_dict()
-        told[_AMPLITUDES.get(self.kind, "amplitude")] = told.pop("amplitude")
-        return {name: value for name, value in told.items() if value is not None}
+        values = super().to_dict()
+        values[_AMPLITUDES.get(self.kind, "amplitude")] = values.pop("amplitude")
+        return {name: value for name, value in values.items() if value is not None}
 
 
 @dataclass(frozen=True)

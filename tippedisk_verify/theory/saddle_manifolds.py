@@ -205,7 +205,7 @@ class Saddle:
         target = [ctx.mpf(part) for part in point]
         size = max(abs(part) for part in target)
         for _ in range(400):
-            away = ctx.matrix(
+            residual = ctx.matrix(
                 [
                     value - curve.at(s) - t * fast.at(s) - u * unstable.at(s)
                     for value, curve, fast, unstable in zip(
@@ -213,7 +213,7 @@ class Saddle:
                     )
                 ]
             )
-            step = self.inverse_directions * away
+            step = self.inverse_directions * residual
             u, s, t = u + step[0], s + step[1], t + step[2]
             if max(abs(part) for part in step) <= 16 * ctx.eps * size:
                 return u, s, t
