@@ -29,7 +29,6 @@ _SAME = (2e-8, 1e-9)  # rad/s, of speeds: what digits leave, and next to Omega_h
 _CHANCE = 1e-3
 _LATE = 0.04  # s; what is missed by more is no turning point
 _EARLY = "Newton's iteration for the cycle stopped too early (too loose a tolerance, few steps)"
-_UNNAMED = "the cycles are right ones at other speeds"
 _ORIGINS = ("Omega_h of the other law", "Omega_h", "Omega_crit", "30.07", "30.92")
 
 #: The client with right cycles given: where they return, or only their states, so that the flight may be changed.
@@ -194,15 +193,11 @@ def _orbits(sheet: Sheet) -> Said:
     elif np.abs(missed[1:]).max() < _CLOSED:
         text = "gamma and v close, but beta = pi/2 is missed by up to"
         yield f"the time of return is not located within the step: {text} {np.abs(missed[0]).max():.1g} rad", here
-    speeds = list(_speeds(flights))
-    named = [one for one in speeds if not one[0].startswith(_UNNAMED)]
     swapped = [replace(f, smooth=not f.smooth) for f in flights]
-    for says, some in chain(named, _stopped(flights)):
-        yield says, spread(some)
     if all(np.abs(f.missed).max() < _CLOSED for f in swapped):
         law = "smooth" if swapped[0].smooth else "linear"
         yield f"the cycles are those of the {law} friction law", spread([f.answers() for f in swapped])
-    for says, some in speeds[len(named) :]:
+    for says, some in chain(_speeds(flights), _stopped(flights)):
         yield says, spread(some)
 
 
@@ -289,7 +284,8 @@ def _rule(flights: Sequence[Flight]) -> str:
         which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
         return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
     some = ", ".join(f"{new:+.4g} from {old:.8g}" for new, old in list(zip(shift, asked, strict=True))[:3])
-    return f"{_UNNAMED}, {some}{' and so on' * (len(speeds) > 3)}, or of parameters with which they are such"
+    some += " and so on" * (len(speeds) > 3)
+    return f"the cycles are right ones at other speeds, {some}, or of parameters with which they are such"
 
 
 # ------------------------------------------------------------------------------------------ multipliers and slopes
