@@ -7,6 +7,7 @@ Everything is flown and derived by the client's own functions. A cycle goes from
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -26,6 +27,7 @@ Said = Iterator[tuple[str, Sequence[Results]]]  #: what is said, and what it pre
 _INDEX = {"limit-cycle": 0, "near-heteroclinic": 0, "rotating-cycle": 1}  # of the section in the client
 _CLOSED = 1e-6
 _SAME = (2e-8, 1e-9)  # rad/s, of speeds: what digits leave, and next to Omega_h
+_LARGEST = 10.0  # s, rad or rad/s, of what may be the state and time of a return
 _CHANCE = 1e-3
 _LATE = 0.04  # s; what is missed by more is no turning point
 _EARLY = "Newton's iteration for the cycle stopped too early (too loose a tolerance, few steps)"
@@ -127,9 +129,10 @@ def cycle_causes(search: Search) -> list[Cause]:
             return [Cause(also, 1, name="cycle")]
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
-            for says, results in way(sheet):
-                if _fits(sheet, results):
-                    return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
+            with suppress(np.linalg.LinAlgError):  # where answers are no states of a disk
+                for says, results in way(sheet):
+                    if _fits(sheet, results):
+                        return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
         return _slips(search, sheet) if plain and not also else []
 
 
@@ -173,7 +176,8 @@ def _orbits(sheet: Sheet) -> Said:
     asked = [np.unique(table.rows[table.wrong]) for table in sheet.tables]
     flights = [_flight(one := t.part(rows), one.answer) for t, rows in zip(sheet.tables, asked, strict=True)]
     moved = {"period", "gamma_bar_0", "v_0", "beta_bar_top", "v_top"} & _wrong(sheet)
-    if len(_wrong(sheet)) < 3 or not moved or not all(np.isfinite([*f.start, f.time]).all() for f in flights):
+    states = np.concatenate([[*f.start, f.time] for f in flights], axis=1)
+    if len(_wrong(sheet)) < 3 or not moved or not (np.abs(states) < _LARGEST).all():
         return
 
     def spread(results: Sequence[Results]) -> list[Results]:
