@@ -7,6 +7,7 @@ Everything is flown and derived by the client's own functions. A cycle goes from
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
@@ -26,10 +27,10 @@ Said = Iterator[tuple[str, Sequence[Results]]]  #: what is said, and what it pre
 _INDEX = {"limit-cycle": 0, "near-heteroclinic": 0, "rotating-cycle": 1}  # of the section in the client
 _CLOSED = 1e-6
 _SAME = (2e-8, 1e-9)  # rad/s, of speeds: what digits leave, and next to Omega_h
+_LARGEST = 10.0  # s, rad or rad/s, of what may be the state and time of a return
 _CHANCE = 1e-3
 _LATE = 0.04  # s; what is missed by more is no turning point
 _EARLY = "Newton's iteration for the cycle stopped too early (too loose a tolerance, few steps)"
-_UNNAMED = "the cycles are right ones at other speeds"
 _ORIGINS = ("Omega_h of the other law", "Omega_h", "Omega_crit", "30.07", "30.92")
 
 #: The client with right cycles given: where they return, or only their states, so that the flight may be changed.
@@ -128,9 +129,10 @@ def cycle_causes(search: Search) -> list[Cause]:
             return [Cause(also, 1, name="cycle")]
     with np.errstate(all="ignore"):
         for way in (connections,) if sheet.level == 8 else (_instants, _orbits) if plain else ():
-            for says, results in way(sheet):
-                if _fits(sheet, results):
-                    return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
+            with suppress(np.linalg.LinAlgError):  # where answers are no states of a disk
+                for says, results in way(sheet):
+                    if _fits(sheet, results):
+                        return [Cause(says + f"; {also}" * bool(also), 1, name="cycle")]
         return _slips(search, sheet) if plain and not also else []
 
 
@@ -174,7 +176,8 @@ def _orbits(sheet: Sheet) -> Said:
     asked = [np.unique(table.rows[table.wrong]) for table in sheet.tables]
     flights = [_flight(one := t.part(rows), one.answer) for t, rows in zip(sheet.tables, asked, strict=True)]
     moved = {"period", "gamma_bar_0", "v_0", "beta_bar_top", "v_top"} & _wrong(sheet)
-    if len(_wrong(sheet)) < 3 or not moved or not all(np.isfinite([*f.start, f.time]).all() for f in flights):
+    states = np.concatenate([[*f.start, f.time] for f in flights], axis=1)
+    if len(_wrong(sheet)) < 3 or not moved or not (np.abs(states) < _LARGEST).all():
         return
 
     def spread(results: Sequence[Results]) -> list[Results]:
@@ -194,15 +197,11 @@ def _orbits(sheet: Sheet) -> Said:
     elif np.abs(missed[1:]).max() < _CLOSED:
         text = "gamma and v close, but beta = pi/2 is missed by up to"
         yield f"the time of return is not located within the step: {text} {np.abs(missed[0]).max():.1g} rad", here
-    speeds = list(_speeds(flights))
-    named = [one for one in speeds if not one[0].startswith(_UNNAMED)]
     swapped = [replace(f, smooth=not f.smooth) for f in flights]
-    for says, some in chain(named, _stopped(flights)):
-        yield says, spread(some)
     if all(np.abs(f.missed).max() < _CLOSED for f in swapped):
         law = "smooth" if swapped[0].smooth else "linear"
         yield f"the cycles are those of the {law} friction law", spread([f.answers() for f in swapped])
-    for says, some in speeds[len(named) :]:
+    for says, some in chain(_speeds(flights), _stopped(flights)):
         yield says, spread(some)
 
 
@@ -289,7 +288,8 @@ def _rule(flights: Sequence[Flight]) -> str:
         which = next((f", about as if counted from {x} in place of {origin}" for x in about), "")
         return f"{says} {np.median(shift):+.6g} (as if counted from another {origin}{which})"
     some = ", ".join(f"{new:+.4g} from {old:.8g}" for new, old in list(zip(shift, asked, strict=True))[:3])
-    return f"{_UNNAMED}, {some}{' and so on' * (len(speeds) > 3)}, or of parameters with which they are such"
+    some += " and so on" * (len(speeds) > 3)
+    return f"the cycles are right ones at other speeds, {some}, or of parameters with which they are such"
 
 
 # ------------------------------------------------------------------------------------------ multipliers and slopes
