@@ -115,9 +115,8 @@ def lost(sheet: Sheet) -> tuple[str, Array] | None:
     """Derivatives that are differences, whose rounding tells the step; with the answers that this is said of."""
     stems = names_of(sheet)
     mine = sheet.wrong & (np.char.startswith(stems, "d") | np.isin(stems, _SLOPES))
-    if (
-        not mine.any() or (sheet.answer == np.round(sheet.answer))[mine].any()
-    ):  # whole numbers are multiples of too much
+    # Whole numbers, zero among them, are multiples of too much.
+    if not mine.any() or (sheet.answer == np.round(sheet.answer))[mine].any():
         return None
     entries = [id_.rsplit("/", 1)[0] for id_ in sheet.ids]
     values = dict(zip(zip(entries, stems, strict=True), sheet.truth, strict=True))
