@@ -287,7 +287,7 @@ def cycle(draw: Draw, law: str) -> Question:
     """To a number of digits: in double if it holds them, in quadruple precision, or beside a wider run."""
     disk, omega = _librating(draw, law)
     digits = draw.choice((6, 9, 12, 20, 34))
-    truth = partial(_true_cycle, disk=disk, digits=digits + 12)  # more than the same arithmetic gives
+    truth = partial(_true_cycle, disk=disk, digits=digits + 24)  # to thirty digits an answer has few to spare
     return Question(lambda: disk.limit_cycle(omega, digits=digits), truth)
 
 
