@@ -549,7 +549,7 @@ def cycle_derivatives(p, Omega, smooth, index, end):
         "dperiod_domega": parts * (sum(dtime[:2] * tangent) + dtime[2]),
         f"d{x_name}_domega": tangent[0],
         f"d{v_name}_domega": tangent[1],
-        "null_vector": (1 - P[:, 0, 0]) / P[:, 0, 1],
+        "null_vector": tangent[1] / tangent[0],
     }
 
 

@@ -246,7 +246,8 @@ class OtherInputs:
                 grown = np.maximum(1, np.abs(states / sheet.truth[cells]))
                 near = (off * _CLOSER <= np.abs(sheet.answer - sheet.truth)[cells]) | ~sheet.wrong[cells]
                 good &= ((off <= 3 * sheet.allowed[cells] * grown) & near).all(axis=(0, 2))
-        return [one for one, fits in zip(INPUTS, good, strict=True) if fits]
+        # Where no sample is whole, nothing was tried.
+        return [] if good.all() else [one for one, fits in zip(INPUTS, good, strict=True) if fits]
 
     def changed(self, table: Table, one: Input) -> Table:
         try:
