@@ -85,8 +85,8 @@ def rotating_cycle(
 def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits: int = 12) -> LimitCycle:
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
-    Raises InputError unless ``above`` is a positive decimal and the family reaches as far, NoSuchCycleError where none
-    is found, Shortfall if the digits are not reached.
+    Raises InputError unless ``above`` is a positive decimal, NoSuchCycleError where the family does not reach as far or
+    none is found, Shortfall if the digits are not reached.
     """
     distance, wanted = _checked_distance(above, "above", digits)
     disk_locator = locator(parameters, engine)
