@@ -18,12 +18,12 @@ from tests.connection.passages import passage_times
 from tippedisk_verify.atlas.branch import Branch
 from tippedisk_verify.atlas.plane import plane_of
 from tippedisk_verify.audit import friction_claims
-from tippedisk_verify.certified.closed_forms import proved_hopf
-from tippedisk_verify.certified.cycle_interval import prove_interval
 from tippedisk_verify.errors import UnknownKeywordError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.proofs.closed_forms import proved_hopf
+from tippedisk_verify.proofs.search.cycle_interval import prove_interval
 from tippedisk_verify.theory import harmonic_balance, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)

@@ -68,7 +68,7 @@ def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
         "for path in sys.argv[1:]: Path(path).write_text('raise SystemExit(9)')\n"
         "assert code_version() == before\n"
         # Loaded before the change.
-        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.certified.cover\n"
+        "import tippedisk_verify.connection.heteroclinic, tippedisk_verify.proofs.search.cover\n"
         "print(before)"
     )
 
@@ -81,7 +81,9 @@ def test_a_code_version_is_that_of_the_code_that_runs(tmp_path: Path) -> None:
     package = other / "tippedisk_verify"
     mine, first = code_version(), told()
     second = told(
-        package / "theory" / "hopf.py", package / "connection" / "heteroclinic.py", package / "certified" / "cover.py"
+        package / "theory" / "hopf.py",
+        package / "connection" / "heteroclinic.py",
+        package / "proofs" / "search" / "cover.py",
     )
     assert first == second != mine + "\n"
     assert [part.partition(" ")[0] for part in mine.split(", ")] == ["tippedisk_verify", *NUMERICAL]

@@ -9,7 +9,7 @@ only from those before it:
 - `tippedisk_verify.cycles`: limit cycles, their families and folds, and
   `tippedisk_verify.connection`: the heteroclinic connection and its speed Omega_h;
 - `tippedisk_verify.atlas`: which cycles there are, and `tippedisk_verify.motion`: solutions, scenes, basins;
-- `tippedisk_verify.certified`: enclosures with proofs, in ball arithmetic; it knows `model` only;
+- `tippedisk_verify.proofs`: enclosures with proofs, in ball arithmetic; it knows `model` only;
 - `tippedisk_verify.audit`: the paper's claims, and how each is examined;
 - `tippedisk_verify.reference_values`: how they are made, checked and read, and
   `tippedisk_verify.conformance`: the grading of other programs by them;

@@ -22,8 +22,7 @@ _COMPUTING = (
     "connection",
     "atlas",
     "motion",
-    "checker",
-    "certified",
+    "proofs",
     "reference_values",
     "sweep",
 )

@@ -11,11 +11,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
-from tippedisk_verify.certified.balls import ball, ball_constants, measured, working_precision
-from tippedisk_verify.certified.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.certified.cycle import prove_cycle
-from tippedisk_verify.certified.flow import Model
-from tippedisk_verify.certified.krawczyk import inclusion
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -33,6 +28,11 @@ from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.krawczyk import inclusion
+from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.entries import Case, Item
 from tippedisk_verify.reference_values.local_roads import HOPF, RHS
 from tippedisk_verify.theory import slow_manifold

@@ -29,9 +29,9 @@ from tippedisk_verify.errors import InputError, NoConnectionError, Shortfall
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from tippedisk_verify.certified.heteroclinic import ProvedConnection
-    from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+    from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["COMMANDS"]
 
@@ -50,7 +50,7 @@ def certify(context: click.Context) -> None:
 @common_options
 def equilibria(common: Common, omega: str | None, below_crit: str | None, every_speed: bool) -> int:
     """Prove eigenvalues and stability of inverted and noninverted spinning (both friction laws)."""
-    from tippedisk_verify.certified.closed_forms import proved_equilibrium, proved_stability
+    from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_stability
 
     if every_speed:
         if omega is not None or below_crit is not None:
@@ -67,7 +67,7 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None, every_
 @common_options
 def hopf(common: Common) -> int:
     """Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."""
-    from tippedisk_verify.certified.closed_forms import proved_hopf
+    from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     common.parameters.refuse_smooth("the Hopf point's normal form is")
     print_result(common, {"proved": True, **proved_hopf(common.parameters, common.digits).to_dict()})
@@ -85,13 +85,13 @@ def hopf(common: Common) -> int:
 @common_options
 def heteroclinic(common: Common, near: str | None, cycles: str | None, certificate: Path | None) -> int:
     """Prove Omega_h in an interval no longer than 10^-DIGITS, and that it is the only one there."""
-    from tippedisk_verify.certified.heteroclinic import MOST_DIGITS
     from tippedisk_verify.files import write_text
+    from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS
 
     if certificate is not None and cycles is None:
         raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
     if cycles is not None:
-        from tippedisk_verify.certified.connection_end import checked_distance
+        from tippedisk_verify.proofs.search.connection_end import checked_distance
 
         checked_distance(cycles)
         common.parameters.refuse_smooth("limit cycles next to the connection are proved")
@@ -102,7 +102,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
     if cycles is not None:
         end = _end(common, proof, cycles)
         if end.proved and certificate is not None:
-            from tippedisk_verify.certified.connection_certificate import end_certificate
+            from tippedisk_verify.proofs.search.connection_certificate import end_certificate
 
             with progress(common, 1) as advance:
                 advance("certificate", 0)
@@ -122,8 +122,8 @@ def check(common: Common, file: str, jobs: int | None) -> int:
 
     A family of limit cycles takes some 8 minutes of CPU, the cycles next to the connection 2, all else seconds.
     """
-    from tippedisk_verify import checker
     from tippedisk_verify.progress import watched
+    from tippedisk_verify.proofs import checker
 
     checked_jobs(jobs)
 
@@ -146,7 +146,7 @@ def check(common: Common, file: str, jobs: int | None) -> int:
 
 def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
     """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
-    from tippedisk_verify.certified.heteroclinic import Status, not_proved, prove_connection
+    from tippedisk_verify.proofs.search.heteroclinic import Status, not_proved, prove_connection
 
     with progress(common, 2) as advance:
         try:
@@ -168,7 +168,7 @@ def _connection(common: Common, parameters: Parameters, digits: int, near: str |
 
 def _end(common: Common, connection: ProvedConnection, reach: object) -> ProvedEnd:
     """The proof of the limit cycles next to a connection."""
-    from tippedisk_verify.certified.connection_end import prove_end
+    from tippedisk_verify.proofs.search.connection_end import prove_end
 
     with progress(common, 100) as advance:
         done = 0

@@ -24,9 +24,9 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
-    from tippedisk_verify.certified.cycle import CycleProof
     from tippedisk_verify.cycles.shooting import LimitCycle
     from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.proofs.search.cycle import CycleProof
 
 __all__ = ["MOST_DIGITS", "branch", "proofs_of"]
 
@@ -103,7 +103,7 @@ def proofs_of(common: Common, cycles: Sequence[LimitCycle], jobs: int | None) ->
 
 
 def _proved(parameters: Parameters, digits: int, job: _Job) -> list[Told]:
-    from tippedisk_verify.certified.lane_cycles import prove_cycles
+    from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
 
     proofs = prove_cycles(parameters, [speed for _, speed, _ in job], [guess for *_, guess in job], digits=digits)
     return [(proof.to_dict(), _line(proof)) for proof in proofs]  # Arb's balls do not travel between processes

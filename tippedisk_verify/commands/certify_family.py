@@ -22,12 +22,12 @@ from tippedisk_verify.files import write_text
 from tippedisk_verify.model.results import result_lines
 
 if TYPE_CHECKING:
-    from tippedisk_verify.certified.branch import BranchProof
-    from tippedisk_verify.certified.cover import Interval, Known
-    from tippedisk_verify.certified.heteroclinic import ProvedConnection
-    from tippedisk_verify.certified.pieces import Piece, Status
-    from tippedisk_verify.certified.proved_end import ProvedEnd
     from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.proofs.search.branch import BranchProof
+    from tippedisk_verify.proofs.search.cover import Interval, Known
+    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+    from tippedisk_verify.proofs.search.pieces import Piece, Status
+    from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["family_as_a_curve"]
 
@@ -50,10 +50,10 @@ def family_as_a_curve(
     executor: str,
 ) -> int:
     """Prove as much of the family as can be, and say how much that is."""
-    from tippedisk_verify.certified.branch import BranchProof
-    from tippedisk_verify.certified.cover import HOPF_END, chain, open_intervals, prove_intervals
-    from tippedisk_verify.certified.pieces import Piece, Status
     from tippedisk_verify.commands.piece_file import read_pieces, write_pieces
+    from tippedisk_verify.proofs.search.branch import BranchProof
+    from tippedisk_verify.proofs.search.cover import HOPF_END, chain, open_intervals, prove_intervals
+    from tippedisk_verify.proofs.search.pieces import Piece, Status
 
     parameters = common.parameters
     parameters.refuse_smooth("the family of limit cycles is proved as one curve")
@@ -111,7 +111,7 @@ def family_as_a_curve(
 
 def _certify(common: Common, proof: BranchProof, path: Path, executor: str, jobs: int | None) -> None:
     """Write the certificate of the arcs."""
-    from tippedisk_verify.certified.family_certificate import family_certificate
+    from tippedisk_verify.proofs.search.family_certificate import family_certificate
 
     with (
         progress(common, len(proof.pieces)) as advance,
@@ -124,7 +124,7 @@ def _certify(common: Common, proof: BranchProof, path: Path, executor: str, jobs
 
 def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
     """The cycles next to the connection, as far from it as they can be proved; the last failure if they cannot."""
-    from tippedisk_verify.certified.connection_end import prove_end
+    from tippedisk_verify.proofs.search.connection_end import prove_end
 
     end = None
     for reach in _REACHES if connection.proved else ():
@@ -155,9 +155,9 @@ def _amplitude(text: str) -> Fraction:
 
 def _connection(parameters: Parameters) -> ProvedConnection | None:
     """Omega_h, proved; None where the ordinary road finds none."""
-    from tippedisk_verify.certified.heteroclinic import prove_connection
     from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 
     try:
         near = heteroclinic(parameters, default_engine(), digits=_CONNECTION_DIGITS + 5).omega_h.value
@@ -183,7 +183,7 @@ def _known(parameters: Parameters, connection: ProvedConnection | None) -> list[
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
     """Speeds whose amplitudes lie close together at both ends."""
-    from tippedisk_verify.certified.branch import omega_crit
+    from tippedisk_verify.proofs.search.branch import omega_crit
 
     span = omega_crit(parameters).value - omega_h
     for k in range(_KNOWN // 10, _KNOWN - 1):

@@ -18,8 +18,8 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 
 if TYPE_CHECKING:
-    from tippedisk_verify.certified.cycle import OrbitProof
-    from tippedisk_verify.certified.fold import FoldProof
+    from tippedisk_verify.proofs.search.cycle import OrbitProof
+    from tippedisk_verify.proofs.search.fold import FoldProof
 
 __all__ = ["orbit"]
 
@@ -70,8 +70,8 @@ def orbit(
         raise InputError("--fold belongs to --at-fold")
     if rotating:
         return _rotating(common, omega, below_crit, guess, unstable, certificate)
-    from tippedisk_verify.certified.cycle import CycleProof, Status, prove_cycle
-    from tippedisk_verify.certified.cycle_interval import failed_interval, prove_interval
+    from tippedisk_verify.proofs.search.cycle import CycleProof, Status, prove_cycle
+    from tippedisk_verify.proofs.search.cycle_interval import failed_interval, prove_interval
 
     parameters = common.parameters
     value = speed(common, omega, below_crit)
@@ -99,9 +99,9 @@ def orbit(
 def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | None) -> int:
     """Print the result; write the certificate, if one is asked for and there is a proof."""
     if proof.proved and certificate is not None:
-        from tippedisk_verify.certified.certificate import cycle_certificate, fold_certificate
-        from tippedisk_verify.certified.cycle import OrbitProof
         from tippedisk_verify.files import write_text
+        from tippedisk_verify.proofs.search.certificate import cycle_certificate, fold_certificate
+        from tippedisk_verify.proofs.search.cycle import OrbitProof
 
         text = cycle_certificate(proof) if isinstance(proof, OrbitProof) else fold_certificate(proof)
         write_text(certificate, text)
@@ -112,9 +112,9 @@ def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | No
 def _fold(common: Common, rotating: bool, number: int | None, certificate: Path | None) -> int:
     """Prove a fold of the rotating or the librating family."""
     from tippedisk_verify.atlas.locator import locator
-    from tippedisk_verify.certified.fold import LibrationFoldProof, RotationFoldProof, prove_fold
     from tippedisk_verify.cycles.folds import Fold, libration_folds, rotation_fold
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.proofs.search.fold import LibrationFoldProof, RotationFoldProof, prove_fold
 
     parameters, digits = common.parameters, common.digits
     parameters.refuse_smooth("folds of limit cycles are proved")
@@ -152,9 +152,9 @@ def _rotating(
 ) -> int:
     """Prove a rotating cycle."""
     from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
-    from tippedisk_verify.certified.cycle import Status
-    from tippedisk_verify.certified.rotation import RotationProof, prove_rotation
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.proofs.search.cycle import Status
+    from tippedisk_verify.proofs.search.rotation import RotationProof, prove_rotation
 
     parameters, digits = common.parameters, common.digits
     value = speed(common, omega, below_crit)

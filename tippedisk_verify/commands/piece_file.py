@@ -17,8 +17,8 @@ from tippedisk_verify.files import output_file
 from tippedisk_verify.provenance import code_version
 
 if TYPE_CHECKING:
-    from tippedisk_verify.certified.pieces import Piece
     from tippedisk_verify.model.parameters import Parameters
+    from tippedisk_verify.proofs.search.pieces import Piece
 
 __all__ = ["read_pieces", "write_pieces"]
 
@@ -31,7 +31,7 @@ def read_pieces(name: str, parameters: Parameters) -> list[Piece]:
 
     Raises InputError for a file that cannot be written again, is damaged, or belongs to another disk or other code.
     """
-    from tippedisk_verify.certified.pieces import Piece
+    from tippedisk_verify.proofs.search.pieces import Piece
 
     path = output_file(name)
     if not path.exists():

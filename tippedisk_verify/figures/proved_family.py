@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.certified.branch import BranchProof, omega_crit
-from tippedisk_verify.certified.pieces import Piece
 from tippedisk_verify.figures.style import BLUE, GREEN, GREY, ORANGE, RED, pyplot
+from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
+from tippedisk_verify.proofs.search.pieces import Piece
 
 __all__ = ["draw_proved_family"]
 

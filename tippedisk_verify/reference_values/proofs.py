@@ -73,7 +73,7 @@ def proved_entry(entry: dict[str, Any]) -> Proof:
 
 
 def _equilibrium(parameters: Parameters, inputs: dict[str, str]) -> Proof:
-    from tippedisk_verify.certified.closed_forms import proved_equilibrium
+    from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
     proved = proved_equilibrium(parameters, inputs["Omega"], inputs["equilibrium"], _DIGITS)
     enclosures = {}
@@ -84,7 +84,7 @@ def _equilibrium(parameters: Parameters, inputs: dict[str, str]) -> Proof:
 
 
 def _hopf(parameters: Parameters, names: Sequence[str]) -> Proof:
-    from tippedisk_verify.certified.closed_forms import proved_hopf
+    from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     proved = proved_hopf(parameters, _DIGITS)
     enclosures = {name: getattr(proved, name) for name in names if isinstance(getattr(proved, name, None), Measured)}
@@ -92,9 +92,9 @@ def _hopf(parameters: Parameters, names: Sequence[str]) -> Proof:
 
 
 def _connection(parameters: Parameters) -> Proof:
-    from tippedisk_verify.certified.heteroclinic import prove_connection
     from tippedisk_verify.connection.heteroclinic import heteroclinic
     from tippedisk_verify.flow import default_engine
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 
     # As the command does it: the stored value has too few digits for so short an interval.
     near = heteroclinic(parameters, default_engine(), digits=_OMEGA_H_DIGITS + 5).omega_h.value
@@ -108,7 +108,7 @@ def _connection(parameters: Parameters) -> Proof:
 
 
 def _cycle(parameters: Parameters, entry: dict[str, Any]) -> Proof:
-    from tippedisk_verify.certified.cycle import prove_cycle
+    from tippedisk_verify.proofs.search.cycle import prove_cycle
 
     omega, told = entry["inputs"]["Omega"], entry["quantities"]
     guess = (told["gamma_bar_0"]["value"], told["v_0"]["value"])

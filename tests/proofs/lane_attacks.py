@@ -1,0 +1,477 @@
+"""Attacks on `kernel.lanes`: operands meant to break it, and images that its balls must hold.
+
+Each attack takes the module, so that it can be told whether it notices a fault in a copy, and raises AssertionError.
+Images under the four operations are exact rationals; those under sine and cosine come from Arb at 200 bits. The random
+numbers come from `random.Random`, whose draws are the same everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from fractions import Fraction
+
+import numpy as np
+
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+
+SMALLEST = 2.0**-1074
+NORMAL = 2.0**-1022
+LARGEST = float(np.finfo(float).max)
+EDGES = [0.0, -0.0, SMALLEST, -SMALLEST, NORMAL, -NORMAL, NORMAL - SMALLEST, LARGEST, -LARGEST, 1.0, -1.0, 1 + 2.0**-52,
+         1 - 2.0**-53, 2.0**-537, 2.0**512, 3.0, 0.1]  # fmt: skip
+NOT_NUMBERS = [math.inf, -math.inf, math.nan]
+
+
+def draw(rng: random.Random) -> float:
+    """A midpoint: often ordinary, often next to a power of two, sometimes at the edges of what doubles hold."""
+    kind = rng.randrange(10)
+    if kind == 0:
+        return rng.choice(EDGES)
+    sign = rng.choice((-1, 1))
+    if kind == 1:
+        return sign * math.ldexp(rng.uniform(1, 2), rng.randint(-1074, 1022))
+    if kind < 5:  # here a rounding is largest relative to the result
+        return sign * math.ldexp(1 + rng.randint(-3, 3) * 2.0**-52, rng.randint(-3, 3))
+    return sign * math.ldexp(rng.uniform(1, 2), rng.randint(-12, 12))
+
+
+def draw_radius(rng: random.Random, mid: float) -> float:
+    kind = rng.randrange(8)
+    size = abs(mid) if math.isfinite(mid) else 1.0
+    if kind < 2:
+        return 0.0
+    if kind == 2:
+        return rng.choice((SMALLEST, NORMAL, 2.0**-1000, 1.0, 2.0**-53, LARGEST))
+    if kind == 3:
+        return min(size * 2.0 ** rng.uniform(-60, -40), LARGEST)
+    if kind < 6:
+        return min(size * rng.uniform(0, 1.2), LARGEST)
+    return min(size * 2.0 ** rng.uniform(-20, 3), LARGEST)
+
+
+def boxes(rng: random.Random, count: int) -> list[tuple[float, float]]:
+    found = []
+    for _ in range(count):
+        mid = draw(rng)
+        radius = draw_radius(rng, mid)
+        # Without a midpoint nothing but the radius is left, and its own rounding shows.
+        found.append((0.0, abs(mid)) if rng.random() < 0.1 else (mid, radius))
+    return found
+
+
+def points(rng: random.Random, box: tuple[float, float]) -> list[Fraction]:
+    """Both ends, the middle, and a point between."""
+    mid, rad = map(Fraction, box)
+    return [mid - rad, mid + rad, mid, mid + rad * Fraction(rng.randint(-1000, 1000), 1000)]
+
+
+def lanes_of(module, pairs):
+    return module.Lanes([mid for mid, _ in pairs], [rad for _, rad in pairs])
+
+
+def assert_sound(found) -> None:
+    """Radii are numbers, none negative; what is subnormal belongs to a radius that holds zero as well."""
+    radii, middles = found.radii, found.midpoints
+    assert not np.isnan(radii).any()
+    assert (radii >= 0).all()
+    assert not ((radii > 0) & (radii < NORMAL)).any()
+    finite = radii < np.inf
+    assert np.isfinite(middles[finite]).all()
+    thin = finite & (radii == 0)
+    assert not ((middles[thin] != 0) & (np.abs(middles[thin]) < NORMAL)).any()
+
+
+def assert_holds(found, lane: int, image: Fraction, told: object) -> None:
+    radius = float(found.radii[lane])
+    if radius < math.inf:
+        assert abs(image - Fraction(float(found.midpoints[lane]))) <= Fraction(radius), told
+
+
+BINARY = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+}
+UNARY = {
+    "negate": (lambda a: -a, lambda a: -a),
+    "square": (lambda a: a.square(), lambda a: a * a),
+    "square as a product": (lambda a: a * a, lambda a: a * a),
+    "scale by 3": (lambda a: 3 * a, lambda a: 3 * a),
+    "scale by -7": (lambda a: a * -7, lambda a: -7 * a),
+    "scale by a large integer": (lambda a: a * (2**53 + 3), lambda a: a * (2**53 + 3)),
+    "scale by a float": (lambda a: 0.1 * a, lambda a: Fraction(0.1) * a),
+    "scale by a subnormal": (lambda a: SMALLEST * a, lambda a: Fraction(SMALLEST) * a),
+    "scale by a fraction": (lambda a: Fraction(1, 3) * a, lambda a: a / 3),
+    "scale by zero": (lambda a: 0 * a, lambda a: 0 * a),
+    "divide by -3": (lambda a: a / -3, lambda a: a / -3),
+    "divide by a large integer": (lambda a: a / (2**53 + 3), lambda a: a / (2**53 + 3)),
+    "subtract from 1": (lambda a: 1 - a, lambda a: 1 - a),
+    "add a third": (lambda a: a + Fraction(1, 3), lambda a: a + Fraction(1, 3)),
+    "add zero": (lambda a: 0 + a - 0, lambda a: a),
+    "middle": (lambda a: a.mid(), None),
+}
+
+
+def binary(module, count: int, seed: int = 1, names=tuple(BINARY)) -> None:
+    """The four operations against exact rationals, with corners; two in five of the balls must be finite."""
+    for name in names:
+        rng = random.Random(seed)
+        operation = BINARY[name]
+        first, second = boxes(rng, count), boxes(rng, count)
+        if name in ("add", "subtract"):  # summands of like size, or a summand below the other's last bit
+            for i in range(0, count, 3):
+                scale = 2.0 ** rng.choice((-54, -53, -52, -1, 0))
+                second[i] = (rng.uniform(-1, 1) * scale, first[i][1] * rng.choice((0, 0, 1)))
+                first[i] = (rng.choice((-1.0, 1.0, 1 + 2.0**-52)), second[i][1])
+        found = operation(lanes_of(module, first), lanes_of(module, second))
+        assert_sound(found)
+        assert found.is_finite().sum() >= 0.4 * count
+        for i in range(count):
+            a, b = points(rng, first[i]), points(rng, second[i])
+            if name == "divide" and abs(Fraction(second[i][0])) <= Fraction(second[i][1]):
+                assert not found.is_finite()[i], (first[i], second[i])
+                continue
+            corners = [(x, y) for x in a[:2] for y in b[:2]] + [(a[2], b[2]), (a[3], b[3]), (a[3], b[0])]
+            for x, y in corners:
+                assert_holds(found, i, operation(x, y), (name, first[i], second[i], x, y))
+
+
+def divide_by_what_nearly_holds_zero(module, count: int, seed: int = 2) -> None:
+    rng = random.Random(seed)
+    tops = boxes(rng, count)
+    bottoms = []
+    for _ in range(count):
+        mid = math.ldexp(rng.uniform(1, 2), rng.randint(-1000, 1000)) * rng.choice((-1, 1))
+        bottoms.append((mid, abs(mid) * (1 - rng.choice((0, 2.0**-53, 2.0**-52, 2.0**-30, -(2.0**-52))))))
+    found = lanes_of(module, tops) / lanes_of(module, bottoms)
+    assert_sound(found)
+    for i in range(count):
+        if abs(bottoms[i][0]) <= bottoms[i][1]:
+            assert not found.is_finite()[i]
+            continue
+        for x in points(rng, tops[i])[:2]:
+            for y in points(rng, bottoms[i])[:3]:
+                assert_holds(found, i, x / y, (tops[i], bottoms[i]))
+
+
+def unary(module, count: int, seed: int = 3, names=tuple(UNARY)) -> None:
+    for name in names:
+        rng = random.Random(seed)
+        given = boxes(rng, count)
+        operation, exact = UNARY[name]
+        found = operation(lanes_of(module, given))
+        assert_sound(found)
+        assert found.is_finite().sum() >= 0.6 * count
+        for i in range(count):
+            if exact is None:
+                assert_holds(found, i, Fraction(float(lanes_of(module, given[i : i + 1]).midpoints[0])), given[i])
+                continue
+            for x in points(rng, given[i]):
+                assert_holds(found, i, exact(x), (name, given[i], x))
+
+
+def strange_operands(module, count: int = 0, seed: int = 4) -> None:
+    """Infinities and NaN, as midpoints and radii: every result is an infinite ball, and no predicate is true."""
+    strange = [(x, 0.0) for x in NOT_NUMBERS] + [(1.0, x) for x in NOT_NUMBERS] + [(math.nan, math.inf), (1.0, -1e-9)]
+    strange.append((0.0, math.inf))
+    plain = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.5), (1e300, 0.0), (SMALLEST, SMALLEST), (0.0, LARGEST)]
+    left = lanes_of(module, [s for s in strange for _ in plain])
+    right = lanes_of(module, [p for _ in strange for p in plain])
+    assert_sound(left)
+    results = [left, -left, left.square(), 0 * left, left / 3, left.mid(), left.rad(), left.sin(), left.cos()]
+    for a, b in ((left, right), (right, left), (left, left)):
+        results += [a + b, a - b, a * b, a / b, a.union(b)]
+        one, other = a.series(), b.series()
+        for ordinary in (1.0, 2.0):
+            one.append(module.Lanes(np.full(len(a), ordinary)))
+            other.append(module.Lanes(np.full(len(a), ordinary)))
+        one.append(a)
+        other.append(b)
+        results.append(one.convolution(other))
+        assert not a.inside(b).any()
+    for result in results:
+        assert_sound(result)
+        assert not result.is_finite().any()
+        assert not result.positive().any()
+        assert not result.negative().any()
+        assert all(not result.arb(i).is_finite() for i in range(3))
+    over = lanes_of(module, [(LARGEST, 0.0), (-LARGEST, 0.0), (LARGEST, LARGEST)])
+    for result in (over + over, over * over, 2 * over, over / 2.0**-300, over.square(), over / NORMAL):
+        assert_sound(result)
+        assert not result.is_finite().any()
+
+
+def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 26)) -> None:
+    """Against exact rationals: all at their upper ends, where nothing cancels; at random ends; and thin, cancelling."""
+    for length in lengths:
+        rng = random.Random(seed + length)
+        width = max(2, count // len(lengths))
+        columns = []
+        for _ in range(width):
+            kind = rng.randrange(5)
+            pair = []
+            for side in range(2):
+                terms = []
+                for i in range(length):
+                    mid = draw(rng) if kind == 0 else rng.uniform(0.5, 1) * rng.choice((1, 1 + 2.0**-20))
+                    rad = draw_radius(rng, mid) if kind == 0 else 0.0 if kind == 1 else rng.uniform(0, 1) * 1e-3
+                    if kind == 3 and side:
+                        mid = 0.0
+                    if kind == 4:
+                        # The sum is small and its terms are not: what is lost is seen against a small result.
+                        mid, rad = (rng.uniform(0.9, 1), 0.0) if not side else ((-1) ** i * rng.uniform(0.9, 1), 0.0)
+                    terms.append((mid, rad))
+                pair.append(terms)
+            columns.append(pair)
+        series = []
+        for side in range(2):
+            made = module.LaneSeries(width)
+            for i in range(length):
+                made.append(lanes_of(module, [column[side][i] for column in columns]))
+            series.append(made)
+        found = series[0].convolution(series[1])
+        square = series[0].convolution(series[0])
+        assert_sound(found)
+        assert found.is_finite().sum() >= 0.5 * width
+        for lane, (first, second) in enumerate(columns):
+            for ends in ((1,), (0,), (-1, 1)):
+                a, b = ([Fraction(m) + rng.choice(ends) * Fraction(r) for m, r in terms] for terms in (first, second))
+                image = sum(x * y for x, y in zip(a, reversed(b), strict=True))
+                assert_holds(found, lane, image, (length, first, second))
+                assert_holds(square, lane, sum(x * y for x, y in zip(a, reversed(a), strict=True)), (length, first))
+
+
+def angle_boxes(rng: random.Random, count: int) -> list[tuple[float, float]]:
+    found = []
+    for _ in range(count):
+        kind = rng.randrange(11)
+        quarter = rng.randint(-8, 8) if kind % 2 else rng.randint(-160_000, 160_000)
+        if kind < 3:
+            mid = rng.uniform(-0.79, 0.79)
+        elif kind < 5:
+            mid = quarter * math.pi / 2 + rng.uniform(-1e-6, 1e-6)
+        elif kind < 7:
+            mid = quarter * math.pi / 2 + rng.uniform(-0.8, 0.8)
+        elif kind == 7:
+            mid = draw(rng)
+        elif kind == 8:
+            mid = math.ldexp(rng.uniform(1, 2), rng.randint(16, 45)) * rng.choice((-1, 1))
+        else:  # here the roundings are largest against the result
+            mid = rng.choice((0, quarter)) * math.pi / 2 + rng.uniform(0.5, 0.52) * rng.choice((-1, 1))
+        choice = rng.randrange(4) if kind < 9 else 0
+        rad = (0.0, rng.uniform(0, 4), 2.0 ** rng.uniform(-60, 0), draw_radius(rng, mid))[choice]
+        found.append((mid, rad))
+    return found
+
+
+def exact_ball(box: tuple[float, float], share: float):
+    return arb(box[0]) + arb(box[1]) * arb(share)
+
+
+def sines(module, count: int, seed: int = 6) -> None:
+    """Sine and cosine of both ends, the middle and a point between, from Arb at 200 bits."""
+    rng = random.Random(seed)
+    given = angle_boxes(rng, count)
+    lanes = lanes_of(module, given)
+    found = lanes.sin(), lanes.cos()
+    for result in found:
+        assert_sound(result)
+    with working_precision(200):
+        for i, box in enumerate(given):
+            beyond = abs(box[0]) > 2.0**18
+            for result in found:
+                assert not (beyond and result.is_finite()[i]), box
+                assert beyond or result.is_finite()[i] or box[1] > 1e300, box
+            if beyond:
+                continue
+            for share in (-1.0, 1.0, 0.0, rng.uniform(-1, 1)):
+                point = exact_ball(box, share)
+                for result, image in zip(found, (point.sin(), point.cos()), strict=True):
+                    _assert_near(result, i, image, box)
+
+
+def _assert_near(found, lane: int, image, told: object) -> None:
+    radius = float(found.radii[lane])
+    if radius < math.inf:
+        distance = abs(image - arb(float(found.midpoints[lane])))
+        assert distance.rad() < 1e-40 + abs(image.mid()) * 1e-40, told  # the attack itself knows the image
+        assert not distance > arb(radius), told
+
+
+def sines_are_sharp(module, count: int = 0, seed: int = 0) -> None:
+    """At its extremum the sine moves with the square of the radius; near zero its error is relative."""
+    x = module.Lanes([0.0, 1e-9, 1e-280], [1e-6, 0.0, 0.0])
+    assert (x.cos().radii < 1e-12).all()
+    assert (x.sin().radii[1:] < 4e-16 * x.midpoints[1:]).all()
+    assert (module.Lanes([1.0, 3.0, -1.0]).sin().radii < 2e-15).all()
+
+
+def predicates(module, count: int, seed: int = 7) -> None:
+    """Each true answer is right, and clear cases are answered."""
+    rng = random.Random(seed)
+    first, second = boxes(rng, count), boxes(rng, count)
+    for i in range(0, count, 4):  # nested, touching, and next to touching
+        mid, rad = second[i]
+        if math.isfinite(rad) and abs(mid) < 1e100 and rad < 1e100:
+            inner = rad * rng.choice((0.0, 0.5, 1.0, 1 - 2.0**-50))
+            first[i] = (mid + (rad - inner) * rng.choice((-1, 0, 1)), inner)
+    a, b = lanes_of(module, first), lanes_of(module, second)
+    inside, positive, negative, union = a.inside(b), a.positive(), a.negative(), a.union(b)
+    assert_sound(union)
+    seen = 0
+    for i in range(count):
+        (m, r), (n, s) = (tuple(map(Fraction, box)) for box in (first[i], second[i]))
+        truth = abs(m - n) + r < s
+        assert not inside[i] or truth, (first[i], second[i])
+        clear = abs(m - n) + r < s * Fraction(999, 1000) and Fraction(1, 10**200) < s < 10**300
+        assert inside[i] or not clear, (first[i], second[i])
+        seen += clear
+        normal = abs(first[i][0]) >= NORMAL and (first[i][1] == 0 or first[i][1] >= NORMAL)
+        assert not positive[i] or m - r > 0, first[i]
+        assert not negative[i] or m + r < 0, first[i]
+        if normal:
+            assert positive[i] == (m - r > 0), first[i]
+            assert negative[i] == (m + r < 0), first[i]
+        for point in (*points(rng, first[i]), *points(rng, second[i])):
+            assert_holds(union, i, point, (first[i], second[i]))
+    assert seen > count // 20
+
+
+def conversions(module, count: int, seed: int = 8) -> None:
+    """Rationals, integers, floats and Arb's balls in; Arb's balls out."""
+    rng = random.Random(seed)
+    numbers = [Fraction(rng.randint(-(10**30), 10**30), rng.randint(1, 10**25)) for _ in range(count)]
+    numbers += [
+        Fraction(1, 3 * 2**1060),
+        Fraction(1, 2**1200),
+        Fraction(2**1023),
+        2**53 + 1,
+        10**40,
+        Fraction(SMALLEST),
+    ]
+    numbers += [Fraction(mid) for mid, _ in boxes(rng, count)]
+    found = module.Lanes.of(numbers)
+    assert_sound(found)
+    for i, number in enumerate(numbers):
+        assert_holds(found, i, Fraction(number), number)
+        assert found.radii[i] <= abs(number) * Fraction(2) ** -52 + Fraction(NORMAL) * 9, number
+    beyond = module.Lanes.of([2**1024, Fraction(-(10**400)), math.nan, math.inf, arb("nan"), arb(2) ** 5000])
+    assert_sound(beyond)
+    assert not beyond.is_finite().any()
+    with working_precision(100):
+        balls = [ball(number) + arb(0, 2.0 ** rng.randint(-120, 3)) for number in numbers[:count]]
+        balls += [arb(2) ** -10_000_000, arb(1, arb(2) ** -9_000_000), arb(0, arb(2) ** -1030), arb(2) ** -1022 / 3]
+        found = module.Lanes.of(balls)
+        assert_sound(found)
+        assert found.is_finite().all()
+    with working_precision(400):  # enough for the ends to be exact, or as good as
+        for i, given in enumerate(balls):
+            radius = arb(float(found.radii[i]))
+            for end in (given.mid() - given.rad(), given.mid() + given.rad()):
+                assert not abs(end - arb(float(found.midpoints[i]))) > radius, given
+            assert found.arb(i).contains(given)
+
+
+def compositions(module, count: int, seed: int = 9) -> None:
+    """Random orders of operations on random boxes against Arb at 200 bits, at corners and points between."""
+    rng = random.Random(seed)
+    rounds, seen = max(1, count // 100), 0
+    with working_precision(200):
+        for _ in range(rounds):
+            width = 100
+            given = [
+                [
+                    (rng.uniform(-2, 2), rng.choice((0.0, 2.0 ** rng.uniform(-50, -2), 2.0 ** rng.uniform(-12, -6))))
+                    for _ in range(width)
+                ]
+                for _ in range(3)
+            ]
+            stack = [lanes_of(module, column) for column in given]
+            images = [
+                [[exact_ball(column[i], _share(rng)) for column in given] for _ in range(3)] for i in range(width)
+            ]
+            for _ in range(8):
+                kind = rng.choice(("add", "subtract", "multiply", "divide", "square", "scale", "sin", "cos", "union"))
+                p, q = rng.randrange(len(stack)), rng.randrange(len(stack))
+                factor = rng.choice((2, -3, 0.7, 5))
+                stack.append(_composed(kind, stack[p], stack[q], factor))
+                for lane in images:
+                    for values in lane:
+                        values.append(_composed(kind, values[p], values[q], factor))
+            for position, result in enumerate(stack):
+                assert_sound(result)
+                for i in range(width):
+                    for values in images[i]:
+                        image = values[position]
+                        if image.is_finite() and image.rad() < abs(image.mid()) * 1e-25:
+                            _assert_inside(result, i, image)
+                            seen += bool(result.is_finite()[i])
+    assert seen > 10 * count  # of 11 stages, 3 points each
+
+
+def chains(module, count: int, seed: int = 10) -> None:
+    """Random orders of the four operations on extreme operands, against exact rationals."""
+    rng, width, seen = random.Random(seed), 50, 0
+    for _ in range(max(1, count // width)):
+        given = [boxes(rng, width) for _ in range(3)]
+        stack = [lanes_of(module, column) for column in given]
+        images = [[rng.choice(points(rng, column[i])) for column in given] for i in range(width)]
+        for _ in range(4):
+            kind, p, q = (
+                rng.choice((*BINARY, "negate", "square", "scale")),
+                rng.randrange(len(stack)),
+                rng.choice((0, 1, -1)),
+            )
+            factor = rng.choice((2, -3, 0.1, Fraction(1, 7)))
+            stack.append(_chained(kind, stack[p], stack[q], factor))
+            assert_sound(stack[-1])
+            for i, values in enumerate(images):
+                if not stack[-1].is_finite()[i]:  # such as after a division by a ball that holds 0
+                    values.append(Fraction(0))
+                    continue
+                exact = Fraction(factor) if kind == "scale" else factor
+                values.append(_chained(kind, values[p], values[q], exact))
+                assert_holds(stack[-1], i, values[-1], (kind, i, factor))
+                seen += 1
+    assert seen > 2 * count  # of four
+
+
+def _chained(kind: str, a, b, factor):
+    if kind == "scale":
+        return a * factor
+    if kind == "negate":
+        return -a
+    if kind == "square":
+        return a * a if isinstance(a, Fraction) else a.square()
+    return BINARY[kind](a, b)
+
+
+def _share(rng: random.Random) -> float:
+    return rng.choice((-1.0, 1.0, rng.uniform(-1, 1)))
+
+
+def _assert_inside(found, lane: int, image) -> None:
+    radius = float(found.radii[lane])
+    if radius < math.inf:
+        assert not abs(image - arb(float(found.midpoints[lane]))) > arb(radius)
+
+
+def _composed(kind: str, a, b, factor):
+    if kind in BINARY:
+        return BINARY[kind](a, b)
+    if kind == "square":
+        return a.square() if hasattr(a, "square") else a * a
+    if kind == "scale":
+        return factor * a if not isinstance(factor, float) or not isinstance(a, arb) else a * arb(factor)
+    if kind == "union":
+        return a if isinstance(a, arb) else a.union(b)
+    return getattr(a, kind)()
+
+
+ATTACKS = {
+    attack.__name__: attack
+    for attack in (binary, divide_by_what_nearly_holds_zero, unary, strange_operands, convolutions, sines,
+                   sines_are_sharp, predicates, conversions, compositions, chains)
+}  # fmt: skip

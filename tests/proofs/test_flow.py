@@ -1,0 +1,188 @@
+"""The enclosed flow: exact solutions, the ordinary road, boxes and their points, and how it ends without a proof."""
+
+from __future__ import annotations
+
+import random
+from fractions import Fraction
+
+import pytest
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.model.precision import bits
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, hull, measured, positive, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Status, Step, carry
+
+OMEGA = Fraction("30.3866")
+START = ("0", "1.69", "-1.71")
+
+
+def model(parameters=PRINTED, omega=OMEGA) -> Model:
+    return Model(ball_constants(parameters), ball(omega))
+
+
+def start() -> list:
+    return [ball(part) for part in START]
+
+
+# ---------------------------------------------------------------------------------------------------- exact solutions
+def rotation(ops, constants, omega):
+    """x' = Omega y, y' = -Omega x, z' = -3 z: a circle and a decay."""
+    return lambda x, y, z: (omega * y, -(omega * x), -3 * z)
+
+
+def blow_up(ops, constants, omega):
+    """x' = x^2 becomes infinite at t = 1/x(0)."""
+    return lambda x, y, z: (x * x, 0 * y, -z)
+
+
+def test_a_rotation_and_its_derivatives() -> None:
+    with working_precision(100):
+        flight = carry(Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True)
+        assert flight.status is Status.REACHED
+        time = flight.time
+    with working_precision(200):
+        angle, exact_time = ball("2.6"), ball("1.3")
+        sine, cosine, decay = angle.sin(), angle.cos(), (-3 * exact_time).exp()
+        expected = (cosine, -sine, decay)
+        matrix = (
+            (cosine, sine, 0, -exact_time * sine),
+            (-sine, cosine, 0, -exact_time * cosine),
+            (0, 0, decay, 0),
+        )
+        assert time.contains(exact_time)
+        for mine, true in zip(flight.state, expected, strict=True):
+            assert mine.contains(true)
+            assert mine.rad() < 2.0**-90
+        for row, true_row in zip(flight.matrix, matrix, strict=True):
+            for mine, true in zip(row, true_row, strict=True):
+                assert mine.contains(true)
+                assert mine.rad() < 2.0**-85
+        assert flight.divergence.contains(-3 * exact_time)
+
+
+@pytest.mark.parametrize("precision", [30, 53, 120])
+def test_no_enclosure_beyond_a_singularity(precision) -> None:
+    with working_precision(precision):
+        law = Model(ball_constants(PRINTED), ball(1), blow_up)
+        before = carry(law, [2, 1, 1], "0.4")
+        assert before.status is Status.REACHED
+        assert before.state[0].contains(10)
+        for duration in ("0.5", "0.6", "5"):
+            assert carry(law, [2, 1, 1], duration).status is not Status.REACHED
+
+
+def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
+    """x(0) = 2 is infinite at 1/2: no box E can pass there, whatever the step control would have said."""
+    with working_precision(60):
+        law = Model(ball_constants(PRINTED), ball(1), blow_up)
+        path = Path(law, [2, 1, 1])
+        identity = [ball(int(row == column)) for column in range(4) for row in range(3)]
+        wide = law.variational.coefficients([*path.box, *identity], 16)
+        for length, passes in ((0.03, True), (0.5, False), (0.5625, False)):
+            *_, included = path._verdict(law.variational, wide, length, 18)
+            assert included is passes, length
+
+
+# -------------------------------------------------------------------------------------------------- the ordinary road
+@pytest.mark.parametrize(
+    "parameters", [PRINTED, pytest.param(CALIBRATED, marks=pytest.mark.slow)], ids=lambda p: p.name
+)
+def test_it_holds_the_ordinary_roads_end(taylor, parameters) -> None:
+    """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all derivatives."""
+    request = Request(parameters, OMEGA, START, "0.3", shifted=True, precision=bits(300), domain="none",
+                      variations=("beta", "gamma", "v", "Omega"), divergence=True)  # fmt: skip
+    ordinary = taylor(request)
+    with working_precision(150):
+        flight = carry(model(parameters), start(), "0.3", derivatives=True)
+    assert flight.status is Status.REACHED
+    assert flight.upright
+    for mine, other in zip(flight.state, ordinary.state, strict=True):
+        assert measured(mine).holds(other)
+        assert mine.rad() < 1e-40
+    for row, others in zip(flight.matrix, ordinary.derivatives, strict=True):
+        for mine, other in zip(row, others, strict=True):
+            assert measured(mine).holds(other)
+            assert mine.rad() < 1e-38
+    assert measured(flight.divergence).holds(ordinary.divergence)
+
+
+# --------------------------------------------------------------------------------------------- boxes and their points
+def test_a_box_holds_its_points_and_its_derivative_their_differences() -> None:
+    rng = random.Random(1)
+    with working_precision(80):
+        radii = [ball(f"{size}e-7") for size in (1, 2, 3)]
+        box = [part + arb(0, radius) for part, radius in zip(start(), radii, strict=True)]
+        speeds = hull("30.38659", "30.38661")
+        whole = carry(Model(ball_constants(PRINTED), speeds), box, "0.15", derivatives=True)
+        assert whole.status is Status.REACHED
+        centre = carry(model(), start(), "0.15")
+        for _ in range(4):
+            offset = [radius * ball(Fraction(rng.uniform(-1, 1))) for radius in radii]
+            faster = Fraction(rng.uniform(-1e-5, 1e-5))
+            point = [part + shift for part, shift in zip(start(), offset, strict=True)]
+            found = carry(model(omega=OMEGA + faster), point, "0.15")
+            for k in range(3):
+                assert whole.state[k].contains(found.state[k])
+                # The mean value theorem: the difference of two ends lies in the derivative's ball times that of starts.
+                across = sum(whole.matrix[k][j] * offset[j] for j in range(3)) + whole.matrix[k][3] * ball(faster)
+                assert across.overlaps(found.state[k] - centre.state[k])
+
+
+def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
+    steps: list[Step] = []
+    with working_precision(64):
+        flight = carry(model(), start(), "0.1", watch=steps.append)
+        assert sum(step.length for step in steps) >= 0.1
+        assert flight.steps == len(steps)
+        for step in steps:
+            for share in (0, 0.3, 0.7, 1):
+                state = step.at(ball(share * step.length))
+                assert all(whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True))
+
+
+def test_symmetry_and_liouville() -> None:
+    with working_precision(90):
+        flight = carry(model(), start(), "0.2", derivatives=True)
+        mirrored = carry(model(), [-part for part in start()], "0.2")
+        for mine, other in zip(flight.state, mirrored.state, strict=True):
+            assert mine.overlaps(-other)
+        (a, b, c, _), (d, e, f, _), (g, h, i, _) = flight.matrix
+        determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+        assert determinant.overlaps(flight.divergence.exp())
+        assert positive(determinant)
+
+
+def test_equilibria_stay_where_they_are() -> None:
+    with working_precision(70):
+        for gamma_bar in ("0", "pi", "-pi"):
+            flight = carry(model(), [0, ball(gamma_bar), 0], "0.05")
+            assert flight.status is Status.REACHED
+            assert flight.state[1].overlaps(ball(gamma_bar))
+            assert all(part.contains(0) for part in (flight.state[0], flight.state[2]))
+
+
+# ------------------------------------------------------------------------------------------------ ends without a proof
+def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
+    with working_precision(64):
+        wide = [part + arb(0, "0.05") for part in start()]
+        assert carry(model(), wide, "0.5").status in (Status.TOO_WIDE, Status.NO_ENCLOSURE)
+        assert carry(model(), [part + arb(0, 1) for part in start()], "0.5").status is Status.TOO_WIDE
+        for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
+            flight = carry(model(), [0, strange, -1], "0.1")
+            assert flight.status is Status.NO_ENCLOSURE
+            assert flight.steps == 0
+        assert carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status is Status.NO_ENCLOSURE
+    with working_precision(24):
+        short = carry(model(), start(), "0.5")
+        assert short.status is not Status.REACHED or max(part.rad() for part in short.state) > 1e-6
+
+
+def test_refused_requests() -> None:
+    with working_precision(64):
+        for duration in (0, "-1", arb(0, 1), arb("nan")):
+            with pytest.raises(InputError, match="duration"):
+                carry(model(), start(), duration)
+        with pytest.raises(InputError, match="three components"):
+            Path(model(), [0, 1])

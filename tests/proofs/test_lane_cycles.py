@@ -1,0 +1,132 @@
+"""Limit cycles from flights side by side: the scalar proofs' enclosures, what falls back, and the commands."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from types import SimpleNamespace
+
+import pytest
+
+from tests.proofs.cases import NUMBERS
+from tests.proofs.test_sliding import GUESS, OMEGA, PLACE, SMOOTH
+from tippedisk_verify.cli import main
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.kernel.balls import arb, working_precision
+from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
+from tippedisk_verify.proofs.search import lane_cycles
+from tippedisk_verify.proofs.search.cycle import Status, prove_cycle
+from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
+from tippedisk_verify.reference_values.lookup import reference
+
+SPEEDS = [Fraction("30.3866"), Fraction("30.5"), Fraction("30.3866")]
+GUESSES = [("1.716267", "-1.710005"), ("1.419348159", "-1.681333424"), ("0.01", "-0.01")]
+
+
+@pytest.mark.slow(minutes=1)
+def test_the_scalar_proofs_agree_and_take_what_doubles_leave(monkeypatch) -> None:
+    """The first guess has five digits and is sharpened; the last leads to no cycle."""
+    left: list[Fraction] = []
+
+    def scalar(parameters, omega, guess, **options):
+        left.append(omega)
+        return prove_cycle(parameters, omega, guess, **options)
+
+    monkeypatch.setattr(lane_cycles, "prove_cycle", scalar)
+    monkeypatch.setitem(lane_cycles._FEW, "linear", 0)
+    found = prove_cycles(PRINTED, SPEEDS, GUESSES, digits=10)
+    assert left == SPEEDS[2:]
+    assert not found[2].proved
+    for proof, omega, guess in zip(found[:2], SPEEDS, GUESSES, strict=False):
+        assert proof.status is Status.PROVED
+        assert proof.stable is True
+        alone = prove_cycle(PRINTED, omega, guess, digits=14)
+        for name in NUMBERS:
+            assert getattr(proof, name).overlaps(getattr(alone, name)), name
+        assert proof.period.rad() < 1e-10
+        assert 0 < float(proof.unique_within[0]) < 1e-3
+
+
+@pytest.mark.slow
+def test_a_cycle_of_the_smooth_law(monkeypatch) -> None:
+    """Doubles do for it; the guess is the ordinary road's."""
+    monkeypatch.setattr(lane_cycles, "_alone", None)
+    monkeypatch.setitem(lane_cycles._FEW, "smooth", 0)
+    (proof,) = prove_cycles(
+        SMOOTH, [Fraction("30.819602851214587")], [(0.5236456570518794, -0.8184023229692314)], digits=10
+    )
+    told = json.loads(json.dumps(proof.to_dict()))
+    assert told["proved"] is told["stable"] is True
+    assert told["sliding_reversals"] == 6
+    assert "smooth Coulomb friction law" in told["statement"]
+
+
+@pytest.mark.slow
+def test_cycles_of_the_smooth_law_against_single_proofs(monkeypatch) -> None:
+    """One of which doubles show enough, one so close to the Hopf point that they do not."""
+    speeds = [OMEGA, Fraction("30.877617412006046")]
+    guesses = [GUESS, (0.18843515382480858, -0.3047816033604534)]
+    monkeypatch.setitem(lane_cycles._FEW, "smooth", 0)
+    for proof, omega, guess in zip(prove_cycles(SMOOTH, speeds, guesses), speeds, guesses, strict=True):
+        alone = prove_cycle(SMOOTH, omega, guess, digits=14)
+        assert proof.stable is alone.stable is True
+        assert proof.reversals == alone.reversals
+        for name in NUMBERS:
+            assert getattr(proof, name).overlaps(getattr(alone, name)), name
+    period = reference(f"{PLACE}/period").measured()
+    first = prove_cycles(SMOOTH, speeds[:1], guesses[:1])[0].numbers()["period"]
+    assert abs(first.value - period.value) <= first.uncertainty + period.uncertainty
+
+
+@pytest.mark.slow(minutes=40)
+def test_the_papers_cycles_under_the_smooth_law(capsys) -> None:
+    assert main(["certify", "branch", "--at", "A^in+A^de", "--friction", "smooth", "--digits", "10", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert len(told["cycles"]) == 801
+    assert all(entry["proved"] and entry["stable"] for entry in told["cycles"])
+    for entry in told["cycles"]:
+        assert float(entry["period"]["uncertainty"]) <= 0.5e-10 * float(entry["period"]["value"])
+
+
+def test_requests_that_make_no_sense() -> None:
+    assert prove_cycles(PRINTED, [], []) == []
+    for speeds, guesses in (([Fraction(-1)], [(1, -1)]), ([Fraction(30)], [])):
+        with pytest.raises(InputError, match="positive speed"):
+            prove_cycles(PRINTED, speeds, guesses)
+
+
+def test_a_file_of_speeds(tmp_path, capsys) -> None:
+    speeds = tmp_path / "speeds.txt"
+    speeds.write_text("30.5\n\n")
+    assert main(["certify", "branch", "--at", str(speeds), "--digits", "10", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["proved"] is True
+    assert told["share_proved"] == 1
+    assert [entry["stable"] for entry in told["cycles"]] == [True]
+    assert "asymptotically stable" in told["cycles"][0]["statement"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("certify", "branch", "--at", "no such file"),
+        ("certify", "branch", "--at", "A^in", "--digits", "13"),
+        ("branch", "--proved", "--rotating"),
+        ("branch", "--proved", "--out", "branch.csv"),
+    ],
+)
+def test_refused(arguments, capsys) -> None:
+    assert main(list(arguments)) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_krawczyks_box_is_no_wider_than_the_one_that_was_flown() -> None:
+    middle, radii = [1.5, -1.5], [2.0**-31, 2.0**-31]
+    with working_precision(lane_cycles._BITS):
+        zero = arb(0)
+        box = SimpleNamespace(status=HalfStatus.RETURNED, matrix=((zero, zero), (zero, zero)))
+        for share, included in ((1 + arb(2) ** -30, False), (1 - arb(2) ** -20, True)):
+            image = [arb(middle[0]) + arb(radii[0]) * share, arb(middle[1])]
+            centre = SimpleNamespace(status=HalfStatus.RETURNED, image=image)
+            assert lane_cycles._included(middle, radii, centre, box).included is included

@@ -1,0 +1,397 @@
+"""What follows from the linearisation and the cubic terms at the equilibria, enclosed to any number of digits.
+
+For every disk (r, e, m, A, g, mu, epsilon and Bbar = B - m e^2 positive, e < r), with kappa = mu g / (epsilon b) and
+b = Bbar / m, the characteristic polynomial at inverted (+) and noninverted (-) spinning is lambda^3 + a2 lambda^2 +
+a1 lambda + a0 with
+
+    a2 = kappa (r +- e)^2,   a1 = Omega^2 - g (r +- e) / b,   a0 = +- kappa e (r +- e) Omega^2.
+
+Noninverted spinning has a0 < 0 < a2: the product of its eigenvalues is positive and their sum negative, so one is
+positive and two have a negative real part, at every speed. At inverted spinning a2, a0 > 0 and a2 a1 - a0 =
+kappa (r + e) (r Omega^2 - g (r + e)^2 / b), which by Routh-Hurwitz is positive exactly where it is stable: above
+Omega_crit, for every disk. None of this is taken on trust: `check_linearization` derives the coefficients from the
+Jacobian of `model.equations`, as polynomials in all parameters at once, and refuses a disk outside the hypotheses.
+
+Cubic terms come from Taylor series of the same equations. About an equilibrium the field is odd (the point symmetry),
+so Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied Bifurcation Theory, Eq. 5.39).
+
+Where a ball becomes a point here: nowhere; `measured` hands out midpoints with their radii.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from typing import Any, Literal
+
+from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_poly
+
+from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.model.decimals import exact_text
+from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.model.results import Printable
+from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
+from tippedisk_verify.proofs.kernel.balls import (
+    ball,
+    ball_constants,
+    coefficient,
+    inside,
+    measured,
+    negative,
+    positive,
+    series_length,
+    working_precision,
+)
+
+__all__ = [
+    "Criticality",
+    "Eigenvalue",
+    "ProvedEquilibrium",
+    "ProvedHopf",
+    "ProvedStability",
+    "characteristic_polynomial",
+    "check_linearization",
+    "chi",
+    "critical_speed_squared",
+    "hopf_balls",
+    "proved_equilibrium",
+    "proved_hopf",
+    "proved_stability",
+    "real_root",
+    "refuse_past_birth",
+    "to_digits",
+]
+
+Criticality = Literal["supercritical", "subcritical"]
+_BITS = 128  # to tell on which side of Omega_crit a speed lies
+_AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
+
+
+@dataclass(frozen=True, repr=False)
+class Eigenvalue(Printable):
+    """One eigenvalue [1/s]: exactly one lies in the rectangle; a real one has the imaginary part 0 exactly."""
+
+    re: Measured
+    im: Measured
+
+    def __str__(self) -> str:
+        imaginary = self.im.value or self.im.uncertainty
+        return f"({self.re}) + ({self.im}) i" if imaginary else str(self.re)
+
+
+@dataclass(frozen=True, repr=False)
+class ProvedEquilibrium(Printable):
+    """Eigenvalues and stability of stationary spinning at one speed."""
+
+    untold = ("name",)
+
+    name: str
+    eigenvalues: tuple[Eigenvalue, ...]  #: by descending real part, then descending imaginary part
+    stable: bool
+    unstable_directions: int  #: eigenvalues with positive real part
+    statement: str
+
+
+@dataclass(frozen=True, repr=False)
+class ProvedHopf(Printable):
+    """The Hopf point of inverted spinning; units and definitions as in `tippedisk_verify.theory.hopf.HopfPoint`."""
+
+    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
+    period: Measured  #: [s] of the cycle at its birth
+    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
+    chi: Measured  #: [kg m^3], below Eq. Csol
+    first_lyapunov_coefficient: Measured  #: Kuznetsov's l_1, <q, q> = 1 in (beta, gamma, v), SI units
+    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    amplitude_squared_slope: Measured  #: limit of beta_max^2 / (Omega_crit - Omega) [rad s]
+    period_slope: Measured  #: limit of (T - T_crit) / (Omega_crit - Omega) [s^2/rad]
+    criticality: Criticality
+    statement: str
+
+
+@dataclass(frozen=True, repr=False)
+class ProvedStability(Printable):
+    """Linear stability at every speed (Theorem 1), with the numbers at Omega_crit; for both friction laws."""
+
+    omega_crit: Measured  #: [rad/s], Eq. approx_omega_crit
+    period: Measured  #: [s], 2 pi / omega for the pair +- i omega at Omega_crit
+    lambda_3: Measured  #: A33 [1/s], Eq. closed_la3; at Omega_crit the third eigenvalue itself
+    transversality: Measured  #: d(Re lambda)/d(Omega) of the critical pair [1/rad]
+    statement: str
+
+
+def characteristic_polynomial(constants: Constants, omega: Any, around: int) -> tuple[Any, Any, Any]:
+    """(a2, a1, a0) of lambda^3 + a2 lambda^2 + a1 lambda + a0 at an equilibrium (Eq. 3DOF_lin).
+
+    The Jacobian has the rows (0, 0, 1), (Omega, 0, 0) and (A31, A32, A33).
+    """
+    matrix = linearization(constants, omega, around)
+    return -matrix[2][2], -matrix[2][0], -(matrix[1][0] * matrix[2][1])
+
+
+def proved_equilibrium(parameters: Parameters, omega: object, name: str, digits: int = 12) -> ProvedEquilibrium:
+    """Eigenvalues enclosed to ``digits`` significant digits, and stability proved, at an exact speed ``omega`` [rad/s].
+
+    Arb isolates the roots of the exact polynomial. Raises InputError for an unknown name or an impossible speed,
+    Shortfall where an eigenvalue with real part zero leaves stability to the nonlinear terms.
+    """
+    if name not in _AROUND:
+        raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
+    speed = exact(omega)
+    if speed.pi_multiple or speed.rational <= 0:
+        raise InputError(f"Omega must be a positive decimal, not {str(omega)[:40]}")
+    a2, a1, a0 = map(Fraction, characteristic_polynomial(parameters.rational(), speed.rational, _AROUND[name]))
+    polynomial: Any = fmpq_poly([fmpq(part.numerator, part.denominator) for part in (a0, a1, a2, Fraction(1))])
+
+    def roots() -> dict[str, Any]:
+        return {str(place): root for place, (root, _) in enumerate(polynomial.complex_roots())}
+
+    enclosed: list[Any] = []
+    eigenvalues: list[Eigenvalue] = []
+    unstable, wanted = 0, digits
+    while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
+        # Rational coefficients: more digits decide every sign, but for a real part of exactly zero or a double root.
+        if wanted > 16 * digits + 1000:
+            raise Shortfall(f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here")
+        enclosed = list(to_digits(roots, wanted).values())
+        eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
+        unstable = sum(positive(root.real) for root in enclosed)
+        wanted *= 4
+    stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
+    if stable != (unstable == 0):
+        raise Shortfall("Routh-Hurwitz and the enclosed eigenvalues contradict each other: report this")
+    eigenvalues.sort(key=lambda value: (-value.re.value, -value.im.value))
+    sign, (first, second, third) = "-" if name == "noninverted" else "", eigenvalues
+    statement = (
+        f"for the tippedisk with {parameters.definition()} at Omega = {exact_text(speed.rational)} rad/s, under the "
+        f"linear as under the smooth Coulomb friction law, {name} spinning, (beta, gamma, v) = (pi/2, {sign}pi/2, 0), "
+        f"has exactly one eigenvalue [1/s] in each of the three disjoint rectangles {first}, {second} and {third}, "
+        f"{unstable} of them with positive real part; it is {'asymptotically stable' if stable else 'unstable'}."
+    )
+    return ProvedEquilibrium(name, tuple(eigenvalues), stable, unstable, statement)
+
+
+def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
+    """A ball with exactly one root of lambda^3 + a2 lambda^2 + a1 lambda + a0, for all coefficients in their balls.
+
+    Interval Newton: N = x - p(x) / p'(X) inside X holds exactly one zero. Raises Shortfall if that is not proved.
+    """
+    a2, a1, a0 = polynomial
+    x = guess.mid()
+    value = ((x + a2) * x + a1) * x + a0
+    radius = abs(value / ((3 * x + 2 * a2) * x + a1)).upper() * 2
+    around = x + arb(0, radius)
+    image = x - value / ((3 * around + 2 * a2) * around + a1)
+    if not inside(image, around):
+        raise Shortfall("an eigenvalue could not be enclosed over the interval of speeds: ask for more digits")
+    return image
+
+
+def chi(constants: Any) -> Any:
+    """chi = A (r - 2e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3] (below Eq. Csol), for numbers of any kind."""
+    r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
+    return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
+
+
+def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
+    """The Hopf point with every number enclosed to ``digits`` significant digits, and its criticality proved.
+
+    Raises Shortfall where the first Lyapunov coefficient is too close to zero for its sign, or these digits, to be had.
+    """
+    parameters.refuse_smooth("the Hopf point's normal form is")
+    check_linearization(parameters.rational())
+    with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
+    falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
+    if not negative(falling) or not (negative(sign) or positive(sign)):
+        raise Shortfall("the sign of the first Lyapunov coefficient could not be decided: ask for more digits")
+    kind: Criticality = "supercritical" if negative(sign) else "subcritical"
+    numbers = {name: measured(value) for name, value in with_balls.items()}
+    return ProvedHopf(**numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers))
+
+
+def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
+    """Raise InputError for speeds up to ``highest`` [rad/s] that reach Omega_crit, of a disk with cycles born below it.
+
+    Where they are born above Omega_crit a range that holds it may well be proved.
+    """
+    with working_precision(_BITS):
+        numbers = hopf_balls(ball_constants(parameters))
+        crit = numbers["omega_crit"]
+        if negative(numbers["first_lyapunov_coefficient"]) and not ball(highest) < crit:
+            raise InputError(
+                f"this disk's limit cycles are born below Omega_crit = {float(crit):.12g} rad/s: the speeds must end "
+                f"below it, not at {float(highest):.12g} rad/s"
+            )
+
+
+def _hopf_statement(parameters: Parameters, kind: Criticality, numbers: Mapping[str, Measured]) -> str:
+    sign, cycles, side = (
+        ("negative", "stable", "below") if kind == "supercritical" else ("positive", "unstable", "above")
+    )
+    return (
+        f"for the tippedisk with {parameters.definition()} under the linear friction law, inverted spinning, "
+        f"(beta, gamma, v) = (pi/2, pi/2, 0), has a Hopf point at Omega_crit = {numbers['omega_crit']} rad/s: a pair "
+        f"of eigenvalues, there +-2 pi i / T_crit with T_crit = {numbers['period']} s, crosses the imaginary axis with "
+        f"d(Re lambda)/dOmega = {numbers['transversality']} 1/rad, the third eigenvalue is lambda_3 = "
+        f"{numbers['lambda_3']} 1/s, and the first Lyapunov coefficient (Kuznetsov's, <q, q> = 1 in (beta, gamma, v), "
+        f"SI units) is l_1 = {numbers['first_lyapunov_coefficient']}, which is {sign}; so the Hopf point is {kind}, "
+        f"and a branch of {cycles} limit cycles is born {side} Omega_crit, along which beta_max^2 / (Omega_crit - "
+        f"Omega) tends to {numbers['amplitude_squared_slope']} rad s and (T - T_crit) / (Omega_crit - Omega) to "
+        f"{numbers['period_slope']} s^2/rad; and chi = A (r - 2 e) - (B - m e^2) (2 r^2 + e (r + e)) / (2 (r + e)) is "
+        f"{numbers['chi']} kg m^3."
+    )
+
+
+def _apart(roots: list[Eigenvalue]) -> bool:
+    """Whether these are three roots whose rectangles, even twice as wide (as printed they are wider), do not meet."""
+
+    def meet(a: Measured, b: Measured) -> bool:
+        return abs(a.value - b.value) <= 2 * (a.uncertainty + b.uncertainty)
+
+    pairs = ((roots[i], roots[k]) for i in range(len(roots)) for k in range(i))
+    return len(roots) == 3 and not any(meet(a.re, b.re) and meet(a.im, b.im) for a, b in pairs)
+
+
+def critical_speed_squared(constants: Constants) -> Any:
+    """Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of any kind."""
+    reach = constants.r + constants.e
+    return reach * reach * constants.g / (constants.r * constants.b)
+
+
+def check_linearization(constants: Constants) -> None:
+    """That the formulas for a2, a1 and a0 hold, and that the disk meets the hypotheses of what follows from them.
+
+    Raises InputError for a disk that does not, ArithmeticError if the equations of motion have other coefficients.
+    """
+    names = ("r", "e", "m", "A", "Bbar", "g", "mu", "epsilon")
+    wrong = [name for name in names if not getattr(constants, name) > 0]
+    if wrong or not constants.e < constants.r:
+        fault = f"{wrong[0]} is not positive" if wrong else "e is not smaller than r"
+        raise InputError(f"nothing is proved of this disk: {fault}")
+    _check_coefficients()
+
+
+@cache
+def _check_coefficients() -> None:
+    """a2, a1 and a0 of the equations' own Jacobians, as polynomials in r, e, g, A / m, k, epsilon and Omega.
+
+    In a unit of length in which b is 1. With mu g = k epsilon the smooth law's Jacobian, from either side of
+    gamma_y = 0, is the linear law's.
+    """
+    ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
+    r, e, g, a, k, epsilon, omega = ring.gens()
+    constants = Constants(r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon)
+    for around, reach, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
+        expected = (k * reach**2, omega**2 - g * reach, sign * k * e * reach * omega**2)
+        linear = linearization(constants, omega, around)
+        smooth = [linearization(constants, omega, around, "smooth", side) for side in (1, -1)]
+        if characteristic_polynomial(constants, omega, around) != expected or smooth != [linear, linear]:
+            raise ArithmeticError("the linearisation has other coefficients: the equations of motion have changed")
+
+
+def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStability:
+    """Stability at every speed, and Omega_crit with the numbers there enclosed to ``digits`` significant digits."""
+    check_linearization(parameters.rational())
+    names = ("omega_crit", "period", "lambda_3", "transversality")
+
+    def numbers() -> dict[str, Any]:
+        values = hopf_balls(ball_constants(parameters))
+        return {name: values[name] for name in names}
+
+    values = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
+    statement = (
+        f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth Coulomb friction law, "
+        "noninverted spinning is unstable at every Omega > 0, with one positive eigenvalue and two of negative real "
+        "part; inverted spinning is asymptotically stable at every Omega > Omega_crit and unstable, with two "
+        "eigenvalues of positive real part, at every Omega < Omega_crit = sqrt((r + e)^2 m g / (r (B - m e^2))) = "
+        f"{values['omega_crit']} rad/s, whatever mu and epsilon are; at Omega_crit a pair of complex conjugate "
+        f"eigenvalues, there +-2 pi i / T_crit with T_crit = {values['period']} s, crosses the imaginary axis with "
+        f"d(Re lambda)/dOmega = {values['transversality']} 1/rad, and the third is lambda_3 = {values['lambda_3']} 1/s."
+    )
+    return ProvedStability(**values, statement=statement)
+
+
+def hopf_balls(constants: Constants) -> dict[str, Any]:
+    """The numbers of `ProvedHopf` as balls, for constants that are balls.
+
+    With lambda the critical pair, p(lambda, Omega) = 0 gives d(lambda)/d(Omega); with z' = lambda z + c_1 z |z|^2 on
+    the centre manifold, |z|^2 = -Re lambda / Re c_1 and beta_max = 2 |z| |q_1| to leading order.
+    """
+    r, e = constants.r, constants.e
+    square = critical_speed_squared(constants)
+    speed = square.sqrt()
+    frequency = (e / (r + e) * square).sqrt()
+    a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)
+    matrix = linearization(constants, speed, INVERTED)
+    root = acb(0, frequency)
+    # a1 = Omega^2 - g (r + e) / b and a0, proportional to Omega^2, by Omega; a1 = frequency^2 at Omega_crit.
+    slope_a0 = -2 * matrix[2][1]
+    pair_slope = -(2 * speed * root + slope_a0) / (3 * root * root + 2 * a2 * root + frequency * frequency)
+    # Eigenvectors from the first two rows and the last two columns of the Jacobian.
+    right = [root, acb(speed), root * root]
+    size = sum((abs(part) ** 2 for part in right), arb(0)).sqrt()
+    right = [part / size for part in right]
+    left = [(root - matrix[2][2]) * root, acb(matrix[2][1]), root]
+    scale = sum((a * c for a, c in zip(left, right, strict=True)), acb(0))
+    cubic = _resonant_cubic(constants, speed, right)
+    c_1 = sum((a * c for a, c in zip(left, cubic, strict=True)), acb(0)) / (2 * scale)
+    falling, damping = pair_slope.real, c_1.real
+    growth = falling / damping  # |z|^2 per unit of Omega_crit - Omega
+    return {
+        "omega_crit": speed,
+        "period": 2 * arb.pi() / frequency,
+        "lambda_3": -a2,
+        "chi": chi(constants),
+        "first_lyapunov_coefficient": damping / frequency,
+        "transversality": falling,
+        "amplitude_squared_slope": 4 * growth * abs(right[0]) ** 2,
+        "period_slope": 2 * arb.pi() / (frequency * frequency) * (pair_slope.imag - c_1.imag * growth),
+    }
+
+
+def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:
+    """C(q, q, qbar) of the field at inverted spinning, from cubic Taylor coefficients along four directions.
+
+    With F(x) = C(x, x, x) / 6, F(q + w qbar) holds w C(q, q, qbar) / 2; w = 1, -1, i, -i pick it out.
+    """
+    total = [acb(0)] * 3
+    for w in (acb(1), acb(0, 1), acb(-1), acb(0, -1)):
+        direction = [part + w * part.conjugate() for part in q]
+        rate = _along(constants, omega, direction)
+        total = [sum_ + coefficient / w for sum_, coefficient in zip(total, rate, strict=True)]
+    return [part / 2 for part in total]
+
+
+def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
+    """Coefficients of s^3 of the rates at s times a complex direction from inverted spinning."""
+    with series_length(4):
+        line = [acb_series([0, part], prec=4) for part in direction]
+        return [coefficient(rate, 3) for rate in rates(constants, omega, INVERTED, line)]
+
+
+def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
+    """The balls that ``compute`` returns, at a precision where each has ``digits`` significant digits.
+
+    A number that is exactly zero may have the radius 0. Raises Shortfall if eight times the digits do not suffice.
+    """
+    guard = 20
+    while True:
+        with working_precision(math.ceil((digits + guard) * math.log2(10))):
+            balls = compute()
+            # Twice the radius: printing may add as much again.
+            loose = [name for name, value in balls.items() if not _fine(value, digits)]
+        if not loose:
+            return balls
+        guard *= 2
+        if guard > 8 * digits + 200:
+            raise Shortfall(f"{loose[0]} has no {digits} digits: it is too close to zero or to its neighbour")
+
+
+def _fine(value: Any, digits: int) -> bool:
+    parts = (value.real, value.imag) if isinstance(value, acb) else (value,)
+    size = abs(value)
+    return all(part.is_finite() and 2 * part.rad() * arb(10) ** digits <= size for part in parts)

@@ -1,0 +1,174 @@
+"""Sets of states that flow: a box of deviations carried by points, and what is left over in a small turned box.
+
+A set is  middle + lead d + axes q  for all d and q of two boxes. d is what the start and the speed deviate from their
+midpoints, the same at all times: what is linear in it is never wrapped into a box (R. J. Lohner's doubleton; Mrozek and
+Zgliczynski, Ann. Polon. Math. 74, 2000). q holds the rest, which is quadratic in d but for rounding. Its axes follow
+the flow and are nearly orthogonal, the first along what is largest (Lohner's QR method).
+
+``middle``, ``lead`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed derivatives M over the
+set takes it to
+
+    image of middle  +  (M lead + by Omega) d  +  M axes q;
+
+new points are chosen and what the balls differ from them goes into q, turned into the new axes by an enclosure of their
+inverse. The derivatives of the states by start and Omega are  lead + axes spread  in the same way.
+
+Where a ball becomes a point or a float: middle and lead are midpoints, axes any regular matrix of floats.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tippedisk_verify.proofs.kernel.balls import alike, arb, side_by_side, upper
+
+__all__ = ["Frame"]
+
+Matrix = Sequence[Sequence[Any]]
+Array = NDArray[np.float64]
+
+
+class Frame:
+    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
+
+    ``along`` is how the start moves with Omega [rad s, rad s, rad]: three numbers that are taken as points. The fourth
+    column of the derivatives is then by Omega along that line.
+    """
+
+    __slots__ = ("axes", "deviation", "lead", "middle", "rest", "spread")
+
+    def __init__(self, start: Sequence[Any], omega: Any, along: Sequence[Any] = (0, 0, 0)) -> None:
+        self.middle: list[Any] = [part.mid() for part in start]
+        #: d: four balls about zero
+        away = (part - mid for part, mid in zip(start, self.middle, strict=True))
+        self.deviation = [*away, omega - omega.mid()]
+        zero, one = (alike(self.middle[0], k) for k in (0, 1))
+        unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
+        self.lead: Matrix = [[*unit[row], alike(self.middle[0], along[row]).mid()] for row in range(3)]
+        self.axes: Matrix = unit
+        self.rest: list[Any] = [zero] * 3
+        self.spread: Matrix = [[zero] * 4 for _ in range(3)]
+
+    def box(self) -> tuple[Any, ...]:
+        """Balls that hold all states, and the middle."""
+        lead, rest = _applied(self.lead, self.deviation), _applied(self.axes, self.rest)
+        zero = alike(self.middle[0], 0)
+        return tuple(middle + (a + b).union(zero) for middle, a, b in zip(self.middle, lead, rest, strict=True))
+
+    def matrix(self) -> tuple[tuple[Any, ...], ...]:
+        """(3, 4) balls: the derivatives of all states by the start and by Omega."""
+        return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
+
+    def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
+        """Where a map takes the states: ``centre`` holds the middle's image, ``rows`` (3, 4) its derivatives."""
+        lead, turned = self._mapped(rows)
+        parts = zip(centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True)
+        return tuple(a + b + c for a, b, c in parts)
+
+    def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
+        """(3, 4) balls: those of the images by the start and by Omega."""
+        lead, turned = self._mapped(rows)
+        return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
+
+    def carried(self, centre: Sequence[Any], rows: Matrix, stiffness: Any) -> Frame:
+        """The images' frame. ``stiffness`` [1/s] weighs velocities against angles when axes are chosen."""
+        lead, turned = self._mapped(rows)
+        image = object.__new__(Frame)
+        image.deviation = self.deviation
+        image.middle = [part.mid() for part in centre]
+        image.lead = [[entry.mid() for entry in row] for row in lead]
+        sizes = [upper(part) + sum(map(upper, row)) for part, row in zip(self.rest, self.spread, strict=True)]
+        image.axes = (_axes_of_lanes if side_by_side(lead[0][0]) else _axes)(turned, sizes, stiffness)
+        inverse = _inverse(image.axes)
+        left = _product(
+            inverse, [[a - b for a, b in zip(*rows, strict=True)] for rows in zip(lead, image.lead, strict=True)]
+        )
+        turned = _product(inverse, turned)
+        away = _applied(inverse, [part - mid for part, mid in zip(centre, image.middle, strict=True)])
+        parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
+        image.rest = [a + b + c for a, b, c in parts]
+        image.spread = _sum(left, _product(turned, self.spread))
+        return image
+
+    def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
+        """Balls: the images of the lead, with the speed's own part, and of the axes."""
+        lead = [
+            [*entries[:3], entries[3] + row[3]] for entries, row in zip(_product(rows, self.lead), rows, strict=True)
+        ]
+        return lead, _product(rows, self.axes)
+
+
+def _product(a: Matrix, b: Matrix) -> Matrix:
+    """Of the first three columns of ``a`` with three rows."""
+    return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
+
+
+def _applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
+    return [sum(entry * part for entry, part in zip(row, vector, strict=True)) for row in matrix]
+
+
+def _sum(a: Matrix, b: Matrix) -> Matrix:
+    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
+
+
+def _axes(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+    """Axes (columns), orthogonal once velocities are divided by the stiffness. Points; any regular ones would do."""
+    weights = (1.0, 1.0, 1 / stiffness)
+    columns = [[float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)] for k in range(3)]
+    order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])
+    basis: list[list[float]] = []
+    for vector in (*(columns[k] for k in order), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]):
+        length = math.hypot(*vector)
+        for _ in range(2):  # once is not enough where columns are nearly parallel
+            for axis in basis:
+                share = sum(a * b for a, b in zip(axis, vector, strict=True))
+                vector = [b - share * a for a, b in zip(axis, vector, strict=True)]
+        left = math.hypot(*vector)
+        if left > 1e-8 * length and len(basis) < 3:
+            basis.append([part / left for part in vector])
+    return [[arb(axis[row] / weights[row]) for axis in basis] for row in range(3)]
+
+
+def _axes_of_lanes(turned: Matrix, sizes: Sequence[Array], stiffness: Array) -> Matrix:
+    """The same of every lane."""
+    weights = np.array([np.ones_like(stiffness), np.ones_like(stiffness), 1 / stiffness])
+    with np.errstate(all="ignore"):
+        columns = np.array([[entry.midpoints for entry in row] for row in turned]).swapaxes(0, 1) * weights
+        lengths = np.sqrt((columns * columns).sum(1)) * np.array(sizes)
+        ranked = np.take_along_axis(columns, np.argsort(-lengths, axis=0)[:, None], axis=0)
+        first = _unit(ranked[0], np.array([1.0, 0.0, 0.0])[:, None])
+        across = np.eye(3)[:, np.argmin(np.abs(first), axis=0)]  # far from parallel to the first
+        second = _unit(_orthogonal(ranked[1], first), _unit(_orthogonal(across, first), across))
+        axes = np.array([first, second, np.cross(first, second, axis=0)]).swapaxes(0, 1) / weights[:, None]
+    return [[type(turned[0][0])(entry) for entry in row] for row in axes]
+
+
+def _orthogonal(vector: Array, axis: Array) -> Array:
+    """The unit vector's part across the unit axis; zero where they are nearly parallel."""
+    left = _unit(vector, 0 * vector)
+    for _ in range(2):
+        left = left - (left * axis).sum(0) * axis
+    return np.where(np.sqrt((left * left).sum(0)) > 1e-8, left, 0.0)
+
+
+def _unit(vector: Array, otherwise: Array) -> Array:
+    """The vector divided by its length; another where it has none."""
+    length = np.sqrt((vector * vector).sum(0))
+    return np.where(length > 0, vector / length, otherwise)
+
+
+def _inverse(axes: Matrix) -> Matrix:
+    """Balls that hold the inverse matrix, by Cramer's rule."""
+    (a, b, c), cross = axes, _cross
+    minors = (cross(b, c), cross(c, a), cross(a, b))
+    determinant = sum(x * y for x, y in zip(a, minors[0], strict=True))
+    return [[minors[k][row] / determinant for k in range(3)] for row in range(3)]
+
+
+def _cross(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
+    return [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]

@@ -1,0 +1,229 @@
+"""Functions of one parameter s in [-1, 1], enclosed as polynomials whose coefficients are balls.
+
+A `Jet` c_0, …, c_D stands for every function f on [-1, 1] for which, *for each s by itself*, there are numbers x_i in
+the balls c_i with f(s) = x_0 + x_1 s + … + x_D s^D. The numbers may differ from one s to the other, so there is no
+separate remainder: what an operation leaves over goes into a ball. A product has terms up to s^(2 D); the sum t(s) of
+those beyond s^D is s^D times something of size at most the sum of their coefficients, because |s| <= 1, and this is
+added to c_D on both sides. Sums are exact. A quotient's and a sine's remainders are written where they are computed.
+
+The coefficients are Arb's balls or `lanes`. For D = 0 this is plain ball arithmetic. What is smooth in s on the scale
+of the whole interval has coefficients that fall geometrically, and then the balls' radii are of the size of the first
+term left out; plain balls would have radii of the size of c_1.
+
+Where a ball becomes a point: `mid` takes the coefficients' midpoints, and who calls it accounts for the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from itertools import starmap
+from operator import mul
+from typing import Any
+
+from tippedisk_verify.proofs.kernel import balls
+from tippedisk_verify.proofs.kernel.lanes import Lanes
+
+__all__ = ["Jet", "JetSeries", "inside", "negative", "positive", "symmetric"]
+
+
+def symmetric(x: Any) -> Any:
+    """A ball about zero that holds the ball and its mirror image."""
+    return x.union(-x)
+
+
+class Jet:
+    """Coefficients of 1, s, …, s^D. Operands are jets of the same degree, balls or integers."""
+
+    __slots__ = ("c",)
+    of_balls = True  #: operations with a ball are this class's, whichever comes first
+
+    def __init__(self, coefficients: Sequence[Any]) -> None:
+        self.c = tuple(coefficients)
+
+    @classmethod
+    def constant(cls, value: Any, degree: int) -> Jet:
+        """The same number (or ball) for each s."""
+        return cls([value, *[0 * value] * degree])
+
+    @property
+    def degree(self) -> int:
+        """D."""
+        return len(self.c) - 1
+
+    def __add__(self, other: Any) -> Jet:
+        if isinstance(other, Jet):
+            return Jet([a + b for a, b in zip(self.c, other.c, strict=True)])
+        return Jet([self.c[0] + other, *self.c[1:]])
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Jet:
+        if isinstance(other, Jet):
+            return Jet([a - b for a, b in zip(self.c, other.c, strict=True)])
+        return Jet([self.c[0] - other, *self.c[1:]])
+
+    def __rsub__(self, other: Any) -> Jet:
+        return (-self).__add__(other)
+
+    def __neg__(self) -> Jet:
+        return Jet([-x for x in self.c])
+
+    def __mul__(self, other: Any) -> Jet:
+        if isinstance(other, Jet):
+            a, b, top = self.c, other.c, len(self.c) - 1
+            if len(b) != len(a):
+                raise ValueError(f"jets of degree {top} and {len(b) - 1} do not go together")
+            return _cut([sum(a[i] * b[k - i] for i in range(max(0, k - top), min(k, top) + 1))
+                         for k in range(2 * top + 1)])  # fmt: skip
+        return Jet([x * other for x in self.c])
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Jet:
+        """The quotient.
+
+        b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds the terms of b c
+        beyond s^D: the quotient is b - t / c, and t / c is s^D times a number.
+        """
+        if not isinstance(other, Jet):
+            return Jet([x / other for x in self.c])
+        c, top = other.c, len(self.c) - 1
+        b: list[Any] = []
+        for k, part in enumerate(self.c):
+            b.append((part - sum(c[i] * b[k - i] for i in range(1, k + 1))) / c[0])
+        if top:
+            over = [sum(c[i] * b[k - i] for i in range(k - top, top + 1)) for k in range(top + 1, 2 * top + 1)]
+            b[top] = b[top] + symmetric(sum(map(symmetric, over)) / other.range())
+        return Jet(b)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        return Jet.constant(other + 0 * self.c[0], self.degree) / self
+
+    def sin(self) -> Jet:
+        """The sine; see `_turned`."""
+        return self._turned(0)
+
+    def cos(self) -> Jet:
+        """The cosine."""
+        return self._turned(1)
+
+    def _turned(self, quarters: int) -> Jet:
+        """sin(f + quarters pi/2) by Taylor's formula about c_0, with u = f - c_0.
+
+        The remainder is the derivative number D + 1 between c_0 and f(s), times u^(D+1) / (D+1)!. Since |u| <= |s| w
+        with w the sum of the |c_i|, i >= 1, the whole is s^D times something of size at most w^(D+1).
+        """
+        top, start = self.degree, self.c[0]
+        signed = [start.sin(), start.cos()]
+        derivatives = [*signed, *(-x for x in signed)] * (top // 4 + 1)
+        shift = Jet([0 * start, *self.c[1:]])
+        result, power, factorial = Jet.constant(derivatives[quarters], top), shift, 1
+        for n in range(1, top + 1):
+            factorial *= n
+            result = result + power * (derivatives[(n + quarters) % 4] / factorial)
+            power = power * shift if n < top else power
+        if not top:
+            return result
+        whole = self.range()
+        last = [whole.sin(), whole.cos()][(top + 1 + quarters) % 2]
+        size = sum(map(symmetric, self.c[1:]))
+        for _ in range(top + 1):
+            last = last * size
+        return result._wider(symmetric(last / (factorial * (top + 1))))
+
+    def _wider(self, extra: Any) -> Jet:
+        """With a ball more in the highest coefficient."""
+        return Jet([*self.c[:-1], self.c[-1] + extra])
+
+    def mid(self) -> Jet:
+        """The coefficients' midpoints."""
+        return Jet([x.mid() for x in self.c])
+
+    def range(self) -> Any:
+        """A ball that holds all values: even powers of s are in [0, 1], odd ones in [-1, 1]."""
+        return self.c[0] + sum(x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:]))
+
+    def at(self, s: Any) -> Any:
+        """A ball that holds the value at s, a number or ball in [-1, 1]."""
+        result = self.c[-1]
+        for x in self.c[-2::-1]:
+            result = result * s + x
+        return result
+
+    def quiet(self) -> Any:
+        """What the coefficients want to be computed under."""
+        return getattr(self.c[0], "quiet", nullcontext)()
+
+    def series(self, old: object = None) -> JetSeries:
+        """An empty sequence of jets like this one."""
+        rows = old.rows if isinstance(old, JetSeries) and len(old.rows) == len(self.c) else [None] * len(self.c)
+        return JetSeries([getattr(x, "series", _list)(row) for x, row in zip(self.c, rows, strict=True)])
+
+
+def _list(_: object = None) -> list[Any]:
+    return []
+
+
+def _cut(parts: Sequence[Any]) -> Jet:
+    """Of 2 D + 1 coefficients the first D + 1, with the others' sizes in the last."""
+    top = len(parts) // 2
+    if not top:
+        return Jet(parts)
+    return Jet(parts[: top + 1])._wider(sum(map(symmetric, parts[top + 1 :])))
+
+
+class JetSeries(Sequence[Jet]):
+    """Coefficients of a power series in time that are jets, kept as one sequence of balls for each power of s."""
+
+    __slots__ = ("rows",)
+
+    def __init__(self, rows: list[Any]) -> None:
+        self.rows = rows
+
+    def append(self, jet: Jet | None) -> None:
+        """Behind the last one."""
+        assert jet is not None
+        for row, part in zip(self.rows, jet.c, strict=True):
+            row.append(part)
+
+    def __len__(self) -> int:
+        return len(self.rows[0])
+
+    def __getitem__(self, index: Any) -> Any:
+        parts = [row[index] for row in self.rows]
+        return JetSeries(parts) if isinstance(index, slice) else Jet(parts)
+
+    def __iter__(self) -> Iterator[Jet]:
+        return (self[index] for index in range(len(self)))
+
+    def convolution(self, other: JetSeries) -> Jet | int:
+        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
+        if not len(self):
+            return 0
+        a, b, top = self.rows, other.rows, len(self.rows) - 1
+        fused: Callable[[Any, Any], Any] | None = getattr(type(a[0]), "convolution", None)
+        if fused is None:
+            b = [row[::-1] for row in b]
+            fused = _dot
+        pairs = [[(a[i], b[k - i]) for i in range(max(0, k - top), min(k, top) + 1)] for k in range(2 * top + 1)]
+        return _cut([sum(starmap(fused, part)) for part in pairs])
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum(map(mul, a, b))
+
+
+def positive(x: Any) -> Any:
+    """Whether every number of the ball is greater than zero, of each lane."""
+    return x.positive() if isinstance(x, Lanes) else balls.positive(x)
+
+
+def negative(x: Any) -> Any:
+    """Whether every number of the ball is less than zero, of each lane."""
+    return x.negative() if isinstance(x, Lanes) else balls.negative(x)
+
+
+def inside(x: Any, y: Any) -> Any:
+    """Whether the ball ``x`` lies in the interior of the ball ``y``, of each lane."""
+    return x.inside(y) if isinstance(x, Lanes) else balls.inside(x, y)

@@ -1,0 +1,491 @@
+"""Many balls side by side in double precision: `Lanes`, a second arithmetic for proofs whose boxes are independent.
+
+Lane i of a `Lanes` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each operation returns lanes that
+hold its result for every choice of points in its operands' balls, like those of `arb`; a thousand balls at once cost a
+twentieth as much each. A radius of infinity says "nothing is known"; whatever overflows, is no
+number, or divides by a ball that holds 0 ends there, and no predicate is ever true of it.
+
+**What the proofs assume.** numpy's sums, differences, products and quotients of float64 arrays are those of IEEE 754,
+rounded to nearest; another rounding mode is noticed and refused. With u = 2^-53 the computed result c of
+one of them is, unless it overflows,
+
+    c = exact (1 + d) + t,  |d| <= u,  |t| <= 2^-1022;     also  |c - exact| <= u |c| + 2^-1022.            (1)
+
+t is there for underflow. It is so large that (1) also holds on a processor set to flush subnormal results to zero. One
+that reads subnormal operands as zero is covered as well, because radii are 0 or at least 2^-1022 and each midpoint that
+is subnormal belongs to a radius that holds both readings: what comes in is cleaned by `Lanes`, and what an operation
+returns has 2^-1000 added to its radius. Absolute values, negation, comparisons, choices and scaling by 1 and -1 are
+exact. Fused multiply-adds leave out a rounding, which (1) allows too.
+
+**Radii.** Each is computed as an expression of sums, products and quotients of numbers that are not negative, in at
+most 15 roundings, one after the other, on the way of any input to the result. With the relative errors alone the
+computed value is at least (1 - u)^15 times the exact one, and (1 - u)^15 (1 + 16 u) >= 1 + u - 240 u^2 > 1, so `_UP`
+= 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding is one of the 15. The
+absolute errors t of (1) are only ever added or multiplied by numbers below 2; there are fewer than 2^20 of them in any
+expression, so `_TINY` = 2^-1000 pays for all, those of the midpoint included. Where one would be multiplied by
+something large, `_TINY` is added before, as the comments there say.
+
+Numpy's sine and cosine are not correctly rounded and differ between processors: `lane_sine` has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from fractions import Fraction
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tippedisk_verify.errors import Shortfall
+from tippedisk_verify.proofs.kernel.balls import arb, measured
+from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
+
+__all__ = ["LaneSeries", "Lanes"]
+
+Array = NDArray[np.float64]
+
+_U = 2.0**-53
+_UP = 1 + 16 * _U
+_TINY = 2.0**-1000
+_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
+_LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
+_EXACT_INTEGERS = 2**53
+_CAPACITY = 24  # coefficients that a series has room for at first
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+_IS_QUIET: ContextVar[bool] = ContextVar("_IS_QUIET", default=False)
+_STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + step, to nearest
+
+
+def _require_rounding_to_nearest() -> None:
+    """Raises Shortfall if this process rounds in a direction: (1) would need 2 u."""
+    if (1 + _STEPS != _STEPPED).any():
+        raise Shortfall("this process does not round to nearest: proofs in doubles are not possible in it")
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
+
+    Every operation on lanes enters this by itself; entering it once around many saves time. Raises Shortfall if this
+    process does not round to nearest.
+    """
+    _require_rounding_to_nearest()
+    with np.errstate(all="ignore"):
+        before = _IS_QUIET.set(True)
+        try:
+            yield
+        finally:
+            _IS_QUIET.reset(before)
+
+
+def _quiet(function: _F) -> _F:
+    @wraps(function)
+    def wrapped(*arguments: Any) -> Any:
+        if hasattr(arguments[-1], "of_balls"):  # an operand made of lanes does it itself
+            return NotImplemented
+        if _IS_QUIET.get():
+            return function(*arguments)
+        with quiet():
+            return function(*arguments)
+
+    return cast(_F, wrapped)
+
+
+class Lanes:
+    """n balls, from midpoints and radii [shape (n,) or (1,)], which are taken exactly; lanes of shape (1,) go with any.
+
+    A midpoint that is not finite, or a radius that is negative or no number, makes an infinite ball. Operands may be
+    lanes, integers, floats, Fractions and arb's balls. Raises TypeError for midpoints or radii that are not doubles.
+    """
+
+    __slots__ = ("_mid", "_rad")
+    quiet = staticmethod(quiet)
+    __array_ufunc__ = None  # numpy's numbers on the left leave the operation to this class
+
+    @_quiet
+    def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
+        given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
+        if given_mid.ndim != 1:
+            raise ValueError("lanes are one-dimensional")
+        m, r = given_mid.copy(), given_rad.copy()
+        # Read as bits, because a processor may be set to see zeros instead of subnormals.
+        bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
+        small = (bits > 0) & (bits < 2**52)
+        m[small] = 0.0
+        # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its rounding.
+        r[(r_bits > 0) & (r_bits < 2**52)] = _NORMAL
+        r[small] = (r[small] + 4 * _NORMAL) * _UP
+        r[~(np.isfinite(m) & (r >= 0))] = np.inf
+        self._mid, self._rad = m, r
+
+    @classmethod
+    def of(cls, values: Iterable[Any]) -> Lanes:
+        """A lane for each number: arb's balls, Fractions, integers, floats; each ball holds its number or ball."""
+        pairs = [_outward(value) for value in values]
+        return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
+
+    @property
+    def midpoints(self) -> Array:
+        """The midpoints; those of infinite balls mean nothing."""
+        return self._mid
+
+    @property
+    def radii(self) -> Array:
+        """The radii: never negative, never NaN, infinite where nothing is known."""
+        return self._rad
+
+    def mid(self) -> Lanes:
+        """The midpoints as exact balls (infinite where the ball is)."""
+        return Lanes(np.where(self._rad < np.inf, self._mid, np.nan))
+
+    def rad(self) -> Lanes:
+        """The radii as exact balls (infinite where the ball is)."""
+        return Lanes(self._rad)
+
+    def is_finite(self) -> NDArray[np.bool_]:
+        """Of each lane, whether its ball is finite."""
+        return self._rad < np.inf
+
+    def arb(self, lane: int) -> Any:
+        """One lane as arb's ball: the midpoint exactly, the radius rounded up to arb's 30 bits."""
+        radius = float(self._rad[lane])
+        return arb(float(self._mid[lane]), radius) if radius < np.inf else arb(0, "inf")
+
+    def __len__(self) -> int:
+        return len(self._mid)
+
+    def __getitem__(self, lanes: Any) -> Lanes:
+        """The lanes of a slice, a mask or a list of indices."""
+        return _lanes(self._mid[lanes], self._rad[lanes])
+
+    def series(self, old: object = None) -> LaneSeries:
+        """An empty sequence for as many lanes, in the memory of the ``old`` one where that fits."""
+        if isinstance(old, LaneSeries) and old.width == len(self):
+            old.clear()
+            return old
+        return LaneSeries(len(self))
+
+    # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
+    @_quiet
+    def __add__(self, other: Any) -> Lanes:
+        if isinstance(other, int) and other == 0:
+            return self
+        b = _operand(other)
+        return _rounded(self._mid + b._mid, self._rad + b._rad)
+
+    __radd__ = __add__
+
+    @_quiet
+    def __sub__(self, other: Any) -> Lanes:
+        if isinstance(other, int) and other == 0:
+            return self
+        b = _operand(other)
+        return _rounded(self._mid - b._mid, self._rad + b._rad)
+
+    def __rsub__(self, other: Any) -> Lanes:
+        return (-self).__add__(other)
+
+    def __neg__(self) -> Lanes:
+        return _lanes(-self._mid, self._rad)
+
+    # (a + s)(b + t) - a b = a t + s (b + t), so with |s| <= ra, |t| <= rb at most |a| rb + ra (|b| + rb).
+    @_quiet
+    def __mul__(self, other: Any) -> Lanes:
+        factor = _exact_float(other)
+        if factor is not None:
+            return self._scaled(factor)
+        b = _operand(other)
+        radius = np.abs(self._mid) * b._rad
+        upper = np.abs(b._mid)
+        upper += b._rad
+        radius += self._rad * upper
+        return _rounded(self._mid * b._mid, radius)
+
+    __rmul__ = __mul__
+
+    def _scaled(self, factor: float) -> Lanes:
+        """Times an exact float that is 0 or not subnormal."""
+        if factor in (1.0, -1.0):
+            return self if factor > 0 else -self
+        return _rounded(self._mid * factor, self._rad * abs(factor))
+
+    @_quiet
+    def square(self) -> Lanes:
+        """(a + s)^2 - a^2 = s (2 a + s): no wider than the product with itself, and fewer operations."""
+        radius = np.abs(self._mid)
+        radius += radius
+        radius += self._rad
+        radius *= self._rad
+        return _rounded(self._mid * self._mid, radius)
+
+    @_quiet
+    def __truediv__(self, other: Any) -> Lanes:
+        """The quotient; infinite where the divisor's ball holds 0.
+
+        (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t), at most (ra + |a / b| rb) / (|b| - rb) if |b| > rb.
+        d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is no bound. q has an
+        absolute error below 2^-1022, which is multiplied by rb / d; rb / d likewise by |q|: hence `_TINY` in both.
+        """
+        if factor := _exact_float(other):
+            return _rounded(self._mid / factor, self._rad / abs(factor))
+        b = _operand(other)
+        distance = np.abs(b._mid)
+        distance -= b._rad
+        distance[~(distance > 0)] = np.nan
+        quotient = self._mid / b._mid
+        radius = np.abs(quotient)
+        radius += _TINY
+        radius *= b._rad / distance + _TINY
+        radius += self._rad / distance
+        return _rounded(quotient, radius)
+
+    def __rtruediv__(self, other: Any) -> Lanes:
+        return _operand(other) / self
+
+    def sin(self) -> Lanes:
+        """The sine; infinite for midpoints beyond 2^18."""
+        return self._turned(0)
+
+    def cos(self) -> Lanes:
+        """The cosine; infinite for midpoints beyond 2^18."""
+        return self._turned(1)
+
+    @_quiet
+    def _turned(self, quarters: int) -> Lanes:
+        """sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
+
+        With S and C for the sine and cosine of the midpoint plus the quarters, |sin(x + s) - S| <= min(r, |C| r +
+        r^2 / 2) for |s| <= r by Taylor's formula: where the sine has its extremum, the ball hardly widens. C's own t is
+        multiplied by r, so `_TINY` is added to its bound.
+        """
+        n, sine, sine_error, cosine, cosine_error = sine_and_cosine(self._mid)
+        j = n + quarters
+        j -= 4 * np.floor(j / 4)
+        odd = j % 2 == 1
+        value = np.where(odd, cosine, sine)
+        slope = np.where(odd, np.abs(sine) + sine_error, np.abs(cosine) + cosine_error) + _TINY
+        error = np.where(odd, cosine_error, sine_error)
+        r = self._rad
+        radius = np.minimum(r, slope * r + 0.5 * r * r) + error
+        return _rounded(np.where(j >= 2, -value, value), radius)
+
+    def __pow__(self, power: int) -> Lanes:
+        """A positive integer power, by repeated squaring."""
+        half = self ** (power // 2) if power > 1 else self
+        if power < 2:
+            return self
+        return half.square() * self if power % 2 else half.square()
+
+    @_quiet
+    def abs_upper(self) -> Lanes:
+        """A number that no absolute value in the ball exceeds, as an exact ball (infinite where the ball is)."""
+        return Lanes((np.abs(self._mid) + self._rad) * _UP + _TINY)
+
+    def around_zero(self) -> Lanes:
+        """The ball about 0 that reaches `abs_upper`."""
+        return Lanes(np.zeros(len(self)), self.abs_upper()._mid)
+
+    def constant(self, value: Any) -> Lanes:
+        """As many balls that hold one number; lanes pass unchanged."""
+        return value if isinstance(value, Lanes) else Lanes.of([value])[np.zeros(len(self), int)]
+
+    def where(self, mask: NDArray[np.bool_], other: Lanes) -> Lanes:
+        """These lanes where the mask is true, those of the other where it is not."""
+        return _lanes(np.where(mask, self._mid, other._mid), np.where(mask, self._rad, other._rad))
+
+    @_quiet
+    def union(self, other: Any) -> Lanes:
+        """A ball around both balls. Its midpoint may be any number: the radius is measured from it."""
+        b = _operand(other)
+        middle = 0.5 * self._mid + 0.5 * b._mid
+        reach = np.abs(self._mid - middle) + self._rad
+        return _rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
+
+    @_quiet
+    def within(self, length: Lanes) -> Lanes:
+        """Balls that hold what the balls share with [0, length]; infinite where nothing is, or no length is exact."""
+        # A sum to nearest is less than one double away from the exact one.
+        low = np.nextafter(self._mid - self._rad, -np.inf)
+        high = np.nextafter(self._mid + self._rad, np.inf)
+        finite = self.is_finite()
+        low, high = (
+            np.where(finite, np.maximum(low, 0.0), 0.0),
+            np.where(finite, np.minimum(high, length._mid), length._mid),
+        )
+        shared = (low <= high) & (length._rad == 0)
+        return Lanes(np.where(shared, low, np.nan)).union(Lanes(np.where(shared, high, np.nan)))
+
+    def positive(self) -> NDArray[np.bool_]:
+        """Of each lane, whether every number of the ball is greater than zero: a comparison of two floats."""
+        return (self._mid > self._rad) & self.is_finite()
+
+    def negative(self) -> NDArray[np.bool_]:
+        """Of each lane, whether every number of the ball is less than zero."""
+        return (-self._mid > self._rad) & self.is_finite()
+
+    @_quiet
+    def inside(self, other: Any) -> NDArray[np.bool_]:
+        """Of each lane, whether the ball lies in the interior of the other; False if either is not finite."""
+        b = _operand(other)
+        reach = np.abs(self._mid - b._mid)
+        reach += self._rad
+        reach *= _UP
+        reach += _TINY
+        return cast(NDArray[np.bool_], (reach < b._rad) & b.is_finite())
+
+
+class LaneSeries(Sequence[Lanes]):
+    """Coefficients of a power series in n lanes, stored so that `convolution` passes through memory once.
+
+    For coefficient k there are five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the radii r, where
+    the two sums are rounded.
+    """
+
+    __slots__ = ("_length", "_rows")
+
+    def __init__(self, width: int) -> None:
+        self._rows: Array = np.empty((5, _CAPACITY, width))
+        self._length = 0
+
+    @property
+    def width(self) -> int:
+        """Number of lanes."""
+        return int(self._rows.shape[2])
+
+    @_quiet
+    def append(self, ball: Lanes) -> None:
+        """Copy the ball behind the last coefficient."""
+        if self._length == self._rows.shape[1]:
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
+        mid, size, spread, upper, rad = self._rows[:, self._length]
+        mid[:], rad[:] = ball._mid, ball._rad
+        np.abs(mid, out=size)
+        np.multiply(size, (self._length + 0.5) * _U, out=spread)
+        spread += _NORMAL * (size > 0)  # what the product may have lost is multiplied by the other factor
+        spread += rad
+        np.add(size, rad, out=upper)
+        self._length += 1
+
+    def clear(self) -> None:
+        """Forget all coefficients, and keep their memory."""
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: Any) -> Any:
+        """One coefficient, or a series of some: both views, which end with the next `clear`.
+
+        In a series of some each s is at least that of its new place, which is no later than the old one.
+        """
+        rows = self._rows[:, : self._length]
+        if isinstance(index, slice):
+            if index.step is not None and index.step < 0:
+                raise ValueError("a part of a series keeps its order")
+            part = LaneSeries.__new__(LaneSeries)
+            part._rows = rows[:, index]
+            part._length = part._rows.shape[1]
+            return part
+        return _lanes(rows[0, index], rows[4, index])
+
+    def __iter__(self) -> Iterator[Lanes]:
+        return (self[index] for index in range(self._length))
+
+    @_quiet
+    def convolution(self, other: LaneSeries) -> Lanes | int:
+        """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none).
+
+        *Midpoint.* A sum of k products in an order that is left to numpy, with fused operations or without; a factor
+        common to all terms may be taken out. The last operation's rounding is within u |c| + t. Before it each product
+        has met at most k - 1 roundings (additions to an accumulator that is zero are exact), which change the sum by at
+        most ((1 + u)^(k-1) - 1) W <= k u W for W the sum of |a_i| |b_j| and k <= 2^16.
+
+        *Radius.* The sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As k = i + j + 1, the sum of
+        |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it meets at most 2 k + 15 roundings: two in s, one
+        in |b| + rb, one as a product, 2 k - 1 as one of 2 k terms, and the few behind. As in the module's docstring,
+        1 + (4 k + 32) u outweighs them: (1 - m u) (1 + 2 (m + 1) u) > 1 for m = 2 k + 15 and k <= 2^16.
+        """
+        k = self._length
+        if other._length != k:
+            raise ValueError(f"a convolution needs series of one length, not {k} and {other._length}")
+        if k == 0:
+            return 0
+        if k > _LONGEST:
+            raise ValueError(f"a convolution of more than {_LONGEST} terms is not offered")
+        a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
+        middle = np.einsum("kn,kn->n", a[0], b[0])
+        radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
+        return _rounded(middle, radius, 1 + (4 * k + 32) * _U)
+
+
+def _doubles(values: Any) -> Array:
+    """As an array. No other kind of number becomes a double here, because that may round it."""
+    many = values if isinstance(values, Sequence) else [values]
+    if not (values.dtype == np.float64 if isinstance(values, np.ndarray) else all(isinstance(x, float) for x in many)):
+        raise TypeError("midpoints and radii are doubles: Lanes.of takes other numbers")
+    return np.asarray(values, dtype=np.float64)
+
+
+def _lanes(mid: Array, rad: Array) -> Lanes:
+    """Lanes of arrays that keep the module's rules already."""
+    made = Lanes.__new__(Lanes)
+    made._mid, made._rad = mid, rad
+    return made
+
+
+def _rounded(middle: Array, radius: Array, up: float = _UP) -> Lanes:
+    """The ball of an operation: ``radius``, a new array, from its operands' radii; the midpoint's rounding is added.
+
+    ``up`` makes good for the radius's roundings. If the midpoint is not finite, the radius is not; fmin makes infinity
+    of NaN.
+    """
+    rounding = np.abs(middle)
+    rounding *= _U
+    radius += rounding
+    radius *= up
+    radius += _TINY
+    return _lanes(middle, np.fmin(radius, np.inf, out=radius))
+
+
+def _exact_float(value: Any) -> float | None:
+    """The integer, or the float that is neither subnormal nor zero (some processors tell no difference), as a float."""
+    if isinstance(value, int) and abs(value) <= _EXACT_INTEGERS:
+        return float(value)
+    return float(value) if isinstance(value, float) and _NORMAL <= abs(value) < np.inf else None
+
+
+def _operand(value: Any) -> Lanes:
+    return value if isinstance(value, Lanes) else Lanes.of([value])
+
+
+def _outward(value: Any) -> tuple[float, float]:
+    """A float and a radius that hold a number or one of arb's balls, by exact rational arithmetic."""
+    if isinstance(value, arb):
+        if not (value.is_finite() and abs(value) < arb(2) ** 1023):
+            return 0.0, np.inf
+        # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
+        small = arb(2) ** -1022
+        centre = Fraction(0) if abs(value.mid()) < small else measured(value.mid()).value
+        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else measured(value.rad()).value
+        spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
+    elif isinstance(value, float):
+        return value, 0.0
+    else:
+        centre, spread = Fraction(value), Fraction(0)
+    try:
+        mid = float(centre)  # correctly rounded by Python; any float would do
+        return mid, _upward(abs(centre - Fraction(mid)) + spread)
+    except OverflowError:
+        return 0.0, np.inf
+
+
+def _upward(value: Fraction) -> float:
+    if 0 < value < _NORMAL:
+        return _NORMAL
+    nearest = float(value)
+    return nearest if Fraction(nearest) >= value else float(np.nextafter(nearest, np.inf))

@@ -1,0 +1,176 @@
+"""The half map of the state divided by its amplitude: the family of limit cycles up to its Hopf point.
+
+In the angles beta_bar, gamma_bar from inverted spinning the field is odd. So with a state a y, y = (b, g, w) and
+q = a^2, the rates of y are analytic functions of y, Omega and q, and at q = 0 they are the linearisation's. They are
+`model.equations`' own: `_Part` stands for a number a x (odd) or x (even). The sine of an odd one is odd, with
+sin(a x) / a (`scaled_sine`), its cosine is even; a product of two odd ones is even, with a factor q. A sum of an odd
+one and an even one, or a quotient by an odd one, is refused. So the rates are seen to be odd, and no division by a ever
+takes place.
+
+**The equations.** Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and F(w, Omega; q) =
+P(1, w; Omega, q) - (1, w). For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's
+test of `arc`, with q for the parameter, proves one for each q of [0, q_1], with regular dF/d(w, Omega): an analytic
+curve. At q = 0 the flow is that of the linearisation, which then has a periodic orbit, so that Omega is Omega_crit: the
+curve begins at the Hopf point.
+
+**Multipliers.** P is homogeneous: l P(g, w; Omega, l^2 q) = P(l g, l w; Omega, q) for l > 0. Differentiated by l at the
+fixed point (1, w), with c_g, c_w the columns of P' - 1 and c_Omega, c_q the derivatives of P,
+
+    c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
+
+Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by Cramer's rule, and
+
+    1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega)
+
+with tau and delta as in `arc`: its sign for all q of (0, q_1] follows from those of two jets that are not zero at
+q = 0. The trace is tau = 1 - w (c_w)_1 + 2 q (c_q)_1 + 1 + (c_w)_2. P' of the scaled map is similar to that of the map
+itself: the multipliers are the cycle's.
+
+Where a ball becomes a point or a float: nowhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.proofs.kernel.balls import positive
+from tippedisk_verify.proofs.kernel.curve_axes import Matrix
+from tippedisk_verify.proofs.kernel.curve_flow import Curve
+from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
+from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
+
+__all__ = ["ScaledCurve", "ScaledModel"]
+
+
+class _Part:
+    """a x if ``odd``, else x, where a^2 is ``square``."""
+
+    __slots__ = ("odd", "square", "x")
+
+    def __init__(self, x: Any, square: Any, *, odd: bool = False) -> None:
+        self.x, self.square, self.odd = x, square, odd
+
+    def _other(self, other: Any) -> _Part:
+        return other if isinstance(other, _Part) else _Part(other, self.square)
+
+    def __add__(self, other: Any) -> _Part:
+        other = self._other(other)
+        if other.odd is not self.odd:
+            raise ArithmeticError("an odd and an even quantity were added: the field is not odd")
+        return _Part(self.x + other.x, self.square, odd=self.odd)
+
+    def __sub__(self, other: Any) -> _Part:
+        return self + -self._other(other)
+
+    def __neg__(self) -> _Part:
+        return _Part(-self.x, self.square, odd=self.odd)
+
+    def __mul__(self, other: Any) -> _Part:
+        other = self._other(other)
+        product = self.x * other.x
+        both = self.odd and other.odd
+        return _Part(product * self.square if both else product, self.square, odd=self.odd is not other.odd)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> _Part:
+        other = self._other(other)
+        if other.odd:
+            raise ArithmeticError("a quotient by an odd quantity is not analytic in the square of the amplitude")
+        return _Part(self.x / other.x, self.square, odd=self.odd)
+
+
+class _ScaledOps:
+    """Sine and cosine of odd angles; see `model.equations.Ops`."""
+
+    @staticmethod
+    def sin(angle: _Part) -> _Part:
+        return _Part(_sine_and_cosine(angle)[0], angle.square, odd=True)
+
+    @staticmethod
+    def cos(angle: _Part) -> _Part:
+        return _Part(_sine_and_cosine(angle)[1], angle.square)
+
+
+def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
+    if not angle.odd:
+        raise ArithmeticError("an angle must be an odd quantity")
+    if isinstance(angle.x, Node):
+        sine = angle.x.graph.scaled_sine(angle.x, angle.square)
+        return sine, sine.partner
+    return scaled_sine(angle.x, angle.square)[:2]
+
+
+class ScaledModel:
+    """The equations of motion of (b, g, w), as `flow.Model`; ``square`` is q, ``omega`` in rad/s, jets or balls."""
+
+    def __init__(self, constants: Constants, omega: Any, square: Any) -> None:
+        self.constants, self.omega, self.square = constants, omega, square
+        graph = Graph()
+        variables = [graph.variable() for _ in range(3)]
+        speed, q = (graph.number(part, active=True) for part in (omega, square))
+        rates = self._recorded(graph, variables, speed, q)
+        #: state (3), derivatives by b, g, w, Omega and q (3 each), and the integral of the divergence d(w')/d(w)
+        self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
+
+    def orbit_at(self, omega: Any) -> System:
+        """The states alone, at another speed."""
+        graph = Graph()
+        variables = [graph.variable() for _ in range(3)]
+        return System(
+            graph, variables, self._recorded(graph, variables, graph.number(omega), graph.number(self.square))
+        )
+
+    def rates(self, state: Any) -> tuple[Any, ...]:
+        """``(b', g', w')``."""
+        return _rates(self.constants, state, self.omega, self.square)
+
+    def _recorded(self, graph: Graph, variables: list[Node], omega: Node, square: Node) -> tuple[Any, ...]:
+        return _rates(Constants(*map(graph.number, self.constants)), variables, omega, square)
+
+
+def _rates(constants: Constants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
+    even = Constants(*(_Part(value, square) for value in constants))
+    odd = [_Part(part, square, odd=True) for part in state]
+    rates = field(shifted(_ScaledOps), even, _Part(omega, square), "linear")(*odd)
+    if not all(rate.odd for rate in rates):
+        raise ArithmeticError("a rate is not odd")
+    return tuple(rate.x for rate in rates)
+
+
+@dataclass(frozen=True)
+class ScaledCurve(Curve):
+    """Starts (1, w) of the scaled state. The three numbers are q, in gamma_bar's place, w, in that of v, and Omega.
+
+    q has no deviation and is less than 1: then |a b| < 1.5707 where |b| is.
+    """
+
+    unit = ((0, 0, 0), (0, 1, 0))
+    columns = (2, 0)
+    equations = ScaledModel
+
+    @property
+    def start(self) -> tuple[Jet, Jet]:
+        return 1 + 0 * self.v.mid(), self.v
+
+    @property
+    def numbers(self) -> tuple[Jet, ...]:
+        return (*super().numbers, self.gamma_bar)
+
+    def trace(self, matrix: Matrix) -> Jet:
+        fixed = self.v + self.deviation[1]
+        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (self.gamma_bar * matrix[0][0]) + matrix[1][1]
+        return trace
+
+    def rise(self, beta_bar: Any, slope: Jet) -> Jet:
+        # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
+        rise: Jet = 2 * (self.gamma_bar * slope) + beta_bar
+        return rise
+
+    def __post_init__(self) -> None:
+        if not (self.deviation[0] == 0 and positive(1 - self.gamma_bar.range())):
+            raise ValueError("the square of the amplitude has no deviation and is less than 1")

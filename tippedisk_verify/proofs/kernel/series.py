@@ -1,0 +1,379 @@
+"""Taylor coefficients of solutions, by recurrences on a graph that the equations of motion themselves record.
+
+`Graph` hands out nodes that know arithmetic; running `model.equations.field` on them once writes down its elementary
+operations. Each operation has a recurrence for the Taylor coefficients of its result (Moore 1966, ch. 11; Griewank and
+Walther, *Evaluating Derivatives*, ch. 13): a product's is a convolution, sine and cosine follow from each other.
+Partial derivatives are recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations
+need no second transcription (`with_derivatives`).
+
+Besides the sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2 (`Graph.scaled_sine`): along
+an orbit S' = C x' and C' = -q S x', without a division by a. Of its derivatives by q, dC/dq is -x S / 2, and D = dS/dq
+has D' = (dC/dq) x' = -(x S) x' / 2. Where they start `scaled_sine` says.
+
+On balls every coefficient is an enclosure: each step of a recurrence is an operation on balls, Arb's or those of
+`lanes`, which are inclusion-isotone. No ball is replaced by a point, a float or a midpoint in this file. An arithmetic
+that has sequences of its own (``series``) sums its convolutions itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from fractions import Fraction
+from operator import mul
+from typing import Any
+
+from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
+
+__all__ = ["Graph", "Node", "System", "with_derivatives"]
+
+
+_PAIRS = ("sin", "cos", "scaled sine", "scaled cosine")
+
+
+class Node:
+    """One operation on series: what it is, and the Taylor coefficients found so far (one if it is constant)."""
+
+    __slots__ = ("active", "c", "constant", "graph", "kind", "left", "partner", "right")
+
+    def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
+        self.graph, self.kind, self.left, self.right = graph, kind, left, right
+        self.partner: Node | None = None  # of an angle: its sine; of a sine: its cosine, and the other way round
+        self.c: list[Any] = []
+        parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
+        self.constant: bool = bool(parts) and all(part.constant for part in parts)
+        self.active: bool = any(part.active for part in parts)
+        graph.nodes.append(self)
+
+    def __add__(self, other: Any) -> Node:
+        return self.graph.operation("add", self, other)
+
+    def __radd__(self, other: Any) -> Node:
+        return self.graph.operation("add", self, other)
+
+    def __sub__(self, other: Any) -> Node:
+        return self.graph.operation("subtract", self, other)
+
+    def __rsub__(self, other: Any) -> Node:
+        return self.graph.operation("subtract", self.graph.number(other), self)
+
+    def __mul__(self, other: Any) -> Node:
+        return self.graph.operation("multiply", self, other)
+
+    def __rmul__(self, other: Any) -> Node:
+        return self.graph.operation("multiply", self, other)
+
+    def __truediv__(self, other: Any) -> Node:
+        return self.graph.operation("divide", self, other)
+
+    def __rtruediv__(self, other: Any) -> Node:
+        return self.graph.operation("divide", self.graph.number(other), self)
+
+    def __neg__(self) -> Node:
+        return self.graph.operation("multiply", self, -1)
+
+
+class Graph:
+    """The operations in the order in which they were recorded; also the ``ops`` (sin, cos) for `model.equations`."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+
+    def variable(self) -> Node:
+        """A function of time, whose coefficients a `System` provides."""
+        node = Node(self, "variable")
+        node.active = True
+        return node
+
+    def number(self, value: Any, *, active: bool = False) -> Node:
+        """A constant. ``active``: one with respect to which `gradient` may be asked for."""
+        if isinstance(value, Node):
+            return value
+        node = Node(self, "number")
+        node.constant, node.active, node.c = True, active, [value]
+        return node
+
+    def operation(self, kind: str, left: Node, right: Any) -> Node:
+        if kind == "multiply" and isinstance(right, int) and right == 1:
+            return left
+        node = Node(self, kind, left, self.number(right))
+        if node.constant:
+            node.c = [_folded(kind, left.c[0], node.right.c[0])]
+        return node
+
+    def sin(self, angle: Node) -> Node:
+        if angle.partner is None:
+            sine, cosine = Node(self, "sin", angle), Node(self, "cos", angle)
+            angle.partner, sine.partner, cosine.partner = sine, cosine, sine
+        return angle.partner
+
+    def cos(self, angle: Node) -> Node:
+        cosine = self.sin(angle).partner
+        assert cosine is not None
+        return cosine
+
+    def scaled_sine(self, angle: Node, square: Node) -> Node:
+        """sin(a x) / a of an angle x, for a^2 = ``square``, a constant; its partner is cos(a x)."""
+        if angle.partner is None:
+            sine, cosine = Node(self, "scaled sine", angle, square), Node(self, "scaled cosine", angle, square)
+            angle.partner, sine.partner, cosine.partner = sine, cosine, sine
+        return angle.partner
+
+    def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
+        """Nodes for the partial derivatives of ``output`` with respect to variables and active numbers."""
+        adjoints: dict[Node, Any] = {output: 1}
+
+        def pass_on(node: Node, share: Any) -> None:
+            if node.active:
+                adjoints[node] = adjoints[node] + share if node in adjoints else share
+
+        # The list grows while it is read: what is recorded now are the adjoints' own operations, no part of output.
+        for node in reversed(self.nodes[: self.nodes.index(output) + 1]):
+            if node not in adjoints or node.left is None:
+                continue
+            bar = adjoints[node]
+            if node.kind in ("add", "subtract"):
+                pass_on(node.left, bar)
+                pass_on(node.right, bar if node.kind == "add" else -bar)
+            elif node.kind == "multiply":
+                pass_on(node.left, node.right * bar)
+                pass_on(node.right, node.left * bar)
+            elif node.kind == "divide":
+                share = bar / node.right
+                pass_on(node.left, share)
+                pass_on(node.right, -(node * share))
+            elif node.kind == "scaled sine":
+                pass_on(node.left, node.partner * bar)
+                if node.right.active:
+                    slope = Node(self, "scaled slope", node.left * node, node.right)
+                    slope.partner = node.left
+                    pass_on(node.right, slope * bar)
+            elif node.kind == "scaled cosine":
+                pass_on(node.left, -(node.right * (node.partner * bar)))
+                if node.right.active:
+                    pass_on(node.right, (node.left * node.partner) * bar / -2)
+            else:
+                other = node.partner * bar
+                pass_on(node.left, other if node.kind == "sin" else -other)
+        return [self.number(adjoints.get(node, 0)) for node in inputs]
+
+
+def with_derivatives(
+    graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
+) -> tuple[System, System]:
+    """The system of the states and their derivatives, and the same with the integral of the rates' divergence.
+
+    Derivatives are by each variable at the start and by each active number: a column of as many unknowns as there are
+    variables for each of them.
+    """
+    partials = [graph.gradient(rate, [*variables, *numbers]) for rate in rates]
+    unknowns, slopes = [*variables], [*rates]
+    for column in range(len(variables) + len(numbers)):
+        tangent = [graph.variable() for _ in variables]
+        unknowns += tangent
+        for row in partials:
+            terms = [part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)]
+            if column >= len(variables) and not _absent(row[column]):
+                terms.append(row[column])
+            slopes.append(_total(graph, terms))
+    divergence = _total(graph, [part for k, row in enumerate(partials) if not _absent(part := row[k])])
+    plain = System(graph, unknowns, slopes)
+    return plain, System(graph, [*unknowns, graph.variable()], [*slopes, divergence])
+
+
+def _total(graph: Graph, terms: Sequence[Node]) -> Node:
+    return sum(terms[1:], terms[0]) if terms else graph.number(0)
+
+
+def _absent(node: Node) -> bool:
+    return node.constant and isinstance(node.c[0], int) and node.c[0] == 0
+
+
+class System:
+    """The initial value problem x' = rates(x) whose variables and rates are nodes of one graph."""
+
+    def __init__(self, graph: Graph, variables: Sequence[Node], rates: Sequence[Node]) -> None:
+        self.variables, self.rates = tuple(variables), tuple(rates)
+        needed = _ancestors(self.rates)
+        moving = [node for node in graph.nodes if node in needed and not node.constant]
+        if any(node.kind == "variable" and node not in self.variables for node in moving):
+            raise ValueError("a rate depends on a variable that has none")
+        convolved = {part for node in moving for part in _convolved(node)}
+        inner = [node for node in moving if node.kind != "variable"]
+        self._remembered = [node for node in inner if node in convolved]
+        #: those of whose coefficients only the latest is ever asked for
+        self._passing = [node for node in inner if node not in convolved]
+        self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
+
+    def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
+        """Coefficients 0 … ``order`` of each variable's Taylor series at time 0, for the start's enclosures."""
+        with getattr(start[0], "quiet", nullcontext)():
+            return self._coefficients(start, order)
+
+    def _coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
+        empty = getattr(start[0], "series", _list)
+        for node in self._remembered:
+            node.c = empty(node.c)
+        for variable in self.variables:  # handed out: not where an earlier call's lie
+            variable.c = empty()
+        for node in self._passing:
+            node.c = []
+        for variable, value in zip(self.variables, start, strict=True):
+            variable.c.append(value)
+        zero = 0 * start[0]
+        for k in range(order):
+            for rule in self._rules:
+                rule(k)
+            for variable, rate in zip(self.variables, self.rates, strict=True):
+                if rate.constant:
+                    variable.c.append(zero if k else rate.c[0] + zero)
+                else:
+                    variable.c.append(rate.c[k] / (k + 1))
+            for node in self._passing:
+                node.c[k] = None
+        return [variable.c for variable in self.variables]
+
+
+def _list(_: object = None) -> list[Any]:
+    return []
+
+
+def _folded(kind: str, a: Any, b: Any) -> Any:
+    """The operation on two constants. Two integers' quotient stays exact (balls refuse Fractions: no silent float)."""
+    if kind == "add":
+        return a + b
+    if kind == "subtract":
+        return a - b
+    if kind == "multiply":
+        return a * b
+    return Fraction(a, b) if isinstance(a, int) and isinstance(b, int) else a / b
+
+
+def _ancestors(nodes: Sequence[Node]) -> set[Node]:
+    ancestors: set[Node] = set()
+    open_nodes = list(nodes)
+    while open_nodes:
+        node = open_nodes.pop()
+        if node not in ancestors:
+            ancestors.add(node)
+            # A sine's recurrence needs the cosine, and the other way round; a variable has a partner that it needs not.
+            partner = node.partner if node.kind in _PAIRS or node.kind == "scaled slope" else None
+            open_nodes += [part for part in (node.left, node.right, partner) if isinstance(part, Node)]
+    return ancestors
+
+
+def _convolved(node: Node) -> tuple[Node, ...]:
+    """The nodes whose coefficients of all orders a node's recurrence needs."""
+    if node.kind in _PAIRS:
+        return (node,)
+    if node.kind == "scaled slope":
+        return (node.left,)
+    if node.kind == "divide" and not node.right.constant:
+        return node, node.right
+    if node.kind == "multiply" and not node.left.constant and not node.right.constant:
+        return node.left, node.right
+    return ()
+
+
+def _recurrence(node: Node) -> Callable[[int], None] | None:
+    """The rule that appends coefficient k, given the operands' coefficients up to k and its own up to k - 1.
+
+    It is one piece: a case for each kind of operation.
+    """
+    kind, x, y = node.kind, node.left, node.right
+
+    if kind in ("variable", "cos", "scaled cosine"):  # a variable's come from its rate, a cosine's with its sine
+        return None
+    if kind in ("scaled sine", "scaled slope"):
+        return _scaled_recurrence(node)
+    if kind == "sin":
+        cosine = node.partner
+        slopes: Any = []
+        assert cosine is not None
+
+        def sine(k: int) -> None:
+            nonlocal slopes
+            if k == 0:
+                slopes = getattr(x.c[0], "series", _list)(slopes)
+                node.c.append(x.c[0].sin())
+                cosine.c.append(x.c[0].cos())
+            else:
+                slopes.append(k * x.c[k])
+                rise, fall = _convolution(slopes, cosine.c), _convolution(slopes, node.c)
+                node.c.append(rise / k)
+                cosine.c.append(-fall / k)
+
+        return sine
+    if kind == "divide":
+        if y.constant:
+            return lambda k: node.c.append(x.c[k] / y.c[0])
+
+        def divide(k: int) -> None:
+            known = x.c[k] if not x.constant else x.c[0] if k == 0 else 0
+            node.c.append((known - _convolution(y.c[1:], node.c)) / y.c[0])
+
+        return divide
+    if kind == "multiply":
+        if x.constant:
+            x, y = y, x
+        if y.constant:
+            return lambda k: node.c.append(x.c[k] * y.c[0])
+        if x is y:
+            return lambda k: node.c.append(_square(x.c, k))
+        return lambda k: node.c.append(_convolution(x.c, y.c))
+    sign = 1 if kind == "add" else -1
+    if y.constant:
+        return lambda k: node.c.append(x.c[k] if k else x.c[0] + sign * y.c[0])
+    if x.constant:
+        return lambda k: node.c.append(x.c[0] + sign * y.c[0] if k == 0 else sign * y.c[k])
+    if kind == "add":
+        return lambda k: node.c.append(x.c[k] + y.c[k])
+    return lambda k: node.c.append(x.c[k] - y.c[k])
+
+
+def _scaled_recurrence(node: Node) -> Callable[[int], None]:
+    """Of sin(a x) / a with its partner, or of its derivative by a^2, of which ``left`` is x sin(a x) / a."""
+    sloped = node.kind == "scaled slope"
+    x = node.partner if sloped else node.left
+    other, q = (node.left if sloped else node.partner), node.right
+    slopes: Any = []
+    assert x is not None
+    assert other is not None
+
+    def slope(k: int) -> None:
+        nonlocal slopes
+        if k == 0:
+            slopes = getattr(x.c[0], "series", _list)()
+            node.c.append(scaled_sine(x.c[0], q.c[0])[2])
+        else:
+            slopes.append(k * x.c[k])
+            node.c.append(_convolution(slopes, other.c[:k]) / (-2 * k))
+
+    def sine(k: int) -> None:
+        nonlocal slopes
+        if k == 0:
+            slopes = getattr(x.c[0], "series", _list)()
+            start = scaled_sine(x.c[0], q.c[0])
+            node.c.append(start[0])
+            other.c.append(start[1])
+        else:
+            slopes.append(k * x.c[k])
+            rise, fall = _convolution(slopes, other.c), _convolution(slopes, node.c)
+            node.c.append(rise / k)
+            other.c.append(-(q.c[0] * fall) / k)
+
+    return slope if sloped else sine
+
+
+def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """a_0 b_n + … + a_n b_0 for two sequences of the same length (0 for none)."""
+    fused = getattr(a, "convolution", None)
+    return fused(b) if fused else sum(map(mul, a, reversed(b)))
+
+
+def _square(a: Sequence[Any], k: int) -> Any:
+    """Coefficient k of a's square: each product once, and twice what comes twice."""
+    if hasattr(a, "convolution"):
+        return a.convolution(a)
+    half = 2 * sum(map(mul, a[: (k + 1) // 2], a[: k - (k + 1) // 2 : -1])) if k else 0
+    return half if k % 2 else half + a[k // 2] * a[k // 2]

@@ -1,0 +1,1 @@
+"""What looks for evidence, in ordinary arithmetic: nothing here is believed."""

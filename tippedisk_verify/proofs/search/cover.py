@@ -1,0 +1,193 @@
+"""The family of limit cycles from the Hopf point on, proved piece by piece (`pieces`): what is tried, and what is held.
+
+An interval of amplitudes that is not proved is halved, unless what is proved of it says that no part of it can be.
+Of one at the Hopf point only the lower half is tried; `open_intervals` has the rest.
+Where an interval is given up nothing beyond it is of use, because the curve is to begin at the Hopf point.
+
+Where a ball becomes a point or a float: the intervals and the guesses are chosen, and what is proved does not depend on
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass
+from fractions import Fraction
+
+from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.proofs.closed_forms import hopf_balls
+from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.search.pieces import Guess, Piece, Status, joined, prove_piece
+
+__all__ = [
+    "HOPF_END",
+    "Interval",
+    "Known",
+    "chain",
+    "guess_at",
+    "hopf_guess",
+    "open_intervals",
+    "prove_intervals",
+]
+
+HOPF_END = Fraction(4, 5)  #: rad: up to where the piece at the Hopf point is tried
+_LONGEST, _SHARE = Fraction(3, 10), Fraction(1, 7)  # of an interval [rad], and of how far pi is from its beginning
+_MOST_HALVINGS = 5
+_NEAREST = 5  # known cycles that a guess is made of
+_HOPELESS = (Status.RISING, Status.UNSTABLE)
+
+Known = tuple[Fraction, Fraction, Fraction, Fraction]  #: a cycle's gamma_bar_0, v_0, Omega and half its period
+Found = tuple[Piece | Status, "Interval"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Amplitudes to be proved [rad]; those from 0 on by scaled states."""
+
+    low: Fraction
+    high: Fraction
+    halvings: int = 0
+
+    def halves(self) -> tuple[Interval, ...]:
+        """Both halves; of an interval from 0 on the lower one, because the other needs known cycles."""
+        middle, count = (self.low + self.high) / 2, self.halvings + 1
+        lower = Interval(self.low, middle, count)
+        return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
+
+
+def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
+    """What is left to prove between the Hopf point and the amplitude ``end``, cut into intervals."""
+    covered = chain(pieces)
+    low = covered[-1].high if covered else Fraction(0)
+    later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
+    left: list[Interval] = []
+    if not low:
+        low = min(HOPF_END, end)
+        left.append(Interval(Fraction(0), low))
+    for piece in later:
+        if piece.low >= low:
+            left += _cut(low, min(piece.low, end))
+            low = piece.high
+    return left + list(_cut(low, end))
+
+
+def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
+    while low < high:
+        length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
+        # Few digits; and no short rest.
+        until = round(low + length, 4)
+        if until + length / 3 > high:
+            until = high
+        yield Interval(low, until)
+        low = until
+
+
+def chain(pieces: Iterable[Piece]) -> list[Piece]:
+    """Those that are one curve from the Hopf point on: each begins where the last one ends, with the same cycle."""
+    found: list[Piece] = []
+    for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
+        if not found:
+            if piece.scaled and piece.low == 0:
+                found.append(piece)
+        elif piece.low == found[-1].high and joined(found[-1], piece, piece.low):
+            found.append(piece)
+    return found
+
+
+def hopf_guess(parameters: Parameters) -> Guess:
+    """What the linear flow at Omega_crit has: v_0 / gamma_bar_0, Omega, half the period."""
+    with working_precision(64):
+        numbers = hopf_balls(ball_constants(parameters))
+        speed, period = numbers["omega_crit"], numbers["period"]
+        # gamma_bar is a cosine there, and beta_bar its rate over Omega.
+        ratio = -((2 * arb.pi() / period) ** 2) / speed
+        first, second, third = (measured(part).value for part in (ratio, speed, period / 2))
+        return first, second, third
+
+
+def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
+    """The cycle of an amplitude, interpolated between known ones; no proof depends on it."""
+    nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
+    nodes = [float(cycle[0]) for cycle in nearest]
+    at, totals = float(amplitude), [0.0, 0.0, 0.0]
+    for i, cycle in enumerate(nearest):
+        weight = 1.0
+        for j, node in enumerate(nodes):
+            if j != i:
+                weight *= (at - node) / (nodes[i] - node)
+        totals = [total + weight * float(part) for total, part in zip(totals, cycle[1:], strict=True)]
+    first, second, third = map(Fraction, totals)
+    return first, second, third
+
+
+def prove_intervals(
+    parameters: Parameters,
+    intervals: Sequence[Interval],
+    known: Sequence[Known],
+    executor: Executor | None = None,
+    watch: Callable[[Piece | Status, Interval], None] = lambda found, interval: None,
+) -> Status | None:
+    """Why the first interval that was given up could not be proved; None if all were.
+
+    ``watch`` is told of each interval that is proved or given up, with the piece or the reason.
+    """
+    given_up: list[tuple[Fraction, Status]] = []
+    jobs = _Jobs(parameters, known, executor, intervals)
+    for found, interval in jobs:
+        if isinstance(found, Status):
+            if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
+                jobs.add(interval.halves())
+                continue
+            given_up.append((interval.low, found))
+            jobs.drop_from(interval.low)
+        watch(found, interval)
+    return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
+
+
+class _Jobs:
+    """Intervals under way: one after the other here, the lowest first, or all at once in other processes."""
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        known: Sequence[Known],
+        executor: Executor | None,
+        intervals: Iterable[Interval],
+    ) -> None:
+        self.parameters, self.known, self.executor = parameters, known, executor
+        self.waiting: list[Interval] = []
+        self.running: dict[Future[Piece | Status], Interval] = {}
+        self.add(intervals)
+
+    def add(self, intervals: Iterable[Interval]) -> None:
+        self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
+        if self.executor is not None:
+            for interval in self.waiting:
+                self.running[self.executor.submit(_attempt, *self._job(interval))] = interval
+            self.waiting = []
+
+    def drop_from(self, low: Fraction) -> None:
+        """Forget what has not begun and lies beyond."""
+        self.waiting = [interval for interval in self.waiting if interval.low < low]
+        for future in [future for future, interval in self.running.items() if interval.low >= low and future.cancel()]:
+            del self.running[future]
+
+    def __iter__(self) -> Iterator[Found]:
+        while self.waiting or self.running:
+            if self.waiting:
+                interval = self.waiting.pop(0)
+                yield _attempt(*self._job(interval)), interval
+            else:
+                for future in wait(self.running, return_when=FIRST_COMPLETED).done:
+                    if future in self.running:
+                        yield future.result(), self.running.pop(future)
+
+    def _job(self, interval: Interval) -> tuple[Parameters, Interval, Guess]:
+        if not interval.low:
+            return self.parameters, interval, hopf_guess(self.parameters)
+        return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
+
+
+def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | Status:
+    return prove_piece(parameters, interval.low, interval.high, guess, scaled=not interval.low)

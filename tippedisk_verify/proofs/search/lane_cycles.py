@@ -1,0 +1,167 @@
+"""Many limit cycles proved at once, one by one in kind: flights side by side, then `cycle`'s test and numbers of each.
+
+Half maps at the middle, over a box and over a wide box come from `lane_flight`. What they enclose goes through
+`krawczyk.inclusion` and `cycle.Attempt.concluded` as if it came from Arb, so the statements are the same, under either
+friction law. A cycle of which doubles do not show enough is proved on balls of more bits.
+
+Where a ball becomes a point or a float: middles and radii of boxes are doubles, and any that pass the test are right.
+Arb rounds a radius up, so Krawczyk's test is made on boxes a little narrower than those flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.krawczyk import Inclusion, inclusion
+from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
+from tippedisk_verify.proofs.kernel.section import half_flight
+from tippedisk_verify.proofs.search.cycle import Attempt, CycleProof, apart, prove_cycle
+from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of, some_model
+from tippedisk_verify.proofs.search.lane_sliding import LaneSmoothModel
+
+__all__ = ["prove_cycles"]
+
+Array = NDArray[np.float64]
+
+_BITS = 96  # of the balls that the lanes' results pass into: these round nothing that matters
+_DOUBLES = 53
+_FEW_BITS = 64  # of the balls on which a cycle is tried that doubles do not prove
+_NARROW, _WIDE = 2.0**-32, 2.0**-16  # radii of the boxes, relative to the state
+_NEAR = 2.0**-26  # the guess's distance from the cycle, relative to the state, that needs no sharpening
+_MOST_SHARPENINGS = 4
+_FEW = {"linear": 2, "smooth": 6}  #: cycles that balls of few bits prove sooner than lanes do
+
+
+def prove_cycles(
+    parameters: Parameters, omegas: Sequence[Fraction], guesses: Sequence[Sequence[object]], *, digits: int = 10
+) -> list[CycleProof]:
+    """`cycle.prove_cycle` for many speeds [rad/s], each from its guess (gamma_bar, v).
+
+    The period comes to ``digits`` significant digits and stability is decided; the other numbers come as they do. Where
+    doubles do not suffice for that, balls of few bits may; if not, the proof is `prove_cycle`'s to ``digits``. Raises
+    InputError for speeds that are not positive, or not as many as guesses.
+    """
+    if len(omegas) != len(guesses) or not all(omega > 0 for omega in omegas):
+        raise InputError("each cycle has a positive speed and a guess of two components")
+    if not omegas:
+        return []
+    middle = np.array([[float(part) for part in guess] for guess in guesses]).T  # type: ignore[arg-type]
+    attempts = [Attempt(parameters, Fraction(omega), digits, _DOUBLES) for omega in omegas]
+
+    def singly(lane: int) -> CycleProof:
+        alone = _alone(attempts[lane], middle[:, lane])
+        return alone or prove_cycle(parameters, omegas[lane], guesses[lane], digits=digits)
+
+    if len(omegas) <= _FEW[parameters.friction]:
+        return [singly(lane) for lane in range(len(omegas))]
+    with working_precision(_BITS):
+        constants = Constants(*(Lanes.of([value]) for value in ball_constants(parameters)))
+    kind = LaneSmoothModel if parameters.friction == "smooth" else Model
+    model = kind(constants, Lanes.of(omegas))
+    proofs = _attempted(attempts, model, middle, _power_of_two(_NARROW * np.abs(middle)))
+    left = np.array([lane for lane, proof in enumerate(proofs) if proof is None], int)
+    if len(left):
+        model = some_model(model, left)
+        sharpened = _attempted([attempts[lane] for lane in left], model, *_sharpened(model, middle[:, left]))
+        for lane, proof in zip(left, sharpened, strict=True):
+            proofs[lane] = proof or singly(int(lane))
+    return proofs  # type: ignore[return-value]
+
+
+def _alone(attempt: Attempt, guess: Array) -> CycleProof | None:
+    """One cycle's proof from flights on balls of few bits."""
+    middle = [float(part) for part in guess]
+    attempt.bits = _FEW_BITS
+    with working_precision(_FEW_BITS):
+        model = attempt.model()
+        centre = half_flight(model, *map(arb, middle))
+        boxes = []
+        for size in (_NARROW, _WIDE):
+            radii = [float(part) for part in _power_of_two(size * np.abs(guess))]
+            boxes.append((radii, half_flight(model, *map(arb, middle, radii), derivatives=True)))
+    return _concluded(attempt, middle, centre, boxes)
+
+
+def _attempted(attempts: Sequence[Attempt], model: Model, middle: Array, radii: Array) -> list[CycleProof | None]:
+    """The proofs that flights from the middles, boxes and wide boxes give; these move side by side."""
+    count = len(attempts)
+    sizes = (0 * radii, radii, _power_of_two(_WIDE * np.abs(middle)))
+    starts = [Lanes(np.tile(middle[k], 3), np.concatenate([size[k] for size in sizes])) for k in range(2)]
+    flights = half_flights(some_model(model, np.tile(np.arange(count), 3)), *starts)
+    return [
+        _concluded(
+            attempt,
+            [float(part) for part in middle[:, lane]],
+            lane_of(flights, lane),
+            [([float(part) for part in sizes[k][:, lane]], lane_of(flights, k * count + lane)) for k in (1, 2)],
+        )
+        for lane, attempt in enumerate(attempts)
+    ]
+
+
+def _sharpened(model: Model, middle: Array) -> tuple[Array, Array]:
+    """Points near the fixed points by Newton's iteration, and radii for boxes about them."""
+    for sharpening in range(_MOST_SHARPENINGS):
+        centre = half_flights(model, *(Lanes(part) for part in middle))
+        with quiet():
+            step, noise = _newton(centre, middle)
+            far = (np.abs(step) > _NEAR * np.abs(middle)).any(axis=0)
+            if not far.any() or sharpening == _MOST_SHARPENINGS - 1:
+                break
+            middle = np.where(far, middle - step, middle)
+    with quiet():
+        size = np.abs(middle)
+        radii = np.fmax(_NARROW * size, np.fmin(8 * (np.abs(step) + noise), size / 8))
+        return middle, _power_of_two(radii)
+
+
+def _newton(centre: HalfFlights, middle: Array) -> tuple[Array, Array]:
+    """Newton's step for P(x) = x in doubles, and how far the image's radius moves it."""
+    (a, b), (c, d) = ((entry.midpoints for entry in row) for row in centre.matrix)
+    a, d = a - 1, d - 1
+    inverse = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    away = np.array([part.midpoints for part in centre.image]) - middle
+    spread = np.array([part.radii for part in centre.image])
+    return np.einsum("ijn,jn->in", inverse, away), np.einsum("ijn,jn->in", np.abs(inverse), spread)
+
+
+def _power_of_two(sizes: Array) -> Array:
+    """The next above each size, and 1 where there is no size."""
+    _, exponents = np.frexp(np.where((sizes > 0) & np.isfinite(sizes), sizes, 1.0))
+    powers: Array = np.ldexp(1.0, exponents)  # exact, which exp2 need not be
+    return powers
+
+
+def _concluded(
+    attempt: Attempt, middle: list[float], centre: Any, boxes: Sequence[tuple[list[float], Any]]
+) -> CycleProof | None:
+    """The proof from the flights at the middle and over the boxes; None if it does not say enough."""
+    with working_precision(_BITS):
+        verdicts = [_included(middle, radii, centre, box) for radii, box in boxes]
+        if not verdicts[0].included:
+            return None
+        radii = [[arb(part) for part in sizes] for sizes, _ in boxes]
+        proof: Any = attempt.concluded(verdicts[0], radii[0])
+        period = measured(proof.period) if proof.period.is_finite() else None
+        # In print the half-width is up to a ninth larger.
+        if proof.stable is None or period is None or period.uncertainty * 10**attempt.digits > period.value * 9 / 20:
+            return None
+        widest = radii[-1] if verdicts[-1].included else radii[0]
+        concluded: CycleProof = replace(proof, unique_within=apart(verdicts[0], widest))
+        return concluded
+
+
+def _included(middle: list[float], radii: list[float], centre: Any, box: Any) -> Inclusion:
+    """Krawczyk's test on flights that are known."""
+    within = [arb(r) * (1 - arb(2) ** -28) for r in radii]  # rounded up to 30 bits it is less than r
+    return inclusion(None, [arb(part) for part in middle], within, centre, lambda *_, **__: box)  # type: ignore[arg-type]

@@ -1,0 +1,358 @@
+"""Many half maps side by side: the steps and cases of `flow` and `section` on `Lanes`, a step length for each lane.
+
+Every round tries one step in each lane. A lane whose step is proved, with its case, moves on; the others stay where
+they are and try a shorter one in the next round. Lanes that have returned to the section, or of which nothing more can
+be proved, leave. What is proved of a lane does not depend on the lanes beside it, but for the orders of the series and
+the sums that numpy takes in another order.
+
+This file chooses, and proves nothing by itself: step lengths, orders, guesses of moments, and which lanes go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.proofs.kernel.balls import inside
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Step, verdict
+from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
+from tippedisk_verify.proofs.kernel.section import (
+    UPRIGHT,
+    Cases,
+    HalfFlight,
+    Status,
+    at_turn,
+    cases,
+    landed,
+    moment_of_crossing,
+    moment_of_turn,
+)
+
+__all__ = [
+    "Block",
+    "HalfFlights",
+    "guess",
+    "half_flights",
+    "lane_of",
+    "mapped",
+    "proved_step",
+    "replaced",
+    "series",
+    "some",
+    "some_model",
+]
+
+Array = NDArray[Any]
+
+_BLOCK = 4000  # lanes at a time: some 50 kB each
+#: Orders of the series over a box and of the midpoint's. Measured: over a wide box a higher one costs more than its
+#: longer steps save, and its derivatives are wider.
+_ORDERS, _NARROW_ORDERS = (10, 10), (16, 16)
+_NARROW = 2.0**-30  # radius below which a box is narrow
+_DAMPED = 1.0  # how often the series over a box decays along v in a step
+_TOLERANCE = 1 / 16  # remainders, in units of a box's radius
+_LEAST_ROUGH = 2.0**-34  # remainders of derivatives, which multiply radii: as small as this or as the radius
+_WIDEST = 2.0**-3  # as in `flow`
+_SHORTEST_STEP = 2.0**-40
+_MOST_TRIALS = 40
+_FIRST_SHARE = 0.75
+_U, _TINY = 2.0**-53, 2.0**-1000
+
+
+@dataclass(frozen=True)
+class HalfFlights(HalfFlight):
+    """A `HalfFlight` whose entries are lanes, infinite balls where none is proved, and whose ``status`` is an array."""
+
+    @property
+    def returned(self) -> Array:
+        """Of each lane, whether its return is proved."""
+        return np.array([status is Status.RETURNED for status in self.status], bool)  # type: ignore[attr-defined]
+
+
+def half_flights(
+    model: Model,
+    gamma_bar: Lanes,
+    v: Lanes,
+    *,
+    derivatives: bool = False,
+    longest: float = 60.0,
+    along: Sequence[Any] = (0, 0),
+) -> HalfFlights:
+    """`section.half_flight` for every lane; the model's speeds are as many lanes, its constants as many or one.
+
+    The derivatives come in any case.
+    """
+    count = len(v)
+    status = np.full(count, Status.NO_START)
+    reached, landings = np.zeros(count), []
+    steps, reversals = np.zeros(count, int), np.zeros(count, int)
+    kind: type[Block] = getattr(model, "block", Block)
+    with quiet():
+        away = model.omega - model.omega.mid()
+        going = np.flatnonzero((v + away * along[1]).negative())
+        for first in range(0, len(going), _BLOCK):
+            lanes = going[first : first + _BLOCK]
+            line = [part[lanes] if isinstance(part, Lanes) and len(part) > 1 else part for part in along]
+            start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
+            block = kind(some_model(model, lanes), start, line, lanes)
+            while len(block.lanes):
+                ends = block.ended(longest)
+                if (ends == None).all():  # noqa: E711
+                    ends, found = block.round()
+                    landings += found
+                gone = ends != None  # noqa: E711
+                if gone.any():
+                    left = block.lanes[gone]
+                    status[left], reached[left] = ends[gone], block.time.midpoints[gone]
+                    steps[left], reversals[left] = block.taken[gone], block.changes[gone]
+                    block = block.some(np.flatnonzero(~gone))
+        return _gathered(landings, status=status, reached=reached, steps=steps, reversals=reversals)
+
+
+def _gathered(landings: Sequence[tuple[Array, HalfFlight]], status: Array, **others: Array) -> HalfFlights:
+    """What has landed, in the caller's order; what has not is infinite. Arrays are in that order already."""
+    x = Lanes([np.nan])
+    unknown = HalfFlight(Status.NO_START, None, 0, 0, x, (x, x), x, (x, x, x), ((x, x), (x, x)), (x, x), (x, x), x, x)
+    place = np.full(len(status), -1)
+    lanes = np.concatenate([which for which, _ in landings] or [np.zeros(0, int)])
+    place[lanes] = np.arange(len(lanes))
+
+    def joined(*parts: Lanes) -> Lanes:
+        mid, rad = (np.concatenate([getattr(part, name) for part in parts]) for name in ("midpoints", "radii"))
+        return Lanes(mid, rad)[place]
+
+    proved = [replace(flight, status=Status.NO_START, reached=None, steps=0, reversals=0) for _, flight in landings]
+    whole = mapped(joined, *proved, unknown)
+    values = {entry.name: getattr(whole, entry.name) for entry in fields(HalfFlight)}
+    return HalfFlights(**(values | {"status": status} | others))
+
+
+class Block(Path):
+    """Orbits on their way, lane by lane; lanes whose way has ended are dropped."""
+
+    def __init__(self, model: Model, start: Sequence[Lanes], along: Sequence[Any], lanes: Array) -> None:
+        zero = start[0].constant(0)
+        super().__init__(model, start, derivatives=True, along=(0, *along))
+        self.time = self.divergence = self.beta_least = zero
+        self.turn_by_start: tuple[Any, ...] = (zero, zero, zero)
+        self.lanes, count = lanes, len(lanes)  #: which of the caller's they are
+        self.taken, self.failures = np.zeros(count, int), np.zeros(count, int)
+        self.changes = np.zeros(count, int)  #: of the law
+        self.turned = np.zeros(count, bool)
+        self.shares, self.cuts = np.full(count, _FIRST_SHARE), np.full(count, np.inf)
+
+    def ended(self, longest: float) -> Array:
+        """Of each lane a status if it cannot go on."""
+        status = np.full(len(self.lanes), None)
+        radii = np.max([part.radii for part in self.box], axis=0)
+        status[~(self.time - longest).negative()] = Status.NO_RETURN
+        status[radii > _WIDEST] = Status.TOO_WIDE
+        status[~np.isfinite(radii)] = Status.NO_ENCLOSURE
+        return status
+
+    def round(self) -> tuple[Array, list[Any]]:
+        """One step tried in each lane: a status where the way ends, and what has landed, with its lanes."""
+        step, accepted = self.tried()
+        followed, crossing = self._followed(step, accepted)
+        upright = inside(step.enclosure[0], Lanes([0.0], [UPRIGHT]))
+        case = cases(self.model, self.box, step)
+        if crossing:
+            crossing.judge(upright, case)
+        proved = followed & upright & np.where(self.turned, case.rises | case.crosses, case.falls | case.turns)
+        self._turn(step, case, proved)
+        landings = self._land(step, case, proved)
+        short = ~(step.length.midpoints >= _SHORTEST_STEP)
+        self.go_on(step, proved, crossing)
+        status = np.full(len(self.lanes), None)
+        stuck = ~proved & (short | (self.failures >= _MOST_TRIALS))
+        status[stuck] = Status.NO_ENCLOSURE
+        status[stuck & accepted] = Status.UNRESOLVED
+        status[stuck & accepted & ~upright] = Status.FLAT
+        status[stuck & accepted & ~followed] = Status.GRAZING
+        for which, _ in landings:
+            status[which] = Status.RETURNED
+        return status, [(self.lanes[which], flight) for which, flight in landings]
+
+    def tried(self) -> tuple[Step, Array]:
+        """A step of each lane, and whether it is proved and narrow enough."""
+        radius = np.max([part.radii for part in self.box], axis=0)
+        thin, wide = series(self.model, self.frame.middle, self.box)
+        rough_order, order = len(wide[0]) - 1, len(thin[0]) - 1
+        # Remainders may be as large as rounding, or a share of the radius.
+        allowed = [np.maximum(_U * np.maximum(1.0, _size(part)), part.radii * _TOLERANCE) for part in self.box]
+        rough_allowed = np.maximum(_LEAST_ROUGH, radius)
+        reach = _reach(thin, allowed)
+        longest = np.minimum(self.cuts, _DAMPED / np.maximum(1.0, _size(wide[11][1])))
+        free = reach * self.shares
+        length = np.minimum(free, longest)
+        step, included = proved_step(self.model, self.time, self.frame, thin, wide, length)
+        fine, rough = ([column[-1] for column in part] for part in (step.polynomials, step.derivatives))
+        scales = [np.maximum(1.0, _size(column[0])) * rough_allowed for column in wide[3:]]
+        excess = np.maximum(_excess(fine, allowed, length, order + 1), _excess(rough, scales, length, rough_order + 1))
+        accepted = included & (excess <= 0)
+        # A step cut short says nothing about how long the next may be.
+        better = 0.97 * length / reach * np.exp2(np.minimum(1.0, -excess))
+        tighter = np.fmin(better, np.where(excess > 0, 0.9, 0.5) * length / reach)
+        self.shares = np.where(accepted, np.where(free <= longest, better, self.shares), tighter)
+        return step, accepted
+
+    def _followed(self, step: Step, accepted: Array) -> tuple[Array, Any]:
+        """Of which accepted steps the law is known, and those in which it changes."""
+        return accepted, None
+
+    def _turn(self, step: Step, case: Cases, proved: Array) -> None:
+        """Note the turns of proved steps; those whose moment cannot be enclosed are no longer proved."""
+        which = np.flatnonzero(proved & ~self.turned & case.turns)
+        if not len(which):
+            return
+        part = some(step, which)
+        moment, sure = moment_of_turn(self._model_of(which), part, guess(part, 2))
+        least, by_start = at_turn(part, moment, True)
+        proved[which[~sure]] = False
+        which = which[sure]
+        self.turned[which] = True
+        self.beta_least = replaced(self.beta_least, which, least[sure])
+        self.turn_by_start = tuple(
+            replaced(old, which, new[sure]) for old, new in zip(self.turn_by_start, by_start, strict=True)
+        )
+
+    def _land(self, step: Step, case: Cases, proved: Array) -> list[tuple[Array, HalfFlight]]:
+        """The lanes that have reached the section, taken there; the others that cross are no longer proved."""
+        which = np.flatnonzero(proved & self.turned & case.crosses)
+        if not len(which):
+            return []
+        part = some(step, which)
+        moment, sure = moment_of_crossing(part, guess(part, 0), case.speed[which])
+        proved[which[~sure]] = False
+        if not sure.any():
+            return []
+        which, part, moment = which[sure], some(part, sure), moment[sure]
+        path = self.some(which)
+        path.take(part, moment)
+        return [(which, landed(path.model, path, path.beta_least, path.turn_by_start))]
+
+    def go_on(self, step: Step, proved: Array, crossing: Any = None) -> None:
+        """Take the proved steps; the other lanes try shorter ones."""
+        before = copy(self)
+        self.take(step)
+        self.taken = before.taken + proved
+        if not proved.all():
+            for name in ("frame", "box", "divergence", "time"):
+                old, new = getattr(before, name), getattr(self, name)
+                setattr(self, name, mapped(lambda x, y: x.where(proved, y), new, old))
+        self.cuts = np.where(proved, np.inf, 0.7 * step.length.midpoints)
+        self.failures = np.where(proved, 0, self.failures + 1)
+
+    def some(self, which: Array) -> Self:
+        """The block of some lanes."""
+        block = copy(self)
+        for name, value in vars(self).items():
+            if name not in ("model", "sharp"):
+                setattr(block, name, some(value, which))
+        block.model = self._model_of(which)
+        return block
+
+    def _model_of(self, which: Array) -> Model:
+        return some_model(self.model, which)
+
+
+def some_model(model: Model, which: Array) -> Model:
+    """The model of some lanes; constants that are one lane go with any."""
+    constants = Constants(*(part if len(part) == 1 else part[which] for part in model.constants))
+    return type(model)(constants, model.omega[which], model.law)
+
+
+def series(model: Model, middle: Sequence[Lanes], box: Sequence[Lanes]) -> tuple[list[list[Lanes]], list[list[Lanes]]]:
+    """Taylor coefficients of the middle's orbit, and of all orbits from the box with their derivatives."""
+    zero, one = (box[0].constant(k) for k in (0, 1))
+    radius = np.max([part.radii for part in box], axis=0)
+    rough_order, order = _ORDERS if np.median(radius) > _NARROW else _NARROW_ORDERS
+    start = [*box, *(one if row == column else zero for column in range(4) for row in range(3)), zero]
+    return model.orbit.coefficients(middle, order), model.with_divergence.coefficients(start, rough_order)
+
+
+def proved_step(
+    model: Model, begin: Lanes, frame: Frame, thin: list[list[Lanes]], wide: list[list[Lanes]], length: Array
+) -> tuple[Step, Array]:
+    """The step from these `series`, and of which lanes it is proved."""
+    enclosure, fine, rough, included = verdict(model, model.with_divergence, wide, Lanes(length), len(thin[0]) - 1)
+    polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
+    derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
+    return Step(begin, Lanes(length), enclosure, frame, polynomials, derivatives), included
+
+
+def lane_of(flights: HalfFlights, lane: int) -> HalfFlight:
+    """One lane's flight, on arb's balls."""
+    return mapped(lambda part: part.arb(lane) if isinstance(part, Lanes) else part[lane], flights)  # type: ignore[no-any-return]
+
+
+def some(tree: Any, which: Array) -> Any:
+    """Some lanes of whatever holds lanes and arrays of them."""
+    return mapped(lambda part: part[which], tree)
+
+
+def mapped(function: Callable[..., Any], tree: Any, *others: Any) -> Any:
+    """The same structure with the function of its lanes and arrays; the others have the same structure."""
+    if isinstance(tree, Lanes | np.ndarray):
+        return function(tree, *others)
+    if isinstance(tree, list | tuple):
+        return type(tree)([mapped(function, *parts) for parts in zip(tree, *others, strict=True)])
+    if isinstance(tree, Frame | Step | HalfFlight):
+        names = Frame.__slots__ if isinstance(tree, Frame) else [entry.name for entry in fields(tree)]
+        images = {n: mapped(function, *(getattr(part, n) for part in (tree, *others))) for n in names}
+        if not isinstance(tree, Frame):
+            return replace(tree, **images)
+        image = copy(tree)
+        for name, value in images.items():
+            setattr(image, name, value)
+        return image
+    return tree
+
+
+def replaced(lanes: Lanes, which: Array, values: Lanes) -> Lanes:
+    mid, rad = lanes.midpoints.copy(), lanes.radii.copy()
+    mid[which], rad[which] = values.midpoints, values.radii
+    return Lanes(mid, rad)
+
+
+def _size(lanes: Lanes) -> Array:
+    return np.abs(lanes.midpoints) + lanes.radii
+
+
+def _reach(series: Sequence[Sequence[Lanes]], allowed: Sequence[Array]) -> Array:
+    """How far the last two coefficients stay below what is allowed, at most a second."""
+    order = len(series[0]) - 1
+    reaches = [
+        (limit / np.maximum(_size(column[n]), _TINY)) ** (1 / n)
+        for column, limit in zip(series, allowed, strict=True)
+        for n in (order - 1, order)
+    ]
+    shortest: Array = np.minimum(1.0, np.min(reaches, axis=0))
+    return shortest
+
+
+def _excess(remainders: Sequence[Lanes], allowed: Sequence[Array], length: Array, power: int) -> Array:
+    """By how much log2 of the steps is too large for the remainders, which grow like their ``power``."""
+    worst = np.max([_size(r) / limit for r, limit in zip(remainders, allowed, strict=True)], axis=0)
+    excess: Array = np.log2(np.maximum(worst, _TINY)) / power + np.log2(length)
+    return excess
+
+
+def guess(step: Step, index: int) -> Lanes:
+    """A point in each step near the zero of the middle orbit's component, by bisection in doubles."""
+    coefficients = [part.midpoints for part in step.polynomials[index]]
+    low, high = np.zeros(len(step.length)), step.length.midpoints
+    for _ in range(54):
+        middle = (low + high) / 2
+        value = coefficients[-1]
+        for coefficient in coefficients[-2::-1]:
+            value = value * middle + coefficient
+        low, high = np.where(value < 0, middle, low), np.where(value < 0, high, middle)
+    return Lanes((low + high) / 2)
