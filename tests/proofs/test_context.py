@@ -147,8 +147,8 @@ def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
             setattr(ctx, name, value)
             return rates(*arguments)
 
-        for module in ("closed_forms", "local_manifolds"):
-            monkeypatch.setattr(f"tippedisk_verify.certified.{module}.rates", spoilt)
+        for module in ("closed_forms", "search.local_manifolds"):
+            monkeypatch.setattr(f"tippedisk_verify.proofs.{module}.rates", spoilt)
 
     return change
 
