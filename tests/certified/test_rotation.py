@@ -16,7 +16,7 @@ from tippedisk_verify.certified.section import Status as FlightStatus
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import ROTATING
-from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
 
