@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, Literal, get_args
 
 import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.limit_of_cycles import limit_of_cycles
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, start_on_branch
+from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
@@ -57,9 +58,8 @@ class Heteroclinic(Printable):
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
-        start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
         times = numpy.linspace(0, 12, 6001)
-        state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
+        state = start_on_branch(saddle, Fraction(1, 10**6))
         request = Request(
             self.parameters, self.omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True
         )
@@ -102,7 +102,7 @@ def heteroclinic(
         zero = splitting_zero(parameters, near.value, engine, digits)
         omega_h, derivative, budget = zero.omega_h, zero.derivative, zero.budget
     elif method == "limit-cycles":
-        omega_h, _ = limit_of_cycles(parameters, engine, digits)
+        omega_h = limit_of_cycles(parameters, engine, digits)
     else:
         omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
     eigenvalues = _eigenvalues(parameters, omega_h, digits)

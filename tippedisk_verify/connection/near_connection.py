@@ -12,16 +12,16 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, log10, resolving
+from tippedisk_verify.connection.splitting import start_on_branch
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.period_continuation import predicted_state
+from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -77,15 +77,13 @@ def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
     """
     section, precision = return_map.section, return_map.precision
     saddle = Saddle(return_map.parameters, return_map.omega, precision.bits + 16, 7)
-    distance = saddle.context.ldexp(1, -(precision.bits // 6))
     # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
-    side = section.image
-    beta, gamma, v = (side * fraction(curve.at(distance)) for curve in saddle.unstable_curve)
+    state = start_on_branch(saddle, Fraction(1, 1 << (precision.bits // 6)), section.image)
     result = return_map.engine(
         Request(
             return_map.parameters,
             return_map.omega,
-            (beta, Exact(gamma, Fraction(-side)), v),
+            state,
             _LONGEST_FLIGHT,
             shifted=True,
             precision=precision,

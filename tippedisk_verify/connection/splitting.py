@@ -43,6 +43,7 @@ __all__ = [
     "SplittingZero",
     "splitting_zero",
     "splitting_zero_in_double",
+    "start_on_branch",
 ]
 
 #: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
@@ -54,6 +55,16 @@ _LONGEST = 30.0  # s
 _MOST_STEPS = 8  # of Newton's iteration in one arithmetic
 _BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itself, at most
 _KEPT = 256  # zeros; an atlas asks for some of them again
+
+
+def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[Exact]:
+    """(beta_bar, gamma_bar, v) so far along the power series of the unstable branch of the saddle at gamma_bar = -pi.
+
+    With ``side`` -1 that of its image under the point symmetry, the saddle at pi.
+    """
+    at = quotient(saddle.context, distance)
+    beta, gamma, v = (side * fraction(curve.at(at)) for curve in saddle.unstable_curve)
+    return [Exact(beta), Exact(gamma, Fraction(-side)), Exact(v)]
 
 
 @dataclass(frozen=True)
@@ -148,21 +159,17 @@ class SplittingFunction:
             return self._saddle
         return Saddle(self.parameters, omega, self.bits, self.order)
 
-    def start_of(self, saddle: Saddle) -> list[Fraction]:
-        """(beta_bar, gamma_bar, v) on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
-        ctx = saddle.context
-        beta, gamma, v = (curve.at(quotient(ctx, self.start)) for curve in saddle.unstable_curve)
-        return [fraction(beta), fraction(gamma - ctx.pi), fraction(v)]
+    def start_of(self, saddle: Saddle) -> list[Exact]:
+        """The state on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
+        return start_on_branch(saddle, self.start)
 
     def _flight_time(self, speed: Fraction, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
-        start = [float(curve.at(saddle.context.mpf(float(self.start)))) for curve in saddle.unstable_curve]
-        state = (start[0], Exact(fraction(start[1]), Fraction(-1)), start[2])
         times = numpy.arange(0, _LONGEST, 0.01)
         request = Request(
             self.parameters,
             speed,
-            state,
+            self.start_of(saddle),
             float(times[-1]),
             shifted=True,
             times=times,
