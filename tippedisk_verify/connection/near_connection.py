@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import start_on_branch
@@ -39,6 +40,7 @@ _NEAR = 1e-6  # relative; a step that no longer shrinks below it is rounding
 _WIDER = 24  # bits; that the wider run is more than half as wrong by chance has a probability of 2^-23
 _LONGEST_FLIGHT = 200.0  # s
 _MOVED = Fraction(1, 1000)  # of the distance from the nearer end of the branch
+_KEPT = 64  # cycles; each takes some seconds
 
 
 def cycle_near(
@@ -52,9 +54,17 @@ def cycle_near(
 ) -> C:
     """The cycle of the section's kind at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs digits.
 
-    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. Raises
-    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. The cycle is
+    kept once it is found. Raises NoSuchCycleError where there is none, Shortfall if the digits are not reached.
     """
+    cycle: C = _cycle_near(section, parameters, omega, omega_h, engine, digits)
+    return cycle
+
+
+@lru_cache(maxsize=_KEPT)
+def _cycle_near(
+    section: Section[Any], parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int
+) -> Any:
     distance = abs(omega - omega_h)
     precision = resolving(parameters, omega_h, distance, digits + 4)
     return_map = ReturnMap(section, parameters, omega, engine, precision)

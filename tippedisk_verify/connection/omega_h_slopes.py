@@ -10,13 +10,11 @@ from __future__ import annotations
 from fractions import Fraction
 
 from tippedisk_verify.connection.splitting import SplittingFunction
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status, Variation
+from tippedisk_verify.flow.contract import Engine, Variation
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
-from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["omega_h_slopes"]
 
@@ -43,25 +41,11 @@ def _by_field_constants(
 ) -> dict[str, Fraction]:
     """d(Omega_h) / d(constant) for the field's own constants."""
     splitting_at = SplittingFunction(parameters, omega_h.value, engine, QUADRUPLE, closer=closer)
-    start = splitting_at.start_of(Saddle(parameters, omega_h.value, splitting_at.bits, splitting_at.order))
-    result = engine(
-        Request(
-            parameters,
-            omega_h.value,
-            start,
-            splitting_at.duration,
-            shifted=True,
-            precision=QUADRUPLE,
-            variations=_VARIATIONS,
-            domain="none",
-        )
-    )
-    if result.status is not Status.REACHED:
-        raise Shortfall(f"the unstable branch: {result.status.value}")
-    saddle = Saddle(parameters, omega_h.value, splitting_at.bits, 3)
+    saddle = splitting_at.saddle_at(omega_h.value)
+    rows = splitting_at.flight(saddle, _VARIATIONS).derivatives
     along = [fraction(saddle.inverse_directions[0, row]) for row in range(3)]
     u: dict[str, Fraction] = {
-        name: sum((along[row] * fraction(result.derivatives[row][column]) for row in range(3)), Fraction(0))
+        name: sum((along[row] * fraction(rows[row][column]) for row in range(3)), Fraction(0))
         for column, name in enumerate(_VARIATIONS)
     }
     return {name: -u[name] / u["Omega"] for name in _VARIATIONS[1:]}

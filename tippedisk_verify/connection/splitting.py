@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status
+from tippedisk_verify.flow.contract import Engine, Request, Result, Status, Variation
 from tippedisk_verify.model.exact import Exact, fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -118,50 +118,46 @@ class SplittingFunction:
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
         self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
-        self.speed = speed  #: that was asked for last
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
         ctx = saddle.context
-        result = self.engine(
-            Request(
-                self.parameters,
-                omega,
-                self.start_of(saddle),
-                self.duration,
-                shifted=True,
-                precision=self.precision,
-                domain="none",
-            )
-        )
-        if result.status is not Status.REACHED:
-            raise Shortfall(f"the unstable branch: {result.status.value}")
-        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, result.state))
+        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, self.flight(saddle).state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
-        self.latest, self.speed = Splitting(u, s, t, abs(s) ** (-unstable / slow)), omega
+        self.latest = Splitting(u, s, t, abs(s) ** (-unstable / slow))
         return self.latest
+
+    def flight(self, saddle: Saddle, variations: tuple[Variation, ...] = ()) -> Result:
+        """Along the saddle's unstable branch, from the chosen distance on and for the chosen time."""
+        request = Request(
+            self.parameters,
+            saddle.omega,
+            start_on_branch(saddle, self.start),
+            self.duration,
+            shifted=True,
+            precision=self.precision,
+            variations=variations,
+            domain="none",
+        )
+        result = self.engine(request)
+        if result.status is not Status.REACHED:
+            raise Shortfall(f"the unstable branch: {result.status.value}")
+        return result
 
     @property
     def step(self) -> Fraction:
         """Of a central difference [rad/s]: between the resolution and where curvature shows, half of the digits."""
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
-    def slope(self) -> Fraction:
-        """d(u)/d(Omega), carried back to s = 1, at the speed asked for last [s/rad]."""
-        omega, value = self.speed, self.latest
-        change = self(omega + self.step).carried - self(omega - self.step).carried
-        self.latest, self.speed = value, omega
-        return change / (2 * self.step)
+    def slope(self, omega: Fraction) -> Fraction:
+        """d(u)/d(Omega), carried back to s = 1 [s/rad]."""
+        return (self(omega + self.step).carried - self(omega - self.step).carried) / (2 * self.step)
 
     def saddle_at(self, omega: Fraction) -> Saddle:
         if self._saddle.omega == omega:
             return self._saddle
         return Saddle(self.parameters, omega, self.bits, self.order)
-
-    def start_of(self, saddle: Saddle) -> list[Exact]:
-        """The state on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
-        return start_on_branch(saddle, self.start)
 
     def _flight_time(self, speed: Fraction, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
@@ -169,7 +165,7 @@ class SplittingFunction:
         request = Request(
             self.parameters,
             speed,
-            self.start_of(saddle),
+            start_on_branch(saddle, self.start),
             float(times[-1]),
             shifted=True,
             times=times,
@@ -201,7 +197,8 @@ class SplittingZero:
 
         With another step and at another distance from the saddles the slope is another one by as much as it is wrong.
         """
-        return Measured.compared(self.finer.slope(), self.splitting_at.slope(), self.splitting_at.precision.epsilon)
+        finer, slope = (splitting_at.slope(self.omega_h.value) for splitting_at in (self.finer, self.splitting_at))
+        return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
 
 @lru_cache(maxsize=_KEPT)
@@ -289,7 +286,7 @@ def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | No
     for _ in range(_MOST_STEPS):
         value = splitting_at(omega).carried
         if slope is None:
-            slope = _Slope(splitting_at.slope(), 1000 * splitting_at.step)
+            slope = _Slope(splitting_at.slope(omega), 1000 * splitting_at.step)
         elif previous is not None and previous[0] != omega:
             step = omega - previous[0]
             secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))
