@@ -64,10 +64,10 @@ def unstable_branch(
     matrix = linearization(parameters, omega, "noninverted")
     growth = equilibrium(parameters, omega, "noninverted", digits=20).eigenvalues[0].re.value
     direction = right_eigenvector(matrix, growth)
-    size = max(abs(part) for part in direction)
+    size = max(map(abs, direction))
     start = [
-        Exact(origin.rational + offset * part / size, origin.pi_multiple)
-        for origin, part in zip(location("noninverted"), direction, strict=True)
+        Exact(origin.rational + offset * component / size, origin.pi_multiple)
+        for origin, component in zip(location("noninverted"), direction, strict=True)
     ]
     return engine(
         Request(

@@ -52,8 +52,8 @@ class Heteroclinic(Printable):
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
 
-        From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
-        second. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
+        It runs from a distance of 1e-6 to the first saddle to where double leaves the connection, some 1e-4 before the
+        second one. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
         """
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
@@ -98,8 +98,8 @@ def heteroclinic(
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     derivative, budget = None, {}
     if method == "manifolds":
-        near = bisect_omega_h(parameters, engine, confirm=False).omega_h
-        zero = splitting_zero(parameters, near.value, engine, digits)
+        guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+        zero = splitting_zero(parameters, guess, engine, digits)
         omega_h, derivative, budget = zero.omega_h, zero.derivative, zero.budget
     elif method == "limit-cycles":
         omega_h = limit_of_cycles(parameters, engine, digits)

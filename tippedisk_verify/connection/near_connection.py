@@ -1,6 +1,6 @@
 """Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to 1e-800 rad/s.
 
-Omega_h itself must be known to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
+Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
 saddles so closely that it leaves them along the unstable branch. Where the saddle value is negative the return map
 contracts like D^(-lambda_s / lambda_u - 1), so that the branch itself arrives next to the fixed point, and Broyden's
 iteration needs no derivative to begin with. Else the family followed in its period predicts the cycle.
@@ -108,7 +108,7 @@ def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """(gamma_bar_0, v_0) near the cycle, by the family followed in its period to about the square root of ``above``."""
+    """(gamma_bar_0, v_0) next to the cycle, by the family followed in its period to about the root of ``above``."""
     family = PeriodContinuation(return_map.parameters, return_map.engine)
     while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
         family.further(4 * abs(above))
@@ -144,7 +144,7 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
         scales = (pi - point[0], -point[1]) if section is LIBRATING else (precision.number(distance),) * 2
         if not all(float(scale) > 0 for scale in scales):
             raise lost
-        size = max(abs(part / scale) for part, scale in zip(step, scales, strict=True))
+        size = max(abs(change / scale) for change, scale in zip(step, scales, strict=True))
         before = iteration.sizes[-1] if iteration.sizes else size
         if iteration.converged(size) or size * size / before < resolved:
             return FixedPoint(return_map, point, return_map(point), tuple(map(float, iteration.sizes)))

@@ -26,7 +26,7 @@ _CLOSER = 1 / 32  # of that, for the second run, which shows the first one's err
 def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) -> dict[str, Measured]:
     """d(Omega_h) / d(parameter) for r, e, m, A, B, g, mu and epsilon [rad/s per SI unit of each].
 
-    ``omega_h`` must be known to some twenty digits. Raises Shortfall if the branch cannot be followed.
+    ``omega_h`` must have some twenty digits. Raises Shortfall if the branch cannot be followed.
     """
     parameters.refuse_smooth("slopes by the field's constants are")
     rough, sharp = (
@@ -52,7 +52,7 @@ def _by_field_constants(
 
 
 def _by_constants_given(parameters: Parameters, by: dict[str, Fraction]) -> dict[str, Fraction]:
-    """The same for the given parameters, by the chain rule."""
+    """The same for the disk's parameters, by the chain rule."""
     p = parameters
     # The field's own a = A / m, b = B / m - e^2 and k = mu g / epsilon.
     k = p.mu * p.g / p.epsilon

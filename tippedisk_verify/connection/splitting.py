@@ -1,7 +1,7 @@
 """Omega_h to any number of digits: where the saddles' manifolds meet.
 
 The unstable branch of (pi/2, -pi/2, 0) starts on its power series, a fixed distance out, flows for a fixed time, and
-ends near (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
+ends next to (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
 splitting u(Omega), is an analytic function with a simple zero at Omega_h. Along the flow u grows like exp(lambda_u t)
 and the coordinate s on the stable curve falls like exp(lambda_s t), so u |s|^(-lambda_u / lambda_s), the splitting
 carried back to s = 1, depends neither on the flight time nor on the starts. Its zero is found by Newton's iteration in

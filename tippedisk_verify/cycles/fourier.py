@@ -8,9 +8,9 @@ gamma' = Omega sin(beta_bar) by spectral integration, v by differentiation. The 
 samples and one that closes the system, Omega w sin(beta_bar) = turns * frequency with the weights w of a mean: a
 rotating cycle's gamma grows by 2 pi a period; that of a librating one does not turn, and it is beta_bar = 0 at the
 first sample that closes its system. Harmonic balance has the same solutions, for these samples determine the
-harmonics; collocation is kept since its derivative is known in closed form at any kind of cycle.
+harmonics; collocation is kept since its derivative has a closed form at any kind of cycle.
 
-Nothing here integrates: that shooting agrees is evidence.
+No integrator is used: that shooting agrees is evidence.
 """
 
 from __future__ import annotations

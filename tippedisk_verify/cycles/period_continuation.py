@@ -46,7 +46,7 @@ __all__ = [
 
 _MOST_STEPS = 15
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 5e-4  # s
-_FOLLOWED = 1e-3  # rad/s; as near Omega_h as folds are looked for
+_FOLLOWED = 1e-3  # rad/s; as close to Omega_h as folds are looked for
 _LEAST_IN_DOUBLE = 1e-8  # rad/s; closer to Omega_h double has few digits of the slopes
 _LONGEST = 30.0  # s
 _MOST_CYCLES = 60
@@ -54,7 +54,7 @@ _MOST_CYCLES = 60
 
 @dataclass(frozen=True)
 class PeriodPoint:
-    """A limit cycle of given period, in the arithmetic it was solved in."""
+    """A limit cycle of a fixed period, in the arithmetic it was solved in."""
 
     half_period: Any  #: T / 2 [s]
     gamma_bar_0: Any  #: [rad]
@@ -209,7 +209,7 @@ class PeriodContinuation:
                 break
         self.latest, self.solved = points[-1], len(points)
         before, self.asymptotics = (PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:]))
-        #: The last change of the limit [rad/s], or double's rounding; the error of the present one is a part of it.
+        #: The last change of the limit [rad/s], or double's rounding; that of the present one is smaller.
         self.change = max(abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50)
 
     @property

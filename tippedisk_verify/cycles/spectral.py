@@ -278,7 +278,7 @@ def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], An
     smallest = math.inf
     for _ in range(_MOST_PASSES):
         right = residual(unknowns)
-        scale = max(abs(part) for part in right)
+        scale = max(abs(right))
         if not scale:
             return unknowns
         # A residual of any size is scaled to one, solved for in double, and scaled back.

@@ -41,9 +41,9 @@ _DIFFERENCE = 1e-6  # of a number of order one: a derivative by differences in d
 _MOST_STEPS = 120
 _SMALL = 1e-6  # of the first harmonic; the last ones are smaller, which moves the speed by 1e-9 of itself at most
 _FLAT = 1.5  # rad; the disk lies flat at pi/2
-# Once periods are _LONG times the shortest a step brings the speed ten times as close to Omega_h as it was. What lies
-# _FAR times the step ahead is beyond the end; where periods are _LONGEST times the shortest, so small a step is less
-# than what the last harmonics do.
+# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close to Omega_h as it
+# was: what lies _FAR steps ahead is beyond the end. From _LONGEST times the shortest on, the speed changes by no more
+# than what the last harmonics do, and would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
 _REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent are one off
@@ -58,7 +58,7 @@ def unconverged(samples: int) -> NoSuchCycleError:
 
 
 def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
-    """The cycle in the plane through ``start`` with the given normal, by default that of its speed.
+    """The cycle in the plane through ``start`` with that normal, by default that of its speed.
 
     None if the iteration does not converge, or loses what makes a cycle of this kind.
     """
@@ -219,7 +219,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
 
 
 def branch_to(parameters: Parameters, target: Fraction, crossing: int = 1) -> Any:
-    """The librating cycle where the branch from the Hopf point crosses the speed, for the given time.
+    """The librating cycle where the branch from the Hopf point crosses the speed, at that crossing.
 
     Raises NoSuchCycleError if it does not.
     """
