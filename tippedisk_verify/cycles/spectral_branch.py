@@ -178,15 +178,15 @@ def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: f
                 raise unconverged(n)
             point = _grown(kind, point, 0.0)
             continue
-        fold = None
+        passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
-            fold = next((fold for start in (point, before) if (fold := fold_near(a, start)) is not None), None)
-        behind = fold is not None and (fold[: n + 2] - point) @ (ahead - before) < 0
-        if fold is not None and behind:
-            yield fold[: n + 2], True
-        yield point, False
-        if fold is not None and not behind:
-            yield fold[: n + 2], True
+            for start in (point, before):
+                fold = fold_near(a, start)
+                if fold is not None:
+                    behind = (fold[: n + 2] - point) @ (ahead - before) < 0
+                    passed.insert(0 if behind else 1, (fold[: n + 2], True))
+                    break
+        yield from passed
         fastest = max(fastest, point[-2])
         rests = point[-2] < fastest / _LONG and _FAR * abs(along[-1]) < abs(target - point[-1])
         if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT:
