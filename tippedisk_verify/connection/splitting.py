@@ -71,6 +71,7 @@ def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[E
 class Splitting:
     """The splitting at one speed: coordinates of the end of the branch at the second saddle."""
 
+    omega: Fraction  #: [rad/s]
     u: Any  #: along the unstable eigenvector; 0 on the stable manifold
     s: Any  #: along the slow stable curve
     t: Any  #: along the fast direction
@@ -117,7 +118,7 @@ class SplittingFunction:
             self.duration = max(self.duration, coarser.duration + longer)
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
-        self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
+        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
@@ -125,7 +126,7 @@ class SplittingFunction:
         beta, gamma, v = (quotient(ctx, value) for value in map(fraction, self.flight(saddle).state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
-        self.latest = Splitting(u, s, t, abs(s) ** (-unstable / slow))
+        self.latest = Splitting(omega, u, s, t, abs(s) ** (-unstable / slow))
         return self.latest
 
     def flight(self, saddle: Saddle, variations: tuple[Variation, ...] = ()) -> Result:
@@ -197,7 +198,7 @@ class SplittingZero:
 
         With another step and at another distance from the saddles the slope is another one by as much as it is wrong.
         """
-        finer, slope = (splitting_at.slope(self.omega_h.value) for splitting_at in (self.finer, self.splitting_at))
+        finer, slope = (one.slope(one.latest.omega) for one in (self.finer, self.splitting_at))
         return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
 
