@@ -22,7 +22,7 @@ import numpy
 
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status, Variation
-from tippedisk_verify.model.exact import Exact, fraction, quotient
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -57,14 +57,14 @@ _BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itse
 _KEPT = 256  # zeros; an atlas asks for some of them again
 
 
-def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[Exact]:
+def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[Fraction]:
     """(beta_bar, gamma_bar, v) so far along the power series of the unstable branch of the saddle at gamma_bar = -pi.
 
     With ``side`` -1 that of its image under the point symmetry, the saddle at pi.
     """
-    at = quotient(saddle.context, distance)
-    beta, gamma, v = (side * fraction(curve.at(at)) for curve in saddle.unstable_curve)
-    return [Exact(beta), Exact(gamma, Fraction(-side)), Exact(v)]
+    ctx = saddle.context
+    beta, gamma, v = (curve.at(quotient(ctx, distance)) for curve in saddle.unstable_curve)
+    return [side * fraction(component) for component in (beta, gamma - ctx.pi, v)]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class SplittingFunction:
             self.duration = max(self.duration, coarser.duration + longer)
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
-        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last
+        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last, but for slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
@@ -153,7 +153,10 @@ class SplittingFunction:
 
     def slope(self, omega: Fraction) -> Fraction:
         """d(u)/d(Omega), carried back to s = 1 [s/rad]."""
-        return (self(omega + self.step).carried - self(omega - self.step).carried) / (2 * self.step)
+        latest = self.latest
+        change = self(omega + self.step).carried - self(omega - self.step).carried
+        self.latest = latest
+        return change / (2 * self.step)
 
     def saddle_at(self, omega: Fraction) -> Saddle:
         if self._saddle.omega == omega:
