@@ -15,8 +15,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_below, rotating_cycl
 from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.folds import rotation_fold
-from tippedisk_verify.cycles.spectral import spectral_fold
-from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED

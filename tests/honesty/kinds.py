@@ -17,8 +17,7 @@ from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING, RETURNS, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
-from tippedisk_verify.cycles.spectral import balanced_cycle
-from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine, default_lanes

@@ -28,7 +28,7 @@ PLANTS = {
     "cycles.interpolant_budget:BranchBudget.half_widths": "branch",
     "connection.near_connection:with_speed": "next to Omega_h",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
-    "connection.limit_of_cycles:limit_of_cycles": "Omega_h by limit cycles",
+    "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",
     "cycles.folds:fold_in": "fold of rotating cycles",
     "motion.basin_boundary:BasinBoundary._upper": "basin boundary",

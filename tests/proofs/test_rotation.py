@@ -11,7 +11,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import ROTATING
-from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision

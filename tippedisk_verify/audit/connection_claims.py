@@ -8,7 +8,7 @@ from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, ProofOffer, number, per_set
 from tippedisk_verify.connection.bisection import unstable_branch
 from tippedisk_verify.connection.heteroclinic import heteroclinic
-from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation
+from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request

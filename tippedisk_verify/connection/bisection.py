@@ -6,10 +6,10 @@ on from well to well; above it the branch turns back before. By the point symmet
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
-from typing import Literal
+from functools import lru_cache, partial
 
 from tippedisk_verify.errors import NoConnectionError, Shortfall
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
@@ -23,8 +23,6 @@ from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
 __all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
-
-Side = Literal["passes", "turns back"]
 
 #: The branch crosses the section again before it has reached the next saddle: it turns back.
 _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
@@ -47,7 +45,6 @@ class Connection(Printable):
 
     omega_h: Measured  #: [rad/s]
     method: str
-    runs: int  #: integrations that it took
 
 
 def unstable_branch(
@@ -67,10 +64,10 @@ def unstable_branch(
     matrix = linearization(parameters, omega, "noninverted")
     growth = equilibrium(parameters, omega, "noninverted", digits=20).eigenvalues[0].re.value
     direction = right_eigenvector(matrix, growth)
-    size = max(abs(part) for part in direction)
+    size = max(map(abs, direction))
     start = [
-        Exact(origin.rational + offset * part / size, origin.pi_multiple)
-        for origin, part in zip(location("noninverted"), direction, strict=True)
+        Exact(origin.rational + offset * component / size, origin.pi_multiple)
+        for origin, component in zip(location("noninverted"), direction, strict=True)
     ]
     return engine(
         Request(
@@ -96,31 +93,40 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     Raises NoConnectionError if the branch does not change sides between Omega_crit / 2 and 3/2 Omega_crit, or where it
     does the saddle is a saddle-focus.
     """
-    follow = _Follower(parameters, engine)
-    lower, upper = _bisected(follow)
+    passes = partial(_passes, parameters, engine)
+    lower, upper = _bracket(passes, Fraction(float(omega_crit(parameters))))
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     refuse_focus(parameters, centre)  # about which the branch winds: it passes without being connected
     if not confirm:
-        return Connection(Measured(centre, half_width), "bisection in double", follow.runs)
+        return Connection(Measured(centre, half_width), "bisection in double")
     if not engine.measures_error:
-        return Connection(
-            Measured(centre, half_width + _spread_of_tolerances(follow, centre)), "bisection, tolerances", follow.runs
-        )
+        return Connection(Measured(centre, half_width + _spread_of_tolerances(passes, centre)), "bisection, tolerances")
     wider = companion(DOUBLE)
-    while (
-        follow(centre - half_width, wider, _OFFSET / 8) != "passes"
-        or follow(centre + half_width, wider, _OFFSET / 8) != "turns back"
-    ):
+    confirmed = partial(passes, precision=wider, offset=_OFFSET / 8)
+    while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2
         if half_width > centre / 1000:
             raise Shortfall("the bisection's bracket could not be confirmed in a wider arithmetic")
     # Twice as wide: close to its ends another processor's wider run may see the other side.
-    return Connection(
-        Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision", follow.runs
-    )
+    return Connection(Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision")
 
 
-def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
+def _passes(
+    parameters: Parameters,
+    engine: Engine,
+    omega: Fraction,
+    precision: Precision = DOUBLE,
+    offset: Fraction = _OFFSET,
+    tolerance: float | None = None,
+) -> bool:
+    """Whether the unstable branch passes the next saddle at a speed, or turns back."""
+    result = unstable_branch(parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance)
+    if result.status not in (Status.EVENT, Status.FLAT):
+        raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
+    return result.status is Status.FLAT or result.events[-1].name == _PASSES.name
+
+
+def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Fraction:
     """What the baseline's truncation may move Omega_h by.
 
     At its tightest tolerance it is near round-off, and where the smooth law's field has its kinks the error no longer
@@ -130,69 +136,40 @@ def _spread_of_tolerances(follow: _Follower, centre: Fraction) -> Fraction:
     """
     values = [centre]
     for tolerance in _TOLERANCES:
+        loosely = partial(passes, tolerance=tolerance)
         bracket = centre * Fraction(1, 10**9)
         lower, upper = centre - bracket, centre + bracket
-        while follow(lower, DOUBLE, tolerance=tolerance) != "passes":
+        while not loosely(lower):
             upper, lower = lower, lower - 8 * (upper - lower)
-        while follow(upper, DOUBLE, tolerance=tolerance) == "passes":
+        while loosely(upper):
             lower, upper = upper, upper + 8 * (upper - lower)
-        values.append(_narrowed(follow, lower, upper, tolerance)[0])
+        values.append(_narrowed(loosely, lower, upper)[0])
     return _SPREADS * (max(values) - min(values)) + centre / 2**48
 
 
-class _Follower:
-    """Which side the unstable branch takes at a speed; counts its integrations."""
-
-    def __init__(self, parameters: Parameters, engine: Engine) -> None:
-        self.parameters, self._engine = parameters, engine
-        self.runs = 0
-
-    def __call__(
-        self, omega: Fraction, precision: Precision, offset: Fraction = _OFFSET, tolerance: float | None = None
-    ) -> Side:
-        self.runs += 1
-        result = unstable_branch(
-            self.parameters,
-            omega,
-            self._engine,
-            precision=precision,
-            offset=offset,
-            tolerance=tolerance,
-        )
-        if result.status is Status.EVENT and result.events[-1].name == _TURNS_BACK.name:
-            return "turns back"
-        if result.status in (Status.EVENT, Status.FLAT):
-            return "passes"
-        raise Shortfall(f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}")
-
-
-def _bisected(follow: _Follower) -> tuple[Fraction, Fraction]:
+def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:
     """Two neighbouring doubles between which the branch changes sides.
 
-    Raises NoConnectionError where it does not between Omega_crit / 2 and 3/2 Omega_crit.
+    Raises NoConnectionError where it does not between Omega_crit / 2 and 3/2 Omega_crit; ``top`` is Omega_crit.
     """
-    top = Fraction(float(omega_crit(follow.parameters)))
     upper, lower = top, top * Fraction(63, 64)
-    while follow(upper, DOUBLE) == "passes":
+    while passes(upper):
         upper, lower = upper + top / 64, upper
         if upper > top * 3 / 2:
             raise NoConnectionError(
                 "the saddle's unstable branch passes at every speed up to 3/2 Omega_crit: no connection"
             )
-    while follow(lower, DOUBLE) != "passes":
+    while not passes(lower):
         upper, lower = lower, lower - top / 64
         if lower < top / 2:
             raise NoConnectionError(
                 "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no connection"
             )
-    return _narrowed(follow, lower, upper, None)
+    return _narrowed(passes, lower, upper)
 
 
-def _narrowed(
-    follow: _Follower, lower: Fraction, upper: Fraction, tolerance: float | None
-) -> tuple[Fraction, Fraction]:
-    """Two neighbouring doubles, in double, between which the branch changes sides."""
+def _narrowed(passes: Callable[..., bool], lower: Fraction, upper: Fraction) -> tuple[Fraction, Fraction]:
+    """Two neighbouring doubles between which the branch changes sides."""
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
-        passes = follow(middle, DOUBLE, tolerance=tolerance) == "passes"
-        lower, upper = (middle, upper) if passes else (lower, middle)
+        lower, upper = (middle, upper) if passes(middle) else (lower, middle)
     return lower, upper

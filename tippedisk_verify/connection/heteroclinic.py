@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, Literal, get_args
 
 import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.limit_of_cycles import limit_of_cycles
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, start_on_branch
+from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
@@ -51,15 +52,14 @@ class Heteroclinic(Printable):
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
         """Times (count,) [s], zero where gamma = pi/2, and the states (3, count) along the connection, in double.
 
-        From 1e-6 away from the first saddle to where double leaves the connection, a distance of some 1e-4 before the
-        second. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
+        It runs from a distance of 1e-6 to the first saddle to where double leaves the connection, some 1e-4 before the
+        second one. Raises InputError for a count below 2, Shortfall if the branch cannot be followed.
         """
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         saddle = Saddle(self.parameters, self.omega_h.value, 80, 5)
-        start = [float(curve.at(saddle.context.mpf("1e-6"))) for curve in saddle.unstable_curve]
         times = numpy.linspace(0, 12, 6001)
-        state = (start[0], Exact(fraction(start[1]), fraction(-1)), start[2])
+        state = start_on_branch(saddle, Fraction(1, 10**6))
         request = Request(
             self.parameters, self.omega_h.value, state, 12.0, shifted=True, times=times, domain="none", dense=True
         )
@@ -98,11 +98,11 @@ def heteroclinic(
         raise InputError(f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days")
     derivative, budget = None, {}
     if method == "manifolds":
-        near = bisect_omega_h(parameters, engine, confirm=False).omega_h
-        zero = splitting_zero(parameters, near.value, engine, digits)
+        guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
+        zero = splitting_zero(parameters, guess, engine, digits)
         omega_h, derivative, budget = zero.omega_h, zero.derivative, zero.budget
     elif method == "limit-cycles":
-        omega_h, _ = limit_of_cycles(parameters, engine, digits)
+        omega_h = limit_of_cycles(parameters, engine, digits)
     else:
         omega_h = bisect_omega_h(parameters, Baseline("DOP853") if method == "scipy" else engine).omega_h
     eigenvalues = _eigenvalues(parameters, omega_h, digits)

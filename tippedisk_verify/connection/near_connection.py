@@ -1,6 +1,6 @@
 """Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to 1e-800 rad/s.
 
-Omega_h itself must be known to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
+Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A cycle passes the
 saddles so closely that it leaves them along the unstable branch. Where the saddle value is negative the return map
 contracts like D^(-lambda_s / lambda_u - 1), so that the branch itself arrives next to the fixed point, and Broyden's
 iteration needs no derivative to begin with. Else the family followed in its period predicts the cycle.
@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, TypeVar
 
-from tippedisk_verify.connection.limit_of_cycles import PeriodContinuation, log10, resolving
+from tippedisk_verify.connection.splitting import start_on_branch
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.period_continuation import predicted_state
+from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction
+from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -39,6 +40,7 @@ _NEAR = 1e-6  # relative; a step that no longer shrinks below it is rounding
 _WIDER = 24  # bits; that the wider run is more than half as wrong by chance has a probability of 2^-23
 _LONGEST_FLIGHT = 200.0  # s
 _MOVED = Fraction(1, 1000)  # of the distance from the nearer end of the branch
+_KEPT = 64  # cycles; each takes some seconds
 
 
 def cycle_near(
@@ -52,9 +54,17 @@ def cycle_near(
 ) -> C:
     """The cycle of the section's kind at exactly ``omega`` [rad/s], next to ``omega_h``: their distance needs digits.
 
-    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. Raises
-    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    Librating cycles lie above, or below where the saddle value is positive, stable rotating ones below. The cycle is
+    kept once it is found. Raises NoSuchCycleError where there is none, Shortfall if the digits are not reached.
     """
+    cycle: C = _cycle_near(section, parameters, omega, omega_h, engine, digits)
+    return cycle
+
+
+@lru_cache(maxsize=_KEPT)
+def _cycle_near(
+    section: Section[Any], parameters: Parameters, omega: Fraction, omega_h: Fraction, engine: Engine, digits: int
+) -> Any:
     distance = abs(omega - omega_h)
     precision = resolving(parameters, omega_h, distance, digits + 4)
     return_map = ReturnMap(section, parameters, omega, engine, precision)
@@ -77,15 +87,13 @@ def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
     """
     section, precision = return_map.section, return_map.precision
     saddle = Saddle(return_map.parameters, return_map.omega, precision.bits + 16, 7)
-    distance = saddle.context.ldexp(1, -(precision.bits // 6))
     # A flight from the librating section starts next to the saddle at gamma_bar = pi: the other's image.
-    side = section.image
-    beta, gamma, v = (side * fraction(curve.at(distance)) for curve in saddle.unstable_curve)
+    state = start_on_branch(saddle, Fraction(1, 1 << (precision.bits // 6)), section.image)
     result = return_map.engine(
         Request(
             return_map.parameters,
             return_map.omega,
-            (beta, Exact(gamma, Fraction(-side)), v),
+            state,
             _LONGEST_FLIGHT,
             shifted=True,
             precision=precision,
@@ -100,7 +108,7 @@ def _end_of_branch(return_map: ReturnMap[C]) -> tuple[Any, Any]:
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """(gamma_bar_0, v_0) near the cycle, by the family followed in its period to about the square root of ``above``."""
+    """(gamma_bar_0, v_0) next to the cycle, by the family followed in its period to about the root of ``above``."""
     family = PeriodContinuation(return_map.parameters, return_map.engine)
     while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
         family.further(4 * abs(above))
@@ -136,7 +144,7 @@ def _fixed_point(return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, 
         scales = (pi - point[0], -point[1]) if section is LIBRATING else (precision.number(distance),) * 2
         if not all(float(scale) > 0 for scale in scales):
             raise lost
-        size = max(abs(part / scale) for part, scale in zip(step, scales, strict=True))
+        size = max(abs(change / scale) for change, scale in zip(step, scales, strict=True))
         before = iteration.sizes[-1] if iteration.sizes else size
         if iteration.converged(size) or size * size / before < resolved:
             return FixedPoint(return_map, point, return_map(point), tuple(map(float, iteration.sizes)))

@@ -10,13 +10,11 @@ from __future__ import annotations
 from fractions import Fraction
 
 from tippedisk_verify.connection.splitting import SplittingFunction
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status, Variation
+from tippedisk_verify.flow.contract import Engine, Variation
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import QUADRUPLE
-from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["omega_h_slopes"]
 
@@ -28,7 +26,7 @@ _CLOSER = 1 / 32  # of that, for the second run, which shows the first one's err
 def omega_h_slopes(parameters: Parameters, omega_h: Measured, engine: Engine) -> dict[str, Measured]:
     """d(Omega_h) / d(parameter) for r, e, m, A, B, g, mu and epsilon [rad/s per SI unit of each].
 
-    ``omega_h`` must be known to some twenty digits. Raises Shortfall if the branch cannot be followed.
+    ``omega_h`` must have some twenty digits. Raises Shortfall if the branch cannot be followed.
     """
     parameters.refuse_smooth("slopes by the field's constants are")
     rough, sharp = (
@@ -43,32 +41,18 @@ def _by_field_constants(
 ) -> dict[str, Fraction]:
     """d(Omega_h) / d(constant) for the field's own constants."""
     splitting_at = SplittingFunction(parameters, omega_h.value, engine, QUADRUPLE, closer=closer)
-    start = splitting_at.start_of(Saddle(parameters, omega_h.value, splitting_at.bits, splitting_at.order))
-    result = engine(
-        Request(
-            parameters,
-            omega_h.value,
-            start,
-            splitting_at.duration,
-            shifted=True,
-            precision=QUADRUPLE,
-            variations=_VARIATIONS,
-            domain="none",
-        )
-    )
-    if result.status is not Status.REACHED:
-        raise Shortfall(f"the unstable branch: {result.status.value}")
-    saddle = Saddle(parameters, omega_h.value, splitting_at.bits, 3)
+    saddle = splitting_at.saddle_at(omega_h.value)
+    rows = splitting_at.flight(saddle, _VARIATIONS).derivatives
     along = [fraction(saddle.inverse_directions[0, row]) for row in range(3)]
     u: dict[str, Fraction] = {
-        name: sum((along[row] * fraction(result.derivatives[row][column]) for row in range(3)), Fraction(0))
+        name: sum((along[row] * fraction(rows[row][column]) for row in range(3)), Fraction(0))
         for column, name in enumerate(_VARIATIONS)
     }
     return {name: -u[name] / u["Omega"] for name in _VARIATIONS[1:]}
 
 
 def _by_constants_given(parameters: Parameters, by: dict[str, Fraction]) -> dict[str, Fraction]:
-    """The same for the given parameters, by the chain rule."""
+    """The same for the disk's parameters, by the chain rule."""
     p = parameters
     # The field's own a = A / m, b = B / m - e^2 and k = mu g / epsilon.
     k = p.mu * p.g / p.epsilon

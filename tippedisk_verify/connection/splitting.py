@@ -1,7 +1,7 @@
 """Omega_h to any number of digits: where the saddles' manifolds meet.
 
 The unstable branch of (pi/2, -pi/2, 0) starts on its power series, a fixed distance out, flows for a fixed time, and
-ends near (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
+ends next to (pi/2, 3 pi/2, 0), where the power series of the stable manifold says how far off it is. That distance, the
 splitting u(Omega), is an analytic function with a simple zero at Omega_h. Along the flow u grows like exp(lambda_u t)
 and the coordinate s on the stable curve falls like exp(lambda_s t), so u |s|^(-lambda_u / lambda_s), the splitting
 carried back to s = 1, depends neither on the flight time nor on the starts. Its zero is found by Newton's iteration in
@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.exact import Exact, fraction, quotient
+from tippedisk_verify.flow.contract import Engine, Request, Result, Status, Variation
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -43,6 +43,7 @@ __all__ = [
     "SplittingZero",
     "splitting_zero",
     "splitting_zero_in_double",
+    "start_on_branch",
 ]
 
 #: Digits of Omega_h that are offered; these take some hours, and the time grows like the power 2.5 of the digits.
@@ -56,10 +57,21 @@ _BENDS = 10**8  # s/rad; how fast the slope changes with Omega, in units of itse
 _KEPT = 256  # zeros; an atlas asks for some of them again
 
 
+def start_on_branch(saddle: Saddle, distance: Fraction, side: int = 1) -> list[Fraction]:
+    """(beta_bar, gamma_bar, v) so far along the power series of the unstable branch of the saddle at gamma_bar = -pi.
+
+    With ``side`` -1 that of its image under the point symmetry, the saddle at pi.
+    """
+    ctx = saddle.context
+    beta, gamma, v = (curve.at(quotient(ctx, distance)) for curve in saddle.unstable_curve)
+    return [side * fraction(component) for component in (beta, gamma - ctx.pi, v)]
+
+
 @dataclass(frozen=True)
 class Splitting:
     """The splitting at one speed: coordinates of the end of the branch at the second saddle."""
 
+    omega: Fraction  #: [rad/s]
     u: Any  #: along the unstable eigenvector; 0 on the stable manifold
     s: Any  #: along the slow stable curve
     t: Any  #: along the fast direction
@@ -106,41 +118,44 @@ class SplittingFunction:
             self.duration = max(self.duration, coarser.duration + longer)
         #: What the neglected terms are, relative to the reach: one power beyond the last, and the next few.
         self.truncation = 2 * share ** (self.order + 1 + (parameters.friction == "linear"))
-        self.latest: Splitting = Splitting(0, 0, 0, 0)  #: at the speed asked for last
-        self.speed = speed  #: that was asked for last
+        self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: at the speed asked for last, but for slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
         saddle = self.saddle_at(omega)
         ctx = saddle.context
-        result = self.engine(
-            Request(
-                self.parameters,
-                omega,
-                self.start_of(saddle),
-                self.duration,
-                shifted=True,
-                precision=self.precision,
-                domain="none",
-            )
-        )
-        if result.status is not Status.REACHED:
-            raise Shortfall(f"the unstable branch: {result.status.value}")
-        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, result.state))
+        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, self.flight(saddle).state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
-        self.latest, self.speed = Splitting(u, s, t, abs(s) ** (-unstable / slow)), omega
+        self.latest = Splitting(omega, u, s, t, abs(s) ** (-unstable / slow))
         return self.latest
+
+    def flight(self, saddle: Saddle, variations: tuple[Variation, ...] = ()) -> Result:
+        """Along the saddle's unstable branch, from the chosen distance on and for the chosen time."""
+        request = Request(
+            self.parameters,
+            saddle.omega,
+            start_on_branch(saddle, self.start),
+            self.duration,
+            shifted=True,
+            precision=self.precision,
+            variations=variations,
+            domain="none",
+        )
+        result = self.engine(request)
+        if result.status is not Status.REACHED:
+            raise Shortfall(f"the unstable branch: {result.status.value}")
+        return result
 
     @property
     def step(self) -> Fraction:
         """Of a central difference [rad/s]: between the resolution and where curvature shows, half of the digits."""
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
-    def slope(self) -> Fraction:
-        """d(u)/d(Omega), carried back to s = 1, at the speed asked for last [s/rad]."""
-        omega, value = self.speed, self.latest
+    def slope(self, omega: Fraction) -> Fraction:
+        """d(u)/d(Omega), carried back to s = 1 [s/rad]."""
+        latest = self.latest
         change = self(omega + self.step).carried - self(omega - self.step).carried
-        self.latest, self.speed = value, omega
+        self.latest = latest
         return change / (2 * self.step)
 
     def saddle_at(self, omega: Fraction) -> Saddle:
@@ -148,21 +163,13 @@ class SplittingFunction:
             return self._saddle
         return Saddle(self.parameters, omega, self.bits, self.order)
 
-    def start_of(self, saddle: Saddle) -> list[Fraction]:
-        """(beta_bar, gamma_bar, v) on the unstable branch of the saddle at gamma_bar = -pi, at the chosen distance."""
-        ctx = saddle.context
-        beta, gamma, v = (curve.at(quotient(ctx, self.start)) for curve in saddle.unstable_curve)
-        return [fraction(beta), fraction(gamma - ctx.pi), fraction(v)]
-
     def _flight_time(self, speed: Fraction, saddle: Saddle) -> Fraction:
         """From the start until the slow stable coordinate is the end's, to a hundredth of a second."""
-        start = [float(curve.at(saddle.context.mpf(float(self.start)))) for curve in saddle.unstable_curve]
-        state = (start[0], Exact(fraction(start[1]), Fraction(-1)), start[2])
         times = numpy.arange(0, _LONGEST, 0.01)
         request = Request(
             self.parameters,
             speed,
-            state,
+            start_on_branch(saddle, self.start),
             float(times[-1]),
             shifted=True,
             times=times,
@@ -194,7 +201,8 @@ class SplittingZero:
 
         With another step and at another distance from the saddles the slope is another one by as much as it is wrong.
         """
-        return Measured.compared(self.finer.slope(), self.splitting_at.slope(), self.splitting_at.precision.epsilon)
+        finer, slope = (one.slope(one.latest.omega) for one in (self.finer, self.splitting_at))
+        return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
 
 @lru_cache(maxsize=_KEPT)
@@ -282,7 +290,7 @@ def _newton(splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | No
     for _ in range(_MOST_STEPS):
         value = splitting_at(omega).carried
         if slope is None:
-            slope = _Slope(splitting_at.slope(), 1000 * splitting_at.step)
+            slope = _Slope(splitting_at.slope(omega), 1000 * splitting_at.step)
         elif previous is not None and previous[0] != omega:
             step = omega - previous[0]
             secant = _Slope((value - previous[1]) / step, _BENDS * abs(step) + 1000 * resolution / abs(step))

@@ -1,8 +1,8 @@
 """Folds of limit cycles: where two cycles of a family, rotating or librating, meet and end.
 
 Of the two coordinates on the section, Omega and a parameter of the disk three are unknown: a fixed point of the
-section's map P is wanted at which det(1 - P') = 0. With the parameter given that is a fold of one family, with the
-first coordinate given a point on a curve of folds (`atlas.fold_curves`). The determinant's gradient is taken by
+section's map P is wanted at which det(1 - P') = 0. With a fixed parameter that is a fold of one family, with a
+fixed first coordinate a point on a curve of folds (`atlas.fold_curves`). The determinant's gradient is taken by
 differences, in double mostly. It serves in chord steps of any precision, each of which gains some seven digits, so that
 second derivatives of the flow are never needed to more digits than doubles give.
 """
@@ -98,9 +98,9 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
     Raises NoSuchCycleError where the family has none, Shortfall if the digits are not reached.
     """
     checked_digits(digits)
-    near = family.near_fold()
+    place = family.near_fold()
     fold: RotationFold = fold_to_digits(
-        RotationFold, family.parameters, (*near.start, near.omega), family.engine, digits
+        RotationFold, family.parameters, (*place.start, place.omega), family.engine, digits
     )
     return fold
 
@@ -110,7 +110,7 @@ def libration_folds(
 ) -> tuple[LibrationFold, ...]:
     """The folds of the librating limit cycles from the Hopf point on, to ``digits`` significant digits; often none.
 
-    They are those of the part of the family that `LibratingFamily` follows. Raises Shortfall where it cannot be
+    They are those that `LibratingFamily` passes. Raises Shortfall where it cannot be
     followed, the digits are not reached, or doubles do not see a fold that the exact signs at the ends ask for.
     """
     checked_digits(digits)
@@ -124,7 +124,7 @@ def libration_folds(
         if small is not None:  # next to it doubles see their rounding
             starts = [small, *(start for start in starts if start[0] > 2 * _SMALL_FOLD)]
         if family.connected and len(starts) % 2 != _asked_for(parameters, family.limit):
-            raise Shortfall("this family has a fold too close to its end for doubles: no digits of it are known")
+            raise Shortfall("this family has a fold too close to its end for doubles: they have no digits of it")
     folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
     for fold, (a, _, omega) in zip(folds, starts, strict=True):
         # A start on polynomials through twenty nodes is right to some digits; what is far from it is something else.
@@ -141,7 +141,7 @@ def _asked_for(parameters: Parameters, omega_h: float) -> int:
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
     """Near which point of the section and speed a fold next to a Bautin point lies, by the law of fourth order."""
-    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
+    quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0
     if not 0 < square < _SMALL_FOLD**2:
         return None
@@ -155,16 +155,16 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
 
     Nothing is compiled for them that the cycles' family does not need.
     """
-    fold = family.near_fold()
-    near, jacobian = fold_near(ROTATING, family.parameters, (*fold.start, fold.omega), family.engine)
-    numbers = _numbers(ROTATING, family.parameters, near, jacobian, family.engine, DOUBLE)
+    place = family.near_fold()
+    start, jacobian = fold_near(ROTATING, family.parameters, (*place.start, place.omega), family.engine)
+    numbers = _numbers(ROTATING, family.parameters, start, jacobian, family.engine, DOUBLE)
     return {name: float(number) for name, number in numbers.items()}
 
 
 def fold_to_digits(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, digits: int
 ) -> Any:
-    """The fold of that kind near a point (both coordinates on the section, Omega), to ``digits`` significant digits.
+    """The fold of that kind next to a point (both coordinates on the section, Omega), to ``digits`` significant digits.
 
     Raises Shortfall if it is not found, or the digits are not reached.
     """
@@ -179,7 +179,7 @@ def fold_to_digits(
 def fold_in(
     kind: type[Fold], parameters: Parameters, guess: tuple[float, float, float], engine: Engine, precision: Precision
 ) -> Any:
-    """The fold of that kind near a point, computed in ``precision`` and compared with the next wider arithmetic.
+    """The fold of that kind next to a point, computed in ``precision`` and compared with the next wider arithmetic.
 
     Raises Shortfall if it is not found.
     """
@@ -211,7 +211,7 @@ def fold_system(
     The derivatives are by both coordinates, Omega and any further unknowns.
 
     ``mapped`` gives the image for such unknowns. Those of the residual by the first three come with the image, the
-    others by differences, each over its shift to either side; an unknown without shift (None) is given: it has no
+    others by differences, each over its shift to either side; an unknown without shift (None) is fixed: it has no
     column.
     """
     image, columns = mapped(at), []
@@ -239,7 +239,7 @@ def fold_near(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
-    """Both coordinates and Omega of the fold near a point, and the derivative of its conditions there, as doubles.
+    """Both coordinates and Omega of the fold next to a point, and the derivative of its conditions there, as doubles.
 
     They are computed in ``precision``. Raises Shortfall if the iteration does not settle.
     """
@@ -248,14 +248,14 @@ def fold_near(
     at, mapped = [precision.number(float(x)) for x in at], _mapped(section, parameters, engine, precision)
     share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
-        # A cycle near the Hopf point is small, one that comes close to a saddle must not miss it.
+        # A cycle next to the Hopf point is small, one that comes close to a saddle must not miss it.
         near_saddle = section.saddle_scale([float(x) for x in at])
         rooms = (min(1.0, abs(float(x)), near_saddle**power) for x, power in zip(at, (1, 1, 2), strict=True))
         shifts = [precision.number(share * room) for room in rooms]
         conditions, rows = fold_system(mapped, at, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
-        at = [x - precision.number(float(part)) for x, part in zip(at, step, strict=True)]
+        at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]
         if iteration.converged(float(numpy.abs(step).max())):
             return (float(at[0]), float(at[1]), float(at[2])), jacobian
 
@@ -263,14 +263,14 @@ def fold_near(
 def _numbers(
     section: Section[Any],
     parameters: Parameters,
-    near: Sequence[float],
+    start: Sequence[float],
     jacobian: Any,
     engine: Engine,
     precision: Precision,
 ) -> dict[str, Any]:
     """All numbers of the fold in one arithmetic, by chord steps from doubles."""
     inverse = [[precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)]
-    at, mapped = [precision.number(float(x)) for x in near], _mapped(section, parameters, engine, precision)
+    at, mapped = [precision.number(float(x)) for x in start], _mapped(section, parameters, engine, precision)
     lost = Shortfall(f"the iteration for the fold has not converged in {precision.name} precision")
     iteration = NewtonIteration(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:

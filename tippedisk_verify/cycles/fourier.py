@@ -1,20 +1,21 @@
 """Fourier collocation in time: a limit cycle's equation of motion at samples of its period, and how many it needs.
 
-One discretisation serves both kinds of cycles, which differ in what of the period is sampled. The point symmetry makes
-a librating cycle odd under a shift by half a period: half of it is sampled, and the harmonics are odd. A rotating cycle
-is sampled over the whole period and has all harmonics. beta_bar at the n samples and the angular frequency are the
-unknowns; gamma follows from gamma' = Omega sin(beta_bar) by spectral integration, v by differentiation. The equations
-are that of motion at the samples and one that closes the system: beta_bar = 0 at a librating cycle's first sample, and
-at a rotating one a mean growth of gamma of 2 pi a period. Harmonic balance has the same solutions, for these samples
-determine the harmonics; collocation is kept since its derivative is known in closed form at any kind of cycle.
+One discretisation serves both kinds of cycles, which differ in what of the period is sampled and in how often gamma
+turns round. The point symmetry makes a librating cycle odd under a shift by half a period: half of it is sampled, and
+the harmonics are odd. A rotating cycle is sampled over the whole period and has all harmonics. A *point* is an array
+of n + 2: beta_bar at the n samples [rad], the angular frequency [rad/s] and Omega [rad/s]. gamma follows from
+gamma' = Omega sin(beta_bar) by spectral integration, v by differentiation. The equations are that of motion at the
+samples and one that closes the system, Omega w sin(beta_bar) = turns * frequency with the weights w of a mean: a
+rotating cycle's gamma grows by 2 pi a period; that of a librating one does not turn, and it is beta_bar = 0 at the
+first sample that closes its system. Harmonic balance has the same solutions, for these samples determine the
+harmonics; collocation is kept since its derivative has a closed form at any kind of cycle.
 
-Nothing here integrates: that shooting agrees is evidence.
+No integrator is used: that shooting agrees is evidence.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from enum import Enum
 from fractions import Fraction
 from functools import lru_cache
@@ -23,34 +24,18 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.exact import fraction, quotient
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
-__all__ = [
-    "MOST_SAMPLES",
-    "Collocation",
-    "Kind",
-    "at_two_resolutions",
-    "chord",
-    "decay",
-    "resampled",
-    "samples_for",
-    "sizes",
-]
+__all__ = ["MOST_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
 
 MOST_SAMPLES = 2048
 
 _SPARE = 20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
 _COMPLEX_STEP = 1e-40
-_MOST_PASSES = 60
-_SETTLED = 1e-9  # a step that rounding in double follows
-_FEWEST_SAMPLES = 24  # of a librating cycle
-_GUARD = 15  # digits
-_FINER = 6  # digits that the finer collocation has more: more samples alone would add to rounding
+_FEWEST_SAMPLES = 24  # for the digits asked for; a cycle next to the Hopf point has hardly any harmonics
 
 
 class Kind(Enum):
@@ -59,16 +44,18 @@ class Kind(Enum):
     LIBRATING = 1
     ROTATING = 2
 
+    @property
+    def turns(self) -> int:
+        """By how many times 2 pi gamma grows in a period."""
+        return self.value - 1
+
     def samples(self, count: float) -> int:
         """The least admissible number of samples from ``count`` on: even for half a period, odd for a whole one."""
-        return 2 * math.ceil(count / 2) + (self is Kind.ROTATING)
+        return 2 * math.ceil(count / 2) + self.turns
 
 
 class Collocation:
-    """The equations at n samples, in double or in mpmath numbers of so many digits.
-
-    ``unknowns`` are an array of n + 1: beta_bar at the samples [rad] and the angular frequency [rad/s].
-    """
+    """The equations at n samples, in double or in mpmath numbers of so many digits."""
 
     def __init__(self, parameters: Parameters, kind: Kind, count: int, digits: int | None = None) -> None:
         self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
@@ -79,20 +66,23 @@ class Collocation:
         self.sin: Any = numpy.sin if ctx is None else numpy.frompyfunc(ctx.sin, 1, 1)
         self.cos: Any = numpy.cos if ctx is None else numpy.frompyfunc(ctx.cos, 1, 1)
         self._ops = shifted(SimpleNamespace(sin=self.sin, cos=self.cos))
-        self.slope, self._integral = _operators(kind, count, None if ctx is None else ctx.prec)
-        self._rotating = kind is Kind.ROTATING
-        #: gamma's steady growth
-        self._growth = 2 * self.pi * numpy.arange(count) / count if self._rotating else 0
+        self.slope, integral = _operators(kind, count, None if ctx is None else ctx.prec)
         # gamma_bar is 0 at a rotating cycle's first sample, and has mean 0 on a librating cycle.
-        self.integral = self._integral - self._integral[0] if self._rotating else self._integral
+        self.integral = integral - kind.turns * integral[0]
+        #: gamma's steady growth
+        self._growth = kind.turns * 2 * self.pi * numpy.arange(count) / count
+        self._weights = numpy.ones(count) if kind.turns else numpy.eye(1, count)[0]
+
+    @property
+    def double(self) -> Collocation:
+        """The same equations in double."""
+        return Collocation(self.parameters, self.kind, self.count)
 
     def number(self, value: Any) -> Any:
         """A rational, or the numbers of another arithmetic, in this one."""
         if isinstance(value, Fraction):
             return float(value) if self.ctx is None else quotient(self.ctx, value)
-        if isinstance(value, numpy.ndarray):
-            return value.astype(float) if self.ctx is None else numpy.array([self.ctx.mpf(x) for x in value])
-        return float(value) if self.ctx is None else self.ctx.mpf(value)
+        return value.astype(float) if self.ctx is None else numpy.array([self.ctx.mpf(x) for x in value])
 
     def differentiated(self, samples: Any) -> Any:
         """The derivative of a function by the angle, at the samples."""
@@ -107,52 +97,50 @@ class Collocation:
         sums = rows @ whole
         return numpy.array([self.ctx.ldexp(self.ctx.mpf(total), -2 * places) for total in sums], dtype=object)
 
-    def motion(self, unknowns: Any, omega: Any) -> tuple[Any, Any]:
+    def _mean(self, samples: Any) -> Any:
+        return (self._weights * samples).sum() / self._weights.sum()
+
+    def motion(self, point: Any) -> tuple[Any, Any]:
         """gamma_bar [rad] and v [rad/s] at the samples."""
-        beta, frequency = unknowns[:-1], unknowns[-1]
+        beta, frequency, omega = point[:-2], point[-2], point[-1]
         swing = omega / frequency * self._applied(self.integral, self.sin(beta))
         return self._growth + swing, frequency * self.differentiated(beta)
 
-    def residual(self, unknowns: Any, omega: Any) -> Any:
+    def residual(self, point: Any) -> Any:
         """v' less the acceleration at the samples [rad/s^2], and the closing equation: (n + 1,)."""
-        beta, frequency = unknowns[:-1], unknowns[-1]
-        gamma, v = self.motion(unknowns, omega)
+        beta, frequency, omega = point[:-2], point[-2], point[-1]
+        gamma, v = self.motion(point)
         rate = field(self._ops, self.constants, omega, "linear")(beta, gamma, v)[2]
-        closing = omega * self.sin(beta).sum() / self.count - frequency if self._rotating else beta[0]
+        closing = omega * self._mean(self.sin(beta)) - self.kind.turns * frequency
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
-    def slopes(self, unknowns: Any, omega: Any) -> tuple[Any, Any, Any]:
+    def slopes(self, point: Any) -> tuple[Any, Any, Any]:
         """The acceleration's derivatives by beta, gamma and v at the samples."""
-        gamma, v = self.motion(unknowns, omega)
-        by_beta, by_gamma, by_v = jacobian(self._ops, self.constants, omega, "linear")(unknowns[:-1], gamma, v)[2]
+        derivatives = jacobian(self._ops, self.constants, point[-1], "linear")
+        by_beta, by_gamma, by_v = derivatives(point[:-2], *self.motion(point))[2]
         return by_beta, by_gamma, by_v
 
-    def along(self, unknowns: Any, omega: Any, change: Any) -> Any:
-        """The residual's derivative in a direction of the unknowns at fixed Omega: (n + 1,)."""
-        beta, w = unknowns[:-1], unknowns[-1]
-        by_beta, by_gamma, by_v = self.slopes(unknowns, omega)
-        turned = self.gamma_along(unknowns, omega, change)
-        rate = self.rate_along(unknowns, change)
-        acceleration = self.differentiated(w * rate + change[-1] * w * self.differentiated(beta))
-        growth = omega * (self.cos(beta) * change[:-1]).sum() / self.count - change[-1]
-        closing = growth if self._rotating else change[0]
+    def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
+        """The derivatives of gamma and v in a direction of beta_bar and the frequency, (n + 1,), at fixed Omega."""
+        beta, frequency, omega = point[:-2], point[-2], point[-1]
+        tilt = self.cos(beta) * change[:-1] - self.sin(beta) * (change[-1] / frequency)
+        rate = frequency * self.differentiated(change[:-1]) + change[-1] * self.differentiated(beta)
+        return omega / frequency * self._applied(self.integral, tilt), rate
+
+    def along(self, point: Any, change: Any) -> Any:
+        """The residual's derivative in such a direction: (n + 1,)."""
+        beta, frequency, omega = point[:-2], point[-2], point[-1]
+        by_beta, by_gamma, by_v = self.slopes(point)
+        turned, rate = self.motion_along(point, change)
+        acceleration = self.differentiated(frequency * rate + change[-1] * frequency * self.differentiated(beta))
+        closing = omega * self._mean(self.cos(beta) * change[:-1]) - self.kind.turns * change[-1]
         return numpy.append(acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing)
 
-    def gamma_along(self, unknowns: Any, omega: Any, change: Any) -> Any:
-        """The derivative of gamma at the samples in a direction of the unknowns."""
-        beta, w = unknowns[:-1], unknowns[-1]
-        tilt = self.cos(beta) * change[:-1] - self.sin(beta) * (change[-1] / w)
-        return omega / w * self._applied(self.integral, tilt)
-
-    def rate_along(self, unknowns: Any, change: Any) -> Any:
-        """The derivative of v at the samples in a direction of the unknowns."""
-        return unknowns[-1] * self.differentiated(change[:-1]) + change[-1] * self.differentiated(unknowns[:-1])
-
-    def matrix(self, unknowns: Any, omega: float) -> Any:
-        """The residual's derivative by the unknowns and by Omega, in double: (n + 1, n + 2)."""
-        beta, w, n = unknowns[:-1], unknowns[-1], self.count
-        gamma, v = self.motion(unknowns, omega)
-        by_beta, by_gamma, by_v = self.slopes(unknowns, omega)
+    def matrix(self, point: Any) -> Any:
+        """The residual's derivative by the point, in double: (n + 1, n + 2)."""
+        beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
+        gamma, v = self.motion(point)
+        by_beta, by_gamma, by_v = self.slopes(point)
         swing = gamma - self._growth
         curve = self.slope @ beta
         stepped = field(self._ops, self.constants, complex(omega, _COMPLEX_STEP), "linear")
@@ -162,10 +150,8 @@ class Collocation:
         rows[numpy.arange(n), numpy.arange(n)] -= by_beta
         rows[:n, n] = 2 * w * (self.slope @ curve) + by_gamma * swing / w - by_v * curve
         rows[:n, n + 1] = -stepped(beta, gamma, v)[2].imag / _COMPLEX_STEP - by_gamma * swing / omega
-        if self._rotating:
-            rows[n, :n], rows[n, n], rows[n, n + 1] = omega * numpy.cos(beta) / n, -1.0, numpy.sin(beta).mean()
-        else:
-            rows[n, 0] = 1.0
+        rows[n, :n] = omega * numpy.cos(beta) * self._weights / self._weights.sum()
+        rows[n, n:] = -self.kind.turns, self._mean(numpy.sin(beta))
         return rows
 
 
@@ -199,12 +185,11 @@ def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]
 
 
 def _spectrum(kind: Kind, beta: Any) -> Any:
-    beta = beta.astype(float)
     return numpy.fft.rfft(beta if kind is Kind.ROTATING else numpy.concatenate((beta, -beta)))
 
 
 def resampled(kind: Kind, point: Any, count: int) -> Any:
-    """A point (beta_bar, frequency, Omega) with the same trigonometric polynomial at another number of samples."""
+    """A point in double with the same trigonometric polynomial at another number of samples."""
     old = len(point) - 2
     amplitudes = _spectrum(kind, point[:old])
     total = 2 * count // kind.value
@@ -212,7 +197,7 @@ def resampled(kind: Kind, point: Any, count: int) -> Any:
     both = min(len(kept), len(amplitudes))
     kept[:both] = amplitudes[:both]
     beta = numpy.fft.irfft(kept, total)[:count] * (count / old)
-    return numpy.append(beta, point[old:].astype(float))
+    return numpy.append(beta, point[old:])
 
 
 def sizes(kind: Kind, beta: Any) -> Any:
@@ -221,58 +206,15 @@ def sizes(kind: Kind, beta: Any) -> Any:
     return 2 * numpy.abs(_spectrum(kind, beta))[1 :: 2 // kind.value] / half_periods
 
 
-def decay(amplitudes: Any, smallest: float = 1e-13) -> float:
-    """The mean factor between neighbouring harmonics, over the later ones that stand above rounding."""
-    telling = [math.log10(size) for size in amplitudes if size > smallest * amplitudes[0]]
-    if len(telling) < 3:
-        return 1e-6
-    half = len(telling) // 2
-    return min(0.999, 10 ** ((telling[-1] - telling[half - 1]) / (len(telling) - half)))
-
-
 def samples_for(kind: Kind, point: Any, digits: int) -> int:
-    """So many samples as the decay of the harmonics needs for the digits."""
-    # A librating cycle's state at the section converges later than its period.
-    spare, fewest = (3, 0) if kind is Kind.ROTATING else (7, _FEWEST_SAMPLES)
-    harmonics = (digits + spare) * math.log(10) / -math.log(decay(sizes(kind, point[:-2])))
-    return min(MOST_SAMPLES, kind.samples(max(fewest, 2 * harmonics)))
+    """So many samples as the decay of the harmonics needs for the digits.
 
-
-def at_two_resolutions(
-    parameters: Parameters, kind: Kind, count: int, digits: int, numbers: Callable[[Collocation], dict[str, Any]]
-) -> dict[str, Measured]:
-    """``numbers`` of the collocation at ``count`` samples, with twice the distance from a finer one as half-widths.
-
-    The error falls geometrically with the samples. A librating cycle may have few harmonics, and is compared with
-    twice as many. No relative half-width is less than the frequency's: a number whose error is small by chance has
-    that error all the same.
+    The decay is the mean factor between neighbours, over the later ones that stand above rounding.
     """
-    finer = kind.samples(count * (1.3 if kind is Kind.ROTATING else 2))
-    rough = numbers(Collocation(parameters, kind, count, digits + _GUARD))
-    sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD + _FINER))
-    least = abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1) if kind is Kind.LIBRATING else Fraction(0)
-    return {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
-
-
-def chord(a: Collocation, system: Any, unknowns: Any, residual: Callable[[Any], Any]) -> Any:
-    """Newton's iteration above double with the derivative ``system`` in double: each pass gains some ten digits.
-
-    Raises NoSuchCycleError if the passes do not settle below what doubles see.
-    """
-    from scipy.linalg import lu_factor, lu_solve
-
-    factored = lu_factor(system)
-    previous = math.inf
-    for _ in range(_MOST_PASSES):
-        right = residual(unknowns)
-        scale = max(abs(part) for part in right)
-        if not scale:
-            return unknowns
-        # A residual of any size is scaled to one, solved for in double, and scaled back.
-        step = scale * a.number(lu_solve(factored, (right / scale).astype(float)))
-        unknowns = unknowns - step
-        size = max(abs(step))
-        if not size or (size >= previous / 2 and size < _SETTLED):
-            return unknowns
-        previous = min(previous, size)
-    raise NoSuchCycleError(f"collocation with {a.count} samples does not settle")
+    amplitudes = sizes(kind, point[:-2])
+    logarithms = numpy.log10(amplitudes[amplitudes > 1e-13 * amplitudes[0]])
+    half = len(logarithms) // 2
+    falls = 6.0 if half < 2 else (logarithms[half - 1] - logarithms[-1]) / (len(logarithms) - half)
+    spare = 3 if kind is Kind.ROTATING else 9  # a librating cycle's state at the section converges after its period
+    harmonics = (digits + spare) / max(falls, 1e-3)
+    return min(MOST_SAMPLES, kind.samples(max(_FEWEST_SAMPLES, 2 * harmonics)))

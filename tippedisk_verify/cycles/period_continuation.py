@@ -1,8 +1,13 @@
-"""The family with the period as its parameter: the way to follow it to Omega_h.
+"""The family with the period as its parameter: the way to follow it to Omega_h, and Omega_h as its limit.
 
 Close to Omega_h the speed hardly changes while the period grows without bound, so Omega becomes an unknown and half the
 period T / 2 is given. The state then leaves the saddle's neighbourhood and Omega its limit like exponentials of T / 2,
-and predictions are made in their logarithms.
+and predictions are made in their logarithms. With the saddle's unstable and slow stable eigenvalues
+
+    Omega(T) = Omega_h + C exp(-lambda_u T / 2) + B exp(lambda_s T / 2) + ...,
+
+so two solved cycles give C, B and Omega_h. Each new cycle is as much longer as that prediction allows, in an arithmetic
+that resolves it. Nothing of the saddles' manifolds enters.
 """
 
 from __future__ import annotations
@@ -10,24 +15,46 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.section import VARIATIONS
-from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Engine, Request, Status
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.cycles.return_map import ReturnMap, newton_step
+from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.errors import NoSuchCycleError, Shortfall
+from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits, bits_for_digits
+from tippedisk_verify.theory.equilibria import equilibrium
+from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
-__all__ = ["PeriodPoint", "cycle_at_half_period", "lengthened", "predicted_state"]
+__all__ = [
+    "PeriodAsymptotics",
+    "PeriodContinuation",
+    "PeriodPoint",
+    "cycle_at_half_period",
+    "lengthened",
+    "limit_of_cycles",
+    "log10",
+    "predicted_state",
+    "resolving",
+]
 
 _MOST_STEPS = 15
+_FIRST_STEP, _SHORTEST_STEP = 0.02, 5e-4  # s
+_FOLLOWED = 1e-3  # rad/s; as close to Omega_h as folds are looked for
+_LEAST_IN_DOUBLE = 1e-8  # rad/s; closer to Omega_h double has few digits of the slopes
+_LONGEST = 30.0  # s
+_MOST_CYCLES = 60
 
 
 @dataclass(frozen=True)
 class PeriodPoint:
-    """A limit cycle of given period, in the arithmetic it was solved in."""
+    """A limit cycle of a fixed period, in the arithmetic it was solved in."""
 
     half_period: Any  #: T / 2 [s]
     gamma_bar_0: Any  #: [rad]
@@ -38,85 +65,37 @@ class PeriodPoint:
 
 
 def cycle_at_half_period(
-    parameters: Parameters,
-    half_period: Any,
-    guess: Sequence[Any],
-    engine: Engine,
-    precision: Precision = DOUBLE,
+    parameters: Parameters, half_period: Any, guess: Sequence[Any], engine: Engine, precision: Precision = DOUBLE
 ) -> PeriodPoint:
     """Newton's iteration for (gamma_bar_0, v_0, Omega) at the half period T / 2 [s].
 
     Raises NoSuchCycleError if it does not converge or leaves the well.
     """
-    number = precision.number
-    unknowns = [number(value) for value in guess]
-    duration = number(half_period)
-    rates = parameters.at(precision)
-    # What follows a small step is, by quadratic convergence, rounding.
+    gamma_bar, v, omega = (precision.number(value) for value in guess)
+    duration = precision.number(half_period)
+    # By quadratic convergence the cycle is then right to twice as many digits, its slopes to as many.
     iteration = NewtonIteration(
         _MOST_STEPS,
         NoSuchCycleError(f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"),
-        small=1e-7 if precision == DOUBLE else 2.0 ** (-0.4 * precision.bits),
+        small=1e-7 if precision == DOUBLE else 1e-10,
         near=1e-3,
     )
     while True:
-        gamma_bar, v, omega = unknowns
-        result = engine(
-            Request(
-                parameters,
-                omega,
-                (0, gamma_bar, v),
-                duration,
-                shifted=True,
-                precision=precision,
-                variations=VARIATIONS,
-                domain="none",
-            )
-        )
-        if result.status is not Status.REACHED:
-            raise NoSuchCycleError(f"the orbit could not be followed for half a period: {result.status.value}")
-        beta, gamma, v_end = result.state
-        errors = [beta, gamma + gamma_bar, v_end + v]
-        rows = result.derivatives
-        matrix = [[rows[i][k + 1] for k in range(3)] for i in range(3)]
-        matrix[1][0] = matrix[1][0] + 1
-        matrix[2][1] = matrix[2][1] + 1
-        moving = field(shifted(precision.ops), rates, omega, parameters.friction)(beta, gamma, v_end)
-        step = _solved(matrix, errors)
-        unknowns = [value - part for value, part in zip(unknowns, step, strict=True)]
+        image = ReturnMap(LIBRATING, parameters, omega, engine, precision)((gamma_bar, v))
+        step = newton_step(image.matrix, image.residual)
+        lacking = duration - image.time - sum(a * b for a, b in zip(image.time_by_state, step, strict=True))
+        # Along the family the state follows the speed, and that the period.
+        by_omega, by_time = image.fixed_point_by_omega, 1 / image.time_along_family
+        slopes = (by_omega[0] * by_time, by_omega[1] * by_time, by_time)
+        moves = [now + slope * lacking for now, slope in zip((*step, 0), slopes, strict=True)]
+        gamma_bar, v, omega = gamma_bar + moves[0], v + moves[1], omega + moves[2]
+        left = precision.pi - gamma_bar
         # The state matters against its distance from the saddle, the speed against how fast it still changes.
-        slopes = [-part for part in _solved(matrix, list(moving))]
-        size = max(
-            abs(float(step[0] / (precision.pi - unknowns[0]))),
-            abs(float(step[1] / unknowns[1])),
-            abs(float(step[2] / slopes[2])),
-        )
-        inside = 0 < float(precision.pi - unknowns[0]) < math.pi and float(unknowns[1]) < 0
-        if not math.isfinite(size) or not inside:
+        size = max(abs(float(moves[0] / left)), abs(float(moves[1] / v)), abs(float(lacking)))
+        if not (math.isfinite(size) and 0 < float(left) < math.pi and float(v) < 0):
             raise NoSuchCycleError("the iteration at fixed period left the well: take a smaller step in the period")
         if iteration.converged(size):
-            gamma_bar, v, omega = unknowns
-            return PeriodPoint(duration, gamma_bar, v, omega, (slopes[0], slopes[1], slopes[2]), tuple(iteration.sizes))
-
-
-def _solved(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
-    """Three linear equations by elimination with pivoting, in the arithmetic of the entries."""
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    for column in range(3):
-        pivot = max(range(column, 3), key=lambda k: abs(rows[k][column]))
-        rows[column], rows[pivot] = rows[pivot], rows[column]
-        if rows[column][column] == 0:
-            raise NoSuchCycleError("the iteration at fixed period met a singular matrix")
-        for below in range(column + 1, 3):
-            factor = rows[below][column] / rows[column][column]
-            rows[below] = [entry - factor * above for entry, above in zip(rows[below], rows[column], strict=True)]
-    solution: list[Any] = [None, None, None]
-    for row in (2, 1, 0):
-        rest = rows[row][3]
-        for column in range(row + 1, 3):
-            rest = rest - rows[row][column] * solution[column]
-        solution[row] = rest / rows[row][row]
-    return solution
+            return PeriodPoint(duration, gamma_bar, v, omega, slopes, tuple(iteration.sizes))
 
 
 def lengthened(
@@ -134,10 +113,9 @@ def lengthened(
     halved after a failed one. Raises NoSuchCycleError when it has become less than half a millisecond, which in double
     happens where Omega - Omega_h drowns in rounding.
     """
-    point, before = first, first
-    step = 0.02
+    point, before, step = first, first, _FIRST_STEP
     while 2 * float(point.half_period) < longest:
-        if step < 5e-4:
+        if step < _SHORTEST_STEP:
             raise NoSuchCycleError(
                 f"at the period {2 * float(point.half_period):.4g} s the family drowns in rounding:"
                 " compute in more bits"
@@ -172,3 +150,125 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: Any, 
         return point.omega + point.slopes[2] * ahead
     rate = precision.ops.log(falls) / (point.half_period - before.half_period)
     return point.omega + point.slopes[2] * (precision.ops.exp(rate * ahead) - 1) / rate
+
+
+# ------------------------------------------------------------------------------------------------ the limit
+class PeriodAsymptotics:
+    """The three-term law of Omega(T) through two cycles."""
+
+    def __init__(self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision) -> None:
+        ctx = self._ctx = bits(precision.bits + 16).context
+
+        def mpf(value: Any) -> Any:
+            return quotient(ctx, fraction(value))
+
+        digits = max(15, precision.digits)
+        eigenvalues = equilibrium(parameters, fraction(second.omega), "noninverted", digits).eigenvalues
+        self._unstable, self._stable = (mpf(value.re.value) for value in eigenvalues[:2])
+        self._half_period = mpf(second.half_period)
+        ahead = mpf(first.half_period) - self._half_period
+        # Derivatives at both: -lambda_u C e + lambda_s B f, with e = f = 1 at the second.
+        e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
+        slopes = mpf(first.slopes[2]), mpf(second.slopes[2])
+        determinant = -self._unstable * self._stable * (e - f)
+        self._c = (slopes[0] - slopes[1] * f) * self._stable / determinant
+        self._b = (slopes[0] - slopes[1] * e) * self._unstable / determinant
+        self.omega_h = fraction(mpf(second.omega) - self._c - self._b)
+
+    def half_period(self, above: Fraction) -> Fraction:
+        """T / 2 [s] of the cycle that far above Omega_h [rad/s], below it if negative."""
+        ctx, target = self._ctx, quotient(self._ctx, above)
+        # Of the two terms that which prevails tells where to begin.
+        ahead = max(
+            ctx.log(term / target) / rate
+            for term, rate in ((self._c, self._unstable), (self._b, -self._stable))
+            if term / target > 0
+        )
+        for _ in range(60):
+            e, f = ctx.exp(-self._unstable * ahead), ctx.exp(self._stable * ahead)
+            step = (self._c * e + self._b * f - target) / (-self._unstable * self._c * e + self._stable * self._b * f)
+            ahead -= step
+            if abs(step) < 1e-6:
+                break
+        return fraction(self._half_period + ahead)
+
+
+class PeriodContinuation:
+    """The family followed towards Omega_h, cycle by cycle, with what its limit looks like so far."""
+
+    def __init__(self, parameters: Parameters, engine: Engine) -> None:
+        self.parameters, self.engine = parameters, engine
+        family = LibratingFamily(parameters, engine, closest=_FOLLOWED)
+        refuse_focus(parameters, Fraction(family.limit))
+        place = family.place(float(family.nodes[-1, 0]))
+        growth = float(equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re)
+        points = [cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)]
+        for point in lengthened(parameters, points[0], engine, longest=_LONGEST):
+            points.append(point)
+            if len(points) > 3 and abs(point.slopes[2]) < growth * _LEAST_IN_DOUBLE:
+                break
+        self.latest, self.solved = points[-1], len(points)
+        before, self.asymptotics = (PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:]))
+        #: The last change of the limit [rad/s], or double's rounding; that of the present one is smaller.
+        self.change = max(abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50)
+
+    @property
+    def above(self) -> Fraction:
+        """Omega - Omega_h of the last cycle [rad/s], negative where cycles lie below."""
+        return fraction(self.latest.omega) - self.asymptotics.omega_h
+
+    def further(self, least: Fraction) -> None:
+        """One more cycle, as far ahead as the law allows, but not closer to Omega_h than ``least`` [rad/s].
+
+        Raises Shortfall if it is not found.
+        """
+        # The prediction is off by about the last change of the limit: a cycle a hundred times further out is within it.
+        ahead = max(100 * self.change, least)
+        if not ahead < abs(self.above):
+            ahead = abs(self.above) / 4
+        above = ahead if self.above > 0 else -ahead
+        omega_h = self.asymptotics.omega_h
+        precision = resolving(self.parameters, omega_h, ahead, 12)
+        half_period = precision.number(self.asymptotics.half_period(above))
+        guess = (*predicted_state(self.latest, half_period, precision), omega_h + above)
+        try:
+            point = cycle_at_half_period(self.parameters, half_period, guess, self.engine, precision)
+        except NoSuchCycleError as fault:
+            raise Shortfall(f"the family of limit cycles could not be followed to Omega_h: {fault}") from None
+        self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
+        self.change = abs(self.asymptotics.omega_h - omega_h)
+        self.latest, self.solved = point, self.solved + 1
+        if self.solved > _MOST_CYCLES:
+            raise Shortfall(f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s")
+
+
+def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Measured:
+    """Omega_h [rad/s] to ``digits`` significant digits.
+
+    The answer is the limit before the last one, and its distance to the last one its error: that falls by a growing
+    factor from cycle to cycle, a hundredfold and more, so twice the distance holds what the last one is off itself.
+    Raises Shortfall if the family ends before.
+    """
+    family = PeriodContinuation(parameters, engine)
+    while True:
+        omega_h = family.asymptotics.omega_h
+        family.further(omega_h / 10**digits)
+        half_width = family.change * DISTANCES
+        if half_width <= omega_h / 10**digits:
+            return Measured(omega_h, half_width)
+
+
+def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
+    """The arithmetic for a cycle at ``omega_h`` + ``above`` with so many digits left.
+
+    Rounding grows over a passage like 1 / above, and must be small against the state's distance from the saddle, which
+    is of the order of ``above`` to the power lambda_u / (lambda_u - lambda_s).
+    """
+    unstable, slow, _ = (float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues)
+    power = 1 + unstable / (unstable - slow)
+    needed = bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -log10(abs(above)))))
+    return QUADRUPLE if needed <= QUADRUPLE.bits else bits(needed)
+
+
+def log10(value: Fraction) -> float:
+    return math.log10(value.numerator) - math.log10(value.denominator)

@@ -1,14 +1,13 @@
 """Spectral cycles in double: Newton's iteration, the branch through folds, and where both kinds of cycles start.
 
-A point of a branch is an array of n + 2: beta_bar at the samples, frequency and Omega. One Newton iteration solves for
-it within a plane: that of a speed, that across the branch, or that of a mean lean. The stopping rules are not those of
-shooting: the two methods share nothing, so that their agreement tells.
+One Newton iteration solves for a point of a branch within a plane: that of a speed, that across the branch, or that of
+a mean lean. The stopping rules are not those of shooting: the two methods share nothing, so that their agreement tells.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -20,219 +19,283 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
-__all__ = ["branch_to", "fold_near", "fold_system", "librating_branch", "newton", "unconverged", "walk"]
+__all__ = [
+    "branch_to",
+    "first_fold",
+    "floquet_mode",
+    "fold_near",
+    "fold_residual",
+    "fold_system",
+    "newton",
+    "rotation_at",
+    "unconverged",
+]
 
 _FIRST_SAMPLES = 24
-_MOST_PASSES, _FEW_PASSES = 60, 12  # from a rough guess, and along a branch, where a shorter step mends a failure
+_FIRST_AMPLITUDE = 0.005  # rad; rounding then moves the speed by some 1e-11
+_MOST_PASSES = 25
 _LONGEST_STEP = 0.3  # rad
-_LARGEST_AMPLITUDE = 1.5  # rad; the disk lies flat at pi/2
+_SETTLED = 1e-8  # relative; quadratic convergence leaves rounding only
+_STALLED = 1e-5  # relative; steps below that no longer shrink are rounding
 _DIFFERENCE = 1e-6  # of a number of order one: a derivative by differences in double is then good to some 1e-10
-# Near the connection a step brings the speed closer to Omega_h by a factor, so one that goes for a speed on the branch
-# covers a good part of what is left; where the periods are already _LONG times that at birth and a step covers less
-# than this part of the way, the speed lies beyond the end.
-_LONG, _STANDING = 4.0, 1e-4
-_ROUNDING = 1e-9  # of Omega: smaller turns are those of rounding next to the connection
 _MOST_STEPS = 120
-_NOWHERE = "no limit cycle found at Omega = {:.12g} rad/s"
+_SMALL = 1e-6  # of the first harmonic; the last ones are smaller, which moves the speed by 1e-9 of itself at most
+_FLAT = 1.5  # rad; the disk lies flat at pi/2
+# Once periods are _LONG times the shortest, each step brings the speed at least ten times as close to Omega_h as it
+# was: what lies _FAR steps ahead is beyond the end. From _LONGEST times the shortest on, the speed changes by no more
+# than what the last harmonics do, and would turn by chance.
+_LONG, _FAR, _LONGEST = 4.0, 300, 8.0
+_ROTATION_SAMPLES = 41
+_REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent are one off
+_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)  # rad; the first ones lead to the stable cycle, the last to the other
+_LOWER = 0.999  # of the speed, from the first cycle to the second on the way to the rotating cycles' fold
 
 
-def unconverged(kind: Kind, samples: int) -> NoSuchCycleError:
-    if kind is Kind.ROTATING:
-        return NoSuchCycleError(f"collocation with {samples} samples does not converge")
+def unconverged(samples: int) -> NoSuchCycleError:
     return NoSuchCycleError(
         f"the balance did not converge with {samples // 2} harmonics: try more, or a speed further from Omega_h"
     )
 
 
-def newton(a: Collocation, start: Any, normal: Any = None, most: int = _MOST_PASSES) -> Any | None:
-    """The cycle in the plane through ``start`` with the given normal, by default that of its speed.
+def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
+    """The cycle in the plane through ``start`` with that normal, by default that of its speed.
 
     None if the iteration does not converge, or loses what makes a cycle of this kind.
     """
-    n = a.count
     if normal is None:
-        normal = numpy.eye(1, n + 2, n + 1)[0]
+        normal = numpy.eye(1, a.count + 2, a.count + 1)[0]
+    return _solved(
+        a,
+        start,
+        lambda point: numpy.vstack((a.matrix(point), normal)),
+        lambda point: numpy.append(a.residual(point), normal @ (point - start)),
+    )
+
+
+def _solved(a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]) -> Any | None:
+    """Newton's iteration for a point, and for what may follow it among the unknowns."""
+    n = a.count
     amplitude = abs(start[:n]).max()
-    point, best = start, math.inf
-    for _ in range(most):
-        rows = numpy.vstack((a.matrix(point[:-1], point[-1]), normal))
-        right = numpy.append(a.residual(point[:-1], point[-1]), normal @ (point - start))
+    unknowns, smallest = start, math.inf
+    for _ in range(_MOST_PASSES):
         try:
-            step = numpy.linalg.solve(rows, right)
+            step = numpy.linalg.solve(matrix(unknowns), residual(unknowns))
         except numpy.linalg.LinAlgError:  # even at a fold an oblique plane leaves it regular: there are too few samples
             return None
         longest = abs(step[:n]).max()
-        point = point - min(1.0, _LONGEST_STEP / max(longest, 1e-300)) * step
-        size = longest / amplitude + abs(step[n:] / point[n:]).max()
-        if not math.isfinite(size) or not _is_cycle(a.kind, point, amplitude):
+        unknowns = unknowns - min(1.0, _LONGEST_STEP / max(longest, 1e-300)) * step
+        beta, others = unknowns[:n], unknowns[n : n + 2]
+        size = longest / amplitude + abs(step[n : n + 2] / others).max()
+        if a.kind is Kind.ROTATING:  # leans to one side
+            is_cycle = beta.min() > 0 and beta.max() < math.pi / 2
+        else:
+            is_cycle = abs(beta).max() >= amplitude / 4 and (others > 0).all()
+        if not (math.isfinite(size) and is_cycle):
             return None
-        settled = 1e-8 if most == _FEW_PASSES else 1e-10
-        if size < settled or (size >= best and best < 1e-6):  # quadratic, then stopped by rounding
-            return point
-        best = min(best, size)
+        if size < _SETTLED or (size >= smallest and smallest < _STALLED):
+            return unknowns
+        smallest = min(smallest, size)
     return None
-
-
-def _is_cycle(kind: Kind, point: Any, amplitude: float) -> bool:
-    beta = point[:-2]
-    if kind is Kind.ROTATING:  # leans to one side
-        return bool(beta.min() > 0 and beta.max() < math.pi / 2)
-    return bool(abs(beta).max() >= amplitude / 4 and (point[-2:] > 0).all())
 
 
 # ------------------------------------------------------------------------------------------------ folds
-def fold_system(a: Collocation, point: Any, null: Any) -> Any:
-    """The derivative of a fold's equations by the point and the null vector, in double: (2 n + 3, 2 n + 3).
+def fold_near(a: Collocation, start: Any) -> Any | None:
+    """The fold's point and null vector, (2 n + 3,); None if Newton's iteration leads to none."""
+    # The branch's tangent is the null vector where Omega is extreme.
+    null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
+    largest = abs(null).argmax()
+    unknowns = numpy.append(start, null / null[largest])
+    return _solved(
+        a, unknowns, lambda fold: fold_system(a, fold, largest), lambda fold: fold_residual(a, fold, largest)
+    )
 
-    The equations are the cycle's, those of a null vector of its derivative, and the size of that vector's largest
-    entry. Second derivatives are symmetric: what the null vector's equations change with the point is what the matrix
-    changes along the null vector.
+
+def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
+    """The equations of the cycle, those of a null vector of their derivative, and the scale of that: (2 n + 3,)."""
+    point, null = fold[: a.count + 2], fold[a.count + 2 :]
+    return numpy.concatenate((a.residual(point), a.along(point, null), [null[largest] - 1]))
+
+
+def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
+    """The derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
+
+    Second derivatives are symmetric: what the null vector's equations change with the point is what the matrix changes
+    along the null vector.
     """
     n = a.count
-    moved = (a.matrix(point[:-1] + sign * _DIFFERENCE * null, point[-1]) for sign in (1, -1))
+    point, moved = fold[: n + 2], numpy.append(_DIFFERENCE * fold[n + 2 :], 0.0)
     rows = numpy.zeros((2 * n + 3, 2 * n + 3))
-    matrix = a.matrix(point[:-1], point[-1])
+    matrix = a.matrix(point)
     rows[: n + 1, : n + 2] = matrix
-    rows[n + 1 : -1, : n + 2] = (next(moved) - next(moved)) / (2 * _DIFFERENCE)
+    rows[n + 1 : -1, : n + 2] = (a.matrix(point + moved) - a.matrix(point - moved)) / (2 * _DIFFERENCE)
     rows[n + 1 : -1, n + 2 :] = matrix[:, :-1]
-    rows[-1, n + 2 + abs(null).argmax()] = 1.0
+    rows[-1, n + 2 + largest] = 1.0
     return rows
 
 
-def fold_near(a: Collocation, start: Any) -> tuple[Any, Any] | None:
-    """The fold's point and null vector in double; None if Newton's iteration leads to none."""
-    n, point, best = a.count, start, math.inf
-    # The branch's tangent, which is the null vector where Omega is extreme.
-    null = numpy.linalg.svd(a.matrix(point[:-1], point[-1]))[2][-1][:-1]
-    null = null / null[abs(null).argmax()]
-    for _ in range(_FEW_PASSES):
-        cycle, omega = point[:-1], point[-1]
-        right = numpy.concatenate((a.residual(cycle, omega), a.along(cycle, omega, null), [abs(null).max() - 1]))
-        step = numpy.linalg.solve(fold_system(a, point, null), right)
-        point, null = point - step[: n + 2], null - step[n + 2 :]
-        size = abs(step).max()
-        if not math.isfinite(size) or size > 1e3 or not _is_cycle(a.kind, point, abs(start[:n]).max()):
-            return None
-        if size < 1e-7 or (size >= best and best < 1e-5):  # the fold's equations amplify rounding
-            return point, null
-        best = min(best, size)
-    return None
+def first_fold(parameters: Parameters, kind: Kind) -> Any:
+    """The first fold of the librating cycles from the Hopf point on, or that of the rotating ones.
+
+    Raises NoSuchCycleError where there is none before periods are long.
+    """
+    if kind is Kind.LIBRATING:
+        points = _librating_branch(parameters, math.inf)
+    else:  # along the unstable ones, from Omega_crit on downward
+        crit = float(omega_crit(parameters, 20).value)
+        first = rotation_at(parameters, crit, stable=False)
+        second = newton(Collocation(parameters, kind, len(first) - 2), numpy.append(first[:-1], _LOWER * crit))
+        if second is None:
+            raise unconverged(len(first) - 2)
+        points = _walk(parameters, kind, first, second, math.inf)
+    next(points)
+    for point, turns in points:
+        if turns:
+            return point
+    raise NoSuchCycleError(f"collocation finds no fold of the {kind.name.lower()} cycles")
 
 
 # ------------------------------------------------------------------------------------------------ the branch
-def walk(
-    parameters: Parameters, kind: Kind, before: Any, here: Any, fixed: int | None = None
-) -> Iterator[tuple[Any, bool]]:
-    """The branch from its first two points on, by steps along it, with the folds; each with whether it is one.
+def _walk(parameters: Parameters, kind: Kind, before: Any, point: Any, target: float) -> Iterator[tuple[Any, bool]]:
+    """The branch from its first two points on, with the folds; each with whether the speed turns there.
 
-    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of samples grows,
-    unless it is fixed, once the last harmonics are no longer small.
+    Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of samples grows once
+    the last harmonics are no longer small. The branch is followed until its cycles would lie flat, or until the speed
+    comes to rest next to the connection, so far from ``target`` [rad/s] that it does not get there.
     """
-    length, begin = 2.0, before[-2]  # the next step, in units of the last one, and the first frequency
+    length, fastest = 2.0, 0.0  # the next step, in units of the last one
+    yield before, True
     for _ in range(_MOST_STEPS):
-        n = len(here) - 2
+        n = len(point) - 2
         a = Collocation(parameters, kind, n)
         before = resampled(kind, before, n)
-        ahead = newton(a, here + length * (here - before), _across(here - before, here), _FEW_PASSES)
+        along = point - before
+        # The plane across the branch, with frequency and speed in units of their own size, beta_bar by its mean square.
+        units = numpy.append(numpy.full(n, math.sqrt(n)), point[-2:])
+        ahead = newton(a, point + length * along, along / units**2)
         if ahead is None:  # too long a step, or too few harmonics for what the cycle has become: mend both
             length /= 2
             if length < 1e-3:
-                raise unconverged(kind, n)
-            here = _grown(kind, here, fixed, 0.0)
+                raise unconverged(n)
+            point = _grown(kind, point, 0.0)
             continue
-        fold = None
-        rises = (here[-1] - before[-1], ahead[-1] - here[-1])
-        # Towards the connection the speed comes to rest, and then turns by rounding.
-        telling = min if here[-2] < begin / _LONG else max
-        if rises[0] * rises[1] < 0 and telling(map(abs, rises)) > _ROUNDING * here[-1]:
-            fold = fold_near(a, here)
-        behind = fold is not None and (fold[0] - here) @ (ahead - before) < 0
-        if fold is not None and behind:
-            yield fold[0], True
-        yield here, False
-        if fold is not None and not behind:
-            yield fold[0], True
-        before, here = here, _grown(kind, ahead, fixed, 1e-6)
+        passed = [(point, False)]
+        if along[-1] * (ahead[-1] - point[-1]) < 0:
+            for start in (point, before):
+                fold = fold_near(a, start)
+                if fold is not None:
+                    behind = (fold[: n + 2] - point) @ (ahead - before) < 0
+                    passed.insert(0 if behind else 1, (fold[: n + 2], True))
+                    break
+        yield from passed
+        fastest = max(fastest, point[-2])
+        rests = point[-2] < fastest / _LONG and _FAR * abs(along[-1]) < abs(target - point[-1])
+        if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT:
+            return
+        before, point = point, _grown(kind, ahead, _SMALL)
         length = min(1.3, 2 * length)
 
 
-def _across(direction: Any, here: Any) -> Any:
-    """The direction as a normal, with frequency and speed in units of their own size, beta_bar by its mean square."""
-    units = numpy.append(numpy.full(len(here) - 2, math.sqrt(len(here) - 2)), here[-2:])
-    return direction / units**2
-
-
-def _grown(kind: Kind, point: Any, fixed: int | None, small: float) -> Any:
+def _grown(kind: Kind, point: Any, small: float) -> Any:
     harmonics = sizes(kind, point[:-2])
-    if fixed is None and harmonics[-2:].max() > small * harmonics[0] and len(point) < MOST_SAMPLES // 4:
+    if harmonics[-2:].max() > small * harmonics[0] and len(point) < MOST_SAMPLES // 4:
         return resampled(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
     return point
 
 
 # ------------------------------------------------------------------------------------------------ librating cycles
-def _by_the_law(parameters: Parameters, amplitude: float, samples: int) -> Any:
-    """The cycle of small amplitude [rad] by the laws at the Hopf point."""
-    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
-    square = amplitude**2 * float((parameters.r + parameters.e) / parameters.e)  # of gamma's amplitude
-    beta = -amplitude * numpy.sin(numpy.pi * numpy.arange(samples) / samples)
-    speed = float(omega_crit(parameters, 40).value) * (1 + (quadratic + quartic * square) * square)
-    return numpy.append(beta, (2 * math.pi / float(period_crit(parameters)), speed))
+def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
+    """The branch of librating cycles from the Hopf point on, as `_walk` gives it."""
+    share = float(parameters.e / (parameters.r + parameters.e))  # of the square of gamma's amplitude is that of beta's
+    quadratic, frequency = float(amplitude_law(parameters)[0]), 2 * math.pi / float(period_crit(parameters))
+    speed, at = float(omega_crit(parameters, 40).value), numpy.pi * numpy.arange(_FIRST_SAMPLES) / _FIRST_SAMPLES
+    birth, first = (
+        numpy.append(-amplitude * numpy.sin(at), (frequency, speed * (1 + quadratic * amplitude**2 / share)))
+        for amplitude in (0.0, _FIRST_AMPLITUDE)
+    )
+    cycle = newton(Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth)
+    if cycle is None:
+        raise unconverged(_FIRST_SAMPLES)
+    return _walk(parameters, Kind.LIBRATING, birth, cycle, target)
 
 
-def librating_branch(parameters: Parameters, harmonics: int | None = None) -> Iterator[tuple[Any, bool]]:
-    """The branch of librating cycles from the Hopf point on, as `walk` gives it."""
-    samples = 2 * harmonics if harmonics else _FIRST_SAMPLES
-    birth, first = (_by_the_law(parameters, amplitude, samples) for amplitude in (0.0, 0.02))
-    solved = newton(Collocation(parameters, Kind.LIBRATING, samples), first, _across(first - birth, first))
-    if solved is None:
-        raise unconverged(Kind.LIBRATING, samples)
-    return walk(parameters, Kind.LIBRATING, birth, solved, harmonics)
-
-
-def branch_to(parameters: Parameters, target: Fraction, harmonics: int | None, crossing: int = 1) -> Any:
-    """The librating cycle where the branch from the Hopf point crosses the speed, for the given time.
+def branch_to(parameters: Parameters, target: Fraction, crossing: int = 1) -> Any:
+    """The librating cycle where the branch from the Hopf point crosses the speed, at that crossing.
 
     Raises NoSuchCycleError if it does not.
     """
-    crit = omega_crit(parameters, 40).value
-    distance, nowhere = float(crit - target), _NOWHERE.format(float(target))
-    if abs(distance) < 1e-9 * float(crit):
+    crit, speed = omega_crit(parameters, 40).value, float(target)
+    nowhere = f"no limit cycle found at Omega = {speed:.12g} rad/s"
+    if abs(crit - target) < 1e-9 * crit:
         raise NoSuchCycleError(
             f"{nowhere}: within 1e-9 of Omega_crit double precision cannot start the balance; use the law of hopf"
         )
-    quadratic, quartic = (float(part) for part in amplitude_law(parameters))
-    share = float(parameters.e / (parameters.r + parameters.e))  # of the square of gamma's amplitude is that of beta's
-    squares = numpy.roots([quartic, quadratic, distance / float(crit)])
-    predicted = math.sqrt(share * min((x.real for x in squares if x.real > 0 == x.imag), default=math.inf))
-    if predicted <= 0.02 and crossing == 1:  # the law is a better guess than a branch could make
-        guess = _by_the_law(parameters, predicted, 2 * harmonics if harmonics else _FIRST_SAMPLES)
+    points = _librating_branch(parameters, speed)
+    before, turned = next(points)
+    for point, turns in points:
+        if (point[-1] - speed) * (before[-1] - speed) <= 0:
+            crossing -= 1
+            if not crossing:
+                break
+        before, turned = point, turns
     else:
-        guess = _between(librating_branch(parameters, harmonics), float(target), crossing)
-    guess[-1] = float(target)
+        lies_flat = abs(before[:-2]).max() > _FLAT
+        reason = "where the disk would lie flat" if lies_flat else "in ever longer periods"
+        raise NoSuchCycleError(f"{nowhere}: the branch ends near {before[-1]:.5g} rad/s, {reason}")
+    before = resampled(Kind.LIBRATING, before, len(point) - 2)
+    share = (speed - before[-1]) / (point[-1] - before[-1])
+    # At a fold, and at the Hopf point, the speed changes with the square of the way.
+    share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turns else share
+    guess = before + share * (point - before)
+    guess[-1] = speed
     cycle = newton(Collocation(parameters, Kind.LIBRATING, len(guess) - 2), guess)
     if cycle is None:
-        raise unconverged(Kind.LIBRATING, len(guess) - 2)
+        raise unconverged(len(guess) - 2)
     return cycle
 
 
-def _between(points: Iterator[tuple[Any, bool]], target: float, crossing: int) -> Any:
-    """The point at the speed between two neighbours of the branch, at that crossing."""
-    nowhere = _NOWHERE.format(target)
-    before, turned = next(points)
-    lowest = before[-2] / _LONG
-    for here, turning in points:
-        if (here[-1] - target) * (before[-1] - target) <= 0:
-            crossing -= 1
-            if not crossing:
-                before = resampled(Kind.LIBRATING, before, len(here) - 2)
-                share = (target - before[-1]) / (here[-1] - before[-1])
-                # At a fold the speed changes with the square of the way.
-                share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turning else share
-                return before + share * (here - before)
-        if abs(here[:-2]).max() > _LARGEST_AMPLITUDE:
-            raise NoSuchCycleError(f"{nowhere} before its amplitude is that of a flat disk")
-        step = abs(here[-1] - before[-1])
-        if here[-2] < lowest and step < _STANDING * abs(here[-1] - target):
-            raise NoSuchCycleError(f"{nowhere}: the branch ends near {here[-1]:.8g} rad/s, in ever longer periods")
-        before, turned = here, turning
-    raise NoSuchCycleError(f"{nowhere} within {_MOST_STEPS} steps along the branch")
+# ------------------------------------------------------------------------------------------------ rotating cycles
+def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
+    """The stable rotating cycle at a speed [rad/s], or the unstable one.
+
+    Raises NoSuchCycleError where Newton's iteration leads from none of the rolling disk's rotations to it.
+    """
+    a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
+    for lean in _LEANS if stable else _LEANS[::-1]:
+        point = newton(a, _rolling(parameters, omega, lean))
+        if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
+            return point
+    raise NoSuchCycleError(f"collocation finds no {'stable' if stable else 'unstable'} rotating cycle here")
+
+
+def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
+    """A rotation of the rolling disk, which conserves (r + e sin gamma) sin beta; beta_bar = lean at the bottom."""
+    r, e = float(parameters.r), float(parameters.e)
+    gamma = numpy.linspace(0.0, 2 * math.pi, 4001)  # gamma_bar, from the top
+    beta = numpy.arccos((r - e) * math.cos(lean) / (r + e * numpy.cos(gamma)))
+    pace = 1 / (omega * numpy.sin(beta))
+    times = numpy.concatenate(([0.0], numpy.cumsum((pace[1:] + pace[:-1]) / 2 * numpy.diff(gamma))))
+    samples = numpy.interp(numpy.arange(_ROTATION_SAMPLES) / _ROTATION_SAMPLES * times[-1], times, beta)
+    return numpy.append(samples, (2 * math.pi / times[-1], omega))
+
+
+def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
+    """The slow Floquet exponent of a rotating cycle in units of the frequency, its mode, and what they belong to.
+
+    The mode (3 n,) is that of (beta, gamma, v); it and the exponent are an eigenvector and eigenvalue of the returned
+    matrix (3 n, 3 n), the variational equation by the angle.
+    """
+    by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
+    turning, zero = numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]), numpy.zeros((a.count, a.count))
+    rows = numpy.block(
+        [
+            [-a.slope, zero, numpy.eye(a.count) / point[-2]],
+            [turning, -a.slope, zero],
+            [by_beta, by_gamma, by_v - a.slope],
+        ]
+    )
+    values, vectors = numpy.linalg.eig(rows)
+    # One exponent of each is as good as real, the others differ from it by multiples of i; the one of the flow is 0.
+    real = numpy.flatnonzero(abs(values.imag) < _REAL)
+    chosen = real[abs(values[real].real).argsort()][1]
+    mode = vectors[:, chosen]
+    return float(values[chosen].real), (mode / mode[abs(mode).argmax()]).real, rows

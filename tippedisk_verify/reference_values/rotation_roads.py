@@ -13,8 +13,7 @@ from tippedisk_verify.cycles.folds import RotationFold, fold_near, fold_to_digit
 from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap
 from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
 from tippedisk_verify.cycles.shooting import shoot
-from tippedisk_verify.cycles.spectral import spectral_fold
-from tippedisk_verify.cycles.spectral_rotation import spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_fold, spectral_rotation
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Result
