@@ -26,7 +26,7 @@ from tippedisk_verify.certified.section import half_flight
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.bautin import bautin_points
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")

@@ -14,7 +14,7 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.bautin import bautin_points
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit, omega_crit_decimal
 
 _SHRINKING = 4  #: of the distance from one fold to the next

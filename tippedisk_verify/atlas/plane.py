@@ -37,7 +37,7 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
+from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["Atlas", "Curve", "CurvePoint", "atlas", "checked_atlas", "plane_of"]

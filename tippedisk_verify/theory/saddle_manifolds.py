@@ -28,7 +28,7 @@ from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
+from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
 from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
@@ -67,12 +67,12 @@ class Saddle:
         """(unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
-        discs = eigenvalue_discs(matrix, math.ceil(self.working_bits * math.log10(2)))
-        if any(abs(centre.imag) > radius for centre, radius in discs):
+        values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
+        if any(value.im.value for value in values):
             raise NoConnectionError(
                 "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
             )
-        unstable, slow, fast = (ctx.mpf(centre.real) for centre, _ in discs)
+        unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
             raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
         return unstable, slow, fast

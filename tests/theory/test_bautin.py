@@ -21,12 +21,13 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, BautinPoint, bautin_points, kind_changes
+from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, BautinPoint, bautin_points
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,
     characteristic_polynomial,
     equilibrium,
+    kind_changes,
     linearization,
     saddle_value_sign,
 )
