@@ -23,8 +23,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.hopf import NORMAL_FORM_ULPS, normal_form
+from tippedisk_verify.theory.hopf import NORMAL_FORM_ULPS, amplitude_law, normal_form
 from tippedisk_verify.theory.real_roots import derivative, real_roots, value_at
 from tippedisk_verify.theory.series import PowerSeries
 

@@ -152,7 +152,7 @@ def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, di
 
 
 def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
-    """The eigenvalues [1/s], each part's half-width below 10**-digits of the eigenvalue's size, in `Equilibrium`'s order.
+    """The eigenvalues [1/s] in `Equilibrium`'s order, with half-widths below 10**-digits of each one's size.
 
     The characteristic polynomial changes its sign at the real ones. If that is one, the sum and the product of the
     other two follow from it. Raises Shortfall where two coincide, or nearly so.
