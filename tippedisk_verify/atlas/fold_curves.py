@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy
+from scipy.interpolate import krogh_interpolate
 
 from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
 from tippedisk_verify.cycles.librating_family import amplitude
@@ -27,7 +28,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Plane", "Trace", "fold_at", "fold_traces", "interpolated"]
+__all__ = ["Nodes", "Plane", "Trace", "fold_at", "fold_traces"]
 
 _LEAST, _MOST = 0.03, 4.0  # of s: amplitudes from 0.1 rad to 2e-3 rad below pi
 _FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.01, 0.1, 1e-4
@@ -66,28 +67,36 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Trace:
-    """A curve of folds: against s, rising, the numbers (v_0 / gamma_bar_0, Omega, share of the parameter's range).
+class Nodes:
+    """A curve in double through nodes that are close together: values against a rising abscissa."""
 
-    An end beyond the range's border has one point beyond it.
-    """
-
-    s: Any  #: (n,)
-    points: Any  #: (n, 3)
+    at: Any  #: (n,)
+    values: Any  #: (n, k)
 
     def __call__(self, where: float) -> Any:
-        """(3,) at an s between the points, by the polynomial through the six nearest."""
-        first = max(0, min(int(numpy.searchsorted(self.s, where)) - 3, len(self.s) - 6))
-        return interpolated(self.s[first : first + 6], self.points[first : first + 6], where)
+        """(k,) at an abscissa, by the polynomial through the six nearest nodes."""
+        first = max(0, min(int(numpy.searchsorted(self.at, where)) - 3, len(self.at) - 6))
+        return krogh_interpolate(self.at[first : first + 6], self.values[first : first + 6], where)
+
+    def without(self, k: int) -> Nodes:
+        """The same without one of the nodes."""
+        return Nodes(numpy.delete(self.at, k), numpy.delete(self.values, k, axis=0))
+
+
+class Trace(Nodes):
+    """A curve of folds: against s the numbers (v_0 / gamma_bar_0, Omega, share of the parameter's range).
+
+    An end beyond the range's border has one node beyond it.
+    """
 
     @property
     def cut_short(self) -> list[float]:
         """The shares at which it was followed no further: its ends inside the range that are no Bautin point."""
-        ends = (self.points[-1], *((self.points[0],) if self.s[0] > _LEAST else ()))
+        ends = (self.values[-1], *((self.values[0],) if self.at[0] > _LEAST else ()))
         return [float(point[2]) for point in ends if 0 < point[2] < 1]
 
     def passes(self, s: float, point: Any) -> bool:
-        return bool(self.s[0] <= s <= self.s[-1] and numpy.abs(self(s) - point).max() < _SAME)
+        return bool(self.at[0] <= s <= self.at[-1] and numpy.abs(self(s) - point).max() < _SAME)
 
 
 def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> LibrationFold:
@@ -112,16 +121,6 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
         except numpy.linalg.LinAlgError:
             failure = Shortfall("the conditions of the fold are singular in double")
     raise failure
-
-
-def interpolated(at: Any, points: Any, where: float) -> Any:
-    """The polynomial through all points, at ``where`` (Neville's scheme)."""
-    values = [numpy.asarray(point, dtype=float) for point in points]
-    for reach in range(1, len(values)):
-        for k in range(len(values) - reach):
-            span = at[k + reach] - at[k]
-            values[k] = ((where - at[k]) * values[k + 1] + (at[k + reach] - where) * values[k]) / span
-    return values[0]
 
 
 def fold_traces(
@@ -173,7 +172,7 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
     # A start on the border may lie beyond it by rounding.
     while at[-1] != end and (len(at) == 1 or 0 <= points[-1][2] <= 1) and abs(step) > _SHORTEST_STEP:
         where = at[-1] + step if (end - at[-1] - step) * step > 0 else end
-        predicted = interpolated(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
+        predicted = krogh_interpolate(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
         try:
             found = solve(where, predicted)
             off = float(numpy.abs(found - predicted).max())
