@@ -112,13 +112,18 @@ class Saddle:
             for component in curve:
                 component.extend([ctx.zero] * step)
             rates = rates_of(*self._state(curve))
-            rest = ctx.matrix([rate.c[power] for rate in rates])
-            along = self.inverse_directions * rest
-            added = [along[k] / (power * eigenvalue - self.eigenvalues[k]) for k in range(3)]
-            column = self.directions * ctx.matrix(added)
-            for row in range(3):
-                curve[row][power] = column[row]
+            column = self._solved([rate.c[power] for rate in rates], power * eigenvalue)
+            for component, value in zip(curve, column, strict=True):
+                component[power] = value
         return [PowerSeries(component) for component in curve]
+
+    def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
+        """x of (growth - A) x = rest, A the linearisation; without what has a divisor below ``resonant``."""
+        along = self.inverse_directions * self.context.matrix(rest)
+        for k, eigenvalue in enumerate(self.eigenvalues):
+            divisor = growth - eigenvalue
+            along[k] = 0 if abs(divisor) < resonant else along[k] / divisor
+        return self.directions * along
 
     @property
     def _power_step(self) -> int:
@@ -161,22 +166,17 @@ class Saddle:
         length = self.order + 1
         carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
         step = self._power_step
+        resonant = _RESONANT * own if which == 0 else 0
         for power in range(step, length, step):
-            rest = ctx.matrix(3, 1)
+            rest = [ctx.zero, ctx.zero, ctx.zero]
             for row in (1, 2):  # beta' = v is linear
-                for column in range(3):
-                    if isinstance(entries[row][column], PowerSeries):
-                        terms = entries[row][column].c
-                        rest[row] += sum(
-                            (terms[k] * carried[column][power - k] for k in range(step, power + 1, step)), ctx.zero
-                        )
-            along = self.inverse_directions * rest
-            divisors = [own + power * slow - value for value in self.eigenvalues]
-            resonant = [which == 0 and abs(divisor) < _RESONANT * own for divisor in divisors]
-            added = [ctx.zero if resonant[k] else along[k] / divisors[k] for k in range(3)]
-            vector = self.directions * ctx.matrix(added)
-            for row in range(3):
-                carried[row][power] = vector[row]
+                for entry, component in zip(entries[row], carried, strict=True):
+                    if isinstance(entry, PowerSeries):
+                        terms = (entry.c[k] * component[power - k] for k in range(step, power + 1, step))
+                        rest[row] += sum(terms, ctx.zero)
+            vector = self._solved(rest, own + power * slow, resonant)
+            for component, value in zip(carried, vector, strict=True):
+                component[power] = value
         return [PowerSeries(component) for component in carried]
 
     @cached_property

@@ -15,14 +15,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.slow_manifold import (
-    POINTS,
-    checked_order,
-    expansion_at,
-    orders,
-    reduced_omega_crit,
-    residuals,
-)
+from tippedisk_verify.theory.slow_manifold import POINTS, Expansion, checked_order, reduced_omega_crit
 
 __all__ = ["SlowManifold", "analyse_slow_manifold"]
 
@@ -113,31 +106,35 @@ def _from_sixty_digits(value: float) -> Measured:
     return Measured.of(value, value * 2.0**-50)
 
 
-def _orders_at(
-    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], highest: int, working_bits: int
-) -> list[Any]:
-    ctx = bits(working_bits).context
+def _expansion(
+    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
+) -> Expansion:
+    ctx = bits(working).context
     speed, beta, gamma = (quotient(ctx, part) for part in (omega, *point))
-    return orders(ctx, parameters.within(ctx), speed, beta, gamma, highest)
+    return Expansion(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
+
+
+def _orders_at(
+    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], highest: int, working: int
+) -> list[Any]:
+    return [h.c[0] for h in _expansion(parameters, omega, point, highest, working, slopes=False).series]
 
 
 def _largest_residuals(
     parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
-) -> list[tuple[float, ...]]:
+) -> list[list[float]]:
     """For each epsilon and each order up to the given one, over the fixed points.
 
     With sixty digits more than the residual lies below its terms.
     """
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
-    ctx = bits(bits_for_digits(60 + below)).context
-    largest = [[0.0] * (order + 1) for _ in epsilons]
-    for point in POINTS:
-        speed, beta, gamma = (quotient(ctx, part) for part in (omega, *point))
-        expansion = expansion_at(ctx, parameters.within(ctx), speed, beta, gamma, order, order + 1)
-        for row, epsilon in zip(largest, epsilons, strict=True):
-            sizes = map(abs, residuals(*expansion, quotient(ctx, epsilon)))
-            row[:] = (max(size, float(other)) for size, other in zip(row, sizes, strict=True))
-    return [tuple(row) for row in largest]
+    working = bits_for_digits(60 + below)
+    expansions = [_expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS]
+    largest = []
+    for epsilon in (quotient(bits(working).context, epsilon) for epsilon in epsilons):
+        by_order = zip(*(one.residuals(epsilon) for one in expansions), strict=True)
+        largest.append([float(max(map(abs, sizes))) for sizes in by_order])
+    return largest
 
 
 def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
