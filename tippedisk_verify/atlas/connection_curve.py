@@ -40,7 +40,7 @@ _CONDITIONS: tuple[Condition, ...] = ("neutral-saddle", "hopf-heteroclinic")
 _SPARE = 3  # digits of Omega_h beyond those of a point on its curve
 _SETTLED = 1e-13  # of the range; doubles know no condition better
 _SAMPLES = 17  # disks to begin with
-_NARROW = 1 / 512  # of the range: how closely it is found where Omega_h ends
+_NARROW = 1 / 512  # of the range: how closely the range is sampled where Omega_h ends
 _PREDICTED = 64e-4  # rad/s; how well each disk's Omega_h must follow from its neighbours'
 
 #: A function of one argument and its arguments, to the list of answers in their order.
@@ -70,7 +70,7 @@ class Sample:
     """A disk of the range, in double."""
 
     share: float  #: of the range
-    omega_h: float | None  #: [rad/s]; None where no connection is found
+    omega_h: float | None  #: [rad/s]; None where there is no connection
     folds: tuple[tuple[float, Any], ...]  #: of its limit cycles, each (s, point) as in `fold_curves.Trace`
     missing: tuple[Missing, ...]  #: why there is no Omega_h, or no family of limit cycles
 
@@ -85,7 +85,7 @@ def attempted(kind: str, value: Fraction, compute: Callable[[], T]) -> T | Missi
 
 # ------------------------------------------------------------------------------------------------ disks of the range
 def sampled(plane: Plane, work: Work) -> list[Sample]:
-    """Disks of the range: close together where Omega_h ends, and where it could not be told from its neighbours."""
+    """Disks of the range: close together where Omega_h ends, and where it does not follow from its neighbours."""
     samples: list[Sample] = work(partial(_sample, plane), numpy.linspace(0, 1, _SAMPLES).tolist())
     while True:
         unclear = _unclear(samples)
@@ -122,7 +122,7 @@ def _omega_h(disk: Parameters, guess: Fraction | None, engine: Engine) -> float:
 
 
 def _unclear(samples: Sequence[Sample]) -> set[float]:
-    """The shares of disks whose Omega_h could not be told from that of their neighbours."""
+    """The shares of disks whose Omega_h does not follow from that of their neighbours."""
     return {
         float(share)
         for run in connected_runs(samples)
@@ -133,7 +133,7 @@ def _unclear(samples: Sequence[Sample]) -> set[float]:
 
 def connected_runs(samples: Sequence[Sample]) -> list[Nodes]:
     """Omega_h [rad/s] against the share, for each run of neighbouring disks that have a connection."""
-    runs = (list(run) for found, run in groupby(samples, key=lambda one: one.omega_h is not None) if found)
+    runs = (list(run) for connected, run in groupby(samples, key=lambda one: one.omega_h is not None) if connected)
     return [Nodes(numpy.array([one.share for one in run]), numpy.array([[one.omega_h] for one in run])) for run in runs]
 
 

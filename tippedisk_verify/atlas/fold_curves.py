@@ -36,8 +36,8 @@ _BEND = 1e-3  # how far a prediction may be off; the next step is longer if it w
 _PREDICTED_FROM = 4  # points, by the cubic through them
 _DIFFERENCE = 1e-4  # of unknowns of order one, and less where the cycles come close to the saddles
 _SETTLED = 1e-9  # of a step; points are corrected to more digits later
-_GRID = 10**12  # shares of a range at which points are given
-_SAME = 1e-2  # two folds this near in (v / a, Omega, share of the range) are one
+_GRID = 10**12  # shares of a range at which points lie
+_SAME = 1e-2  # two folds this close in (v / a, Omega, share of the range) are one
 
 
 @dataclass(frozen=True)
@@ -109,11 +109,11 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
     for refined in (False, True):
         try:
             ratio, omega, share = map(float, _fold_at(plane, engine, s, point) if refined else point)
-            disk, near = plane.at(plane.decimal(share)), (a, ratio * a, omega)
-            fold: LibrationFold = fold_in(LibrationFold, disk, near, engine, DOUBLE)
+            disk, guess = plane.at(plane.decimal(share)), (a, ratio * a, omega)
+            fold: LibrationFold = fold_in(LibrationFold, disk, guess, engine, DOUBLE)
             if fold.omega.uncertainty > fold.omega.value / 10**digits:
-                near = float(fold.gamma_bar_0), float(fold.v_0), float(fold.omega)
-                fold = fold_to_digits(LibrationFold, disk, near, engine, digits)
+                guess = float(fold.gamma_bar_0), float(fold.v_0), float(fold.omega)
+                fold = fold_to_digits(LibrationFold, disk, guess, engine, digits)
             if abs(float(fold.gamma_bar_0) - a) < _SAME * min(a, math.pi - a):
                 return fold
         except (InputError, Shortfall) as fault:
@@ -174,15 +174,15 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
         where = at[-1] + step if (end - at[-1] - step) * step > 0 else end
         predicted = krogh_interpolate(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
         try:
-            found = solve(where, predicted)
-            off = float(numpy.abs(found - predicted).max())
+            corrected = solve(where, predicted)
+            off = float(numpy.abs(corrected - predicted).max())
         except (InputError, Shortfall, numpy.linalg.LinAlgError):
             off = math.inf
         if not off < _BEND:
             step /= 2
             continue
         at.append(where)
-        points.append(found)
+        points.append(corrected)
         if off < _BEND / 16:
             step = math.copysign(min(2 * abs(step), _LONGEST_STEP), step)
     return list(zip(at, points, strict=True))
@@ -190,18 +190,18 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
 
 def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
     """(v_0 / gamma_bar_0, Omega, share) of the fold of that amplitude, by Newton's iteration on three conditions."""
-    a, near = float(amplitude(s)), 1 / math.cosh(s) ** 2
+    a, slope = float(amplitude(s)), 1 / math.cosh(s) ** 2  # the slope of a / pi by s
     scales = numpy.array([a, 1.0, 1.0])  # of v_0, Omega and the share
 
     def mapped(at: Sequence[float]) -> Image:
         return ReturnMap(LIBRATING, plane.at(plane.value(at[3])), at[2], engine)(at[:2])
 
     iteration = NewtonIteration(8, Shortfall("the iteration for a fold of given amplitude does not settle"),
-                                small=_SETTLED * near)  # fmt: skip
+                                small=_SETTLED * slope)  # fmt: skip
     unknowns = numpy.array(guess, dtype=float)
     while True:
         at = [a, *(unknowns * scales).tolist()]
-        shifts = [None, abs(at[1]) * _DIFFERENCE, near**2 * _DIFFERENCE, near**2 * _DIFFERENCE]
+        shifts = [None, abs(at[1]) * _DIFFERENCE, slope**2 * _DIFFERENCE, slope**2 * _DIFFERENCE]
         conditions, jacobian = fold_system(mapped, at, shifts)
         step = numpy.linalg.solve(jacobian, conditions) / scales
         unknowns = unknowns - step

@@ -2,7 +2,7 @@
 
 Some disks of the range tell what curves there are (`connection_curve`). Curves of folds are then followed by
 amplitude (`fold_curves`), Omega_h by the parameter. Points spread evenly over each curve are corrected to the digits
-asked for. What cannot be had is told with its reason.
+asked for. What cannot be had is listed with its reason.
 """
 
 from __future__ import annotations

@@ -39,7 +39,7 @@ class BautinPoint(Printable):
 
     parameter: str  #: A, B, m, r or e
     value: Measured  #: of that parameter [its SI unit]; exact for A, B and m
-    parameters: Parameters  #: the disk, without C; where the value is irrational, a fraction too near to matter
+    parameters: Parameters  #: the disk, without C; where the value is irrational, a fraction too close to matter
     omega_crit: Measured  #: [rad/s]
     period: Measured  #: [s] of the cycle at its birth
     second_lyapunov_coefficient: Measured  #: Kuznetsov's l_2, <q, q> = 1 in (beta, gamma, v), SI units

@@ -29,11 +29,11 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
     if len(polynomial) < 3:
         return [Measured(-polynomial[0] / polynomial[1], Fraction(0))] if len(polynomial) == 2 else []
     # Cauchy's bounds: no root is larger than the one, none but zero smaller than the other.
-    first, largest = next(abs(part) for part in polynomial if part), max(map(abs, polynomial))
+    first, largest = next(abs(one) for one in polynomial if one), max(map(abs, polynomial))
     smallest_root, largest_root = first / (first + largest), 1 + largest / abs(polynomial[-1])
     grid = 10 ** (digits - decimal_magnitude(smallest_root))
-    unit = math.lcm(*(part.denominator for part in polynomial))
-    integers = [int(part * unit) * grid**power for power, part in enumerate(reversed(polynomial))][::-1]
+    unit = math.lcm(*(one.denominator for one in polynomial))
+    integers = [int(one * unit) * grid**power for power, one in enumerate(reversed(polynomial))][::-1]
     cells = _cells(integers, math.ceil(largest_root * grid))
     return [Measured(Fraction(low + high, 2 * grid), Fraction(high - low, 2 * grid)) for low, high in cells]
 

@@ -84,9 +84,9 @@ class Saddle:
         vectors = []
         for value in self.eigenvalues:
             vector = right_eigenvector(linearization(self.parameters, self.omega, "noninverted"), value)
-            parts = [quotient(ctx, part) if isinstance(part, Fraction) else part for part in vector]
-            largest = max(parts, key=abs)
-            vectors.append([part / largest for part in parts])
+            entries = [quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector]
+            largest = max(entries, key=abs)
+            vectors.append([entry / largest for entry in entries])
         return ctx.matrix(vectors).T
 
     @cached_property
@@ -202,8 +202,8 @@ class Saddle:
         """
         ctx = self.context
         u = s = t = ctx.zero
-        target = [ctx.mpf(part) for part in point]
-        size = max(abs(part) for part in target)
+        target = [ctx.mpf(entry) for entry in point]
+        size = max(map(abs, target))
         for _ in range(400):
             residual = ctx.matrix(
                 [
@@ -215,7 +215,7 @@ class Saddle:
             )
             step = self.inverse_directions * residual
             u, s, t = u + step[0], s + step[1], t + step[2]
-            if max(abs(part) for part in step) <= 16 * ctx.eps * size:
+            if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t
         raise Shortfall("the end of the unstable branch is too far from the saddle for its local series")
 

@@ -135,7 +135,7 @@ class Expansion:
     def residuals(self, epsilon: Any) -> list[Any]:
         """epsilon (dh/dx) f - g [m rad/s^3] of each truncation; of the order n it is of size epsilon^(n + 1)."""
         q0, q1, q2, rate, drift, rolling = (
-            part.c[0] for part in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
+            term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
         )
         return [
             epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v)) + rate * (v - rolling)
@@ -183,7 +183,7 @@ def reduced_equilibrium(
     ctx = bits(working_bits).context
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
-    beta, gamma, _ = (quotient(ctx, part.pi_multiple) * ctx.pi for part in location(name))
+    beta, gamma, _ = (quotient(ctx, angle.pi_multiple) * ctx.pi for angle in location(name))
     *_, (_, by_beta, by_gamma) = Expansion(ctx, constants, speed, beta, gamma, order).truncations(constants.epsilon)
     return ReducedEquilibrium(by_beta, -speed * by_gamma)
 

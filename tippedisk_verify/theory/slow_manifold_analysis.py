@@ -110,7 +110,7 @@ def _expansion(
     parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
 ) -> Expansion:
     ctx = bits(working).context
-    speed, beta, gamma = (quotient(ctx, part) for part in (omega, *point))
+    speed, beta, gamma = (quotient(ctx, number) for number in (omega, *point))
     return Expansion(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
 
 
@@ -123,7 +123,7 @@ def _orders_at(
 def _largest_residuals(
     parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
 ) -> list[list[float]]:
-    """For each epsilon and each order up to the given one, over the fixed points.
+    """For each epsilon and each order up to ``order``, over the fixed points.
 
     With sixty digits more than the residual lies below its terms.
     """
