@@ -37,7 +37,7 @@ PLANTS = {
     "theory.bautin:bautin_points": "Bautin points",
     "theory.harmonic_balance:one_harmonic": "one-harmonic law",
     "theory.melnikov:limit_speed": "limit epsilon to 0",
-    "theory.slow_manifold_analysis:analyse_slow_manifold": "slow manifold",
+    "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
     "cycles.spectral:balanced_cycle": "harmonic balance",
     "certified.balls:measured": "proved closed forms",
 }

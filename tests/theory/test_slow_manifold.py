@@ -20,6 +20,7 @@ from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import (
+    analyse_slow_manifold,
     attraction_rate,
     critical_manifold,
     first_correction,
@@ -29,7 +30,6 @@ from tippedisk_verify.theory.slow_manifold import (
     reduced_omega_crit,
     slow_manifold,
 )
-from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
 PLACES = [(1.2, 0.3), (1.9, -1.1), (0.9, 2.5), (1.57, 4.0)]
 

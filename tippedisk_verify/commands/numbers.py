@@ -89,7 +89,7 @@ def hopf(common: Common, bautin: str | None) -> int:
 @common_options
 def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> int:
     """Orders of the slow manifold, their residuals, and the reduced flow."""
-    from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
+    from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
     omega_value = speed(common, omega, None if omega is not None else "0.5")
     result = analyse_slow_manifold(common.parameters, omega_value, order, common.digits, at=(beta, gamma))

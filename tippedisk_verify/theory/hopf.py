@@ -42,7 +42,6 @@ __all__ = [
     "hopf_point",
     "normal_form",
     "omega_crit",
-    "omega_crit_decimal",
     "omega_crit_squared",
     "period_crit",
     "speed_below_crit",
@@ -140,15 +139,6 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     return _from_root(omega_crit_squared(parameters), checked_digits(digits), lambda ctx, root: root)
 
 
-def omega_crit_decimal(parameters: Parameters, digits: int) -> Fraction:
-    """A decimal so near to Omega_crit [rad/s] that taking it instead changes nothing in ``digits`` digits.
-
-    30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
-    """
-    speed = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
-    return Fraction(speed.decimals()[0])
-
-
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:
     """The decimal speed [rad/s] that lies ``distance`` [rad/s] below Omega_crit.
 
@@ -157,7 +147,9 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> F
     below = exact(distance)
     if below.pi_multiple:
         raise InputError("the distance below Omega_crit must be a decimal")
-    return checked_speed(omega_crit_decimal(parameters, digits) - below.rational)
+    # With 30 digits more the rounding of Omega_crit stays far below every half-width.
+    crit = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
+    return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
 
 
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:

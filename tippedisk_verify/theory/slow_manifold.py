@@ -11,16 +11,19 @@ The series looks divergent (|h_n|^(1/n) grows about linearly in n): it is asympt
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.equations import Ops, terms
-from tippedisk_verify.model.exact import quotient, shown
+from tippedisk_verify.model.equations import Ops, checked_speed, terms
+from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries
@@ -29,8 +32,9 @@ __all__ = [
     "POINTS",
     "Expansion",
     "ReducedEquilibrium",
+    "SlowManifold",
+    "analyse_slow_manifold",
     "attraction_rate",
-    "checked_order",
     "critical_manifold",
     "first_correction",
     "invariance_residuals",
@@ -41,6 +45,7 @@ __all__ = [
 ]
 
 _HIGHEST_ORDER = 40
+_LARGEST_ANGLE = 1000  # rad
 #: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi, spread by a Kronecker
 #: sequence of the plastic number's powers: no pattern of the field can hide from them.
 POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
@@ -124,6 +129,11 @@ class Expansion:
                 right = right + self.q2 * (self.series[i] * other) - self.series[i].slope(0) * other
             self.series.append(right / self.rate)
 
+    @property
+    def orders(self) -> list[Any]:
+        """[h_0, h_1, ...] at the point."""
+        return [h.c[0] for h in self.series]
+
     def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
         """h and its derivatives by beta and gamma at the point, of the series truncated at each order in turn."""
         h = by_beta = by_gamma = 0
@@ -148,17 +158,17 @@ def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
 
     Raises InputError for an order below 0 or above 40.
     """
-    checked_order(highest)
-    return [h.c[0] for h in Expansion(ops, constants, omega, beta, gamma, highest, slopes=False).series]
+    _checked_order(highest)
+    return Expansion(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
 def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
     """`Expansion.residuals` at a point, up to an order. Raises as `orders` does."""
-    checked_order(highest)
+    _checked_order(highest)
     return Expansion(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
 
 
-def checked_order(order: int) -> None:
+def _checked_order(order: int) -> None:
     """Raises InputError unless the order is a whole number from 0 to 40."""
     if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _HIGHEST_ORDER:
         raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
@@ -179,7 +189,7 @@ def reduced_equilibrium(
 
     Order 0 has trace 0: noninverted is a saddle and inverted a centre, whatever the speed.
     """
-    checked_order(order)
+    _checked_order(order)
     ctx = bits(working_bits).context
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
@@ -195,7 +205,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     where no root lies within a tenth of Omega_crit.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
-    checked_order(order)
+    _checked_order(order)
     if order == 0:
         raise Shortfall(
             "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
@@ -219,3 +229,121 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     if not max(abs(rough / start - 1), abs(sharp / start - 1)) < 0.1:
         raise Shortfall(f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large")
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
+
+
+# --------------------------------------------------------------------------------------------- how good the series are
+@dataclass(frozen=True, repr=False)
+class SlowManifold(Printable):
+    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones."""
+
+    order: int
+    omega: Fraction  #: [rad/s]
+    beta: Fraction  #: where h is taken [rad]
+    gamma: Fraction  #: where h is taken [rad]
+    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) [rad/s, rad/m, ...]
+    #: Largest |epsilon (dh/dx) f - g| over the fixed points, of the orders 0 ... N, at this set's epsilon [m rad/s^3].
+    residual: tuple[Measured, ...]
+    residual_slope: tuple[Measured, ...]  #: exponent of epsilon in that as epsilon tends to 0, seen at 1e-5 ... 1e-6
+    best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
+    smallest_term: Measured  #: that size [rad/s]
+    reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
+    warning: str | None
+
+
+def analyse_slow_manifold(
+    parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
+) -> SlowManifold:
+    """Orders at a point, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
+
+    ``at`` is the point (beta, gamma) [rad], as decimals. Raises InputError for an order out of range, a speed that is
+    not positive, or a point that is none or where the disk lies flat.
+    """
+    parameters.refuse_smooth("the slow manifold's expansion is")
+    _checked_order(order)
+    speed = checked_speed(omega)
+    checked_digits(digits)
+    point = _point(at)
+    working = bits_for_digits(digits + 5)
+    rough, sharp = (
+        _expansion(parameters, speed, point, order, width, slopes=False).orders for width in (working, working + 66)
+    )
+    ulp = Fraction(1, 2 ** (working - 1))
+    shrinking = tuple(Fraction(1, 10**k) for k in (5, 6, 7))
+    residuals, *sizes = _largest_residuals(parameters, speed, order, (parameters.epsilon, *shrinking))
+    slopes = []
+    for coarse, middle, fine in zip(*sizes, strict=True):
+        # The two-point exponent is off by a multiple of epsilon: a decade on a tenth of that is left, so the change
+        # towards smaller epsilon shows nine tenths. (The change from larger epsilon, where the series need not be in
+        # its asymptotic range yet, may vanish by chance.)
+        exponent, next_exponent = math.log10(coarse / middle), math.log10(middle / fine)
+        slopes.append(Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50))
+    best, smallest = _best_order(parameters, speed)
+    # Rounded to double once, from an evaluation with digits to spare.
+    *residual, smallest_term = (Measured.of(size, size * 2.0**-50) for size in (*residuals, smallest))
+    try:
+        reduced = reduced_omega_crit(parameters, order, digits)
+    except Shortfall:
+        reduced = None
+    return SlowManifold(
+        order=order,
+        omega=speed,
+        beta=point[0],
+        gamma=point[1],
+        h=tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True)),
+        residual=tuple(residual),
+        residual_slope=tuple(slopes),
+        best_order=best,
+        smallest_term=smallest_term,
+        reduced_omega_crit=reduced,
+        warning=None
+        if order <= best
+        else f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the largest terms over the"
+        f" twenty fixed points grow from order {best + 1} on",
+    )
+
+
+def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
+    if not isinstance(at, tuple) or len(at) != 2:
+        raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
+    beta, gamma = map(exact, at)
+    if beta.pi_multiple or gamma.pi_multiple:
+        raise InputError("beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2")
+    if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
+        raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
+    if not beta.rational:
+        raise InputError("at beta = 0 the disk lies flat, and has no slow manifold: try 1.2")
+    return beta.rational, gamma.rational
+
+
+def _expansion(
+    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
+) -> Expansion:
+    ctx = bits(working).context
+    speed, beta, gamma = (quotient(ctx, number) for number in (omega, *point))
+    return Expansion(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
+
+
+def _largest_residuals(
+    parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
+) -> list[list[float]]:
+    """For each epsilon and each order up to ``order``, over the fixed points.
+
+    With sixty digits more than the residual lies below its terms.
+    """
+    below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
+    working = bits_for_digits(60 + below)
+    expansions = [_expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS]
+    largest = []
+    for epsilon in (quotient(bits(working).context, epsilon) for epsilon in epsilons):
+        by_order = zip(*(one.residuals(epsilon) for one in expansions), strict=True)
+        largest.append([float(max(map(abs, sizes))) for sizes in by_order])
+    return largest
+
+
+def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
+    """Over the fixed points: where the largest term of each order is smallest."""
+    rows = [_expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS]
+    epsilon = quotient(bits(120).context, parameters.epsilon)
+    largest = [float(max(map(abs, sizes)) * epsilon**n) for n, sizes in enumerate(zip(*rows, strict=True))]
+    best = min(range(1, highest + 1), key=largest.__getitem__)
+    return best, largest[best]
