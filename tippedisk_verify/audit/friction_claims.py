@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
 
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.audit.claims import Audit, Claim, per_set
@@ -24,7 +23,6 @@ from tippedisk_verify.theory.slow_manifold import critical_manifold
 __all__ = ["FRICTION_CLAIMS"]
 
 _STATES = 2048
-_OFF_ROLLING = 0.25  # rad/s
 
 
 def _below(parameters: Parameters) -> Fraction:
@@ -91,30 +89,20 @@ def _asymptotic(audit: Audit, name: str) -> tuple[str, bool]:
     return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
 
 
-def _relaxation_rates(parameters: Parameters) -> tuple[Any, Any]:
-    """|beta - pi/2| [rad] on a grid of states a little off rolling, and -d(v')/d(v) [1/s] there.
-
-    At that rate states that differ in v alone fall together.
-    """
+def _attractive(audit: Audit, name: str) -> tuple[str, bool]:
+    """Where neighbours in v fall together, a little off rolling, and at what rate, -d(v')/d(v), by both laws."""
     import numpy
 
+    parameters, said, falling = audit.sets[name], [], []
     constants, speed = parameters.at(DOUBLE), float(_below(parameters))
-    beta, gamma = numpy.meshgrid(
-        numpy.linspace(0.35, math.pi - 0.35, 24), numpy.linspace(-math.pi / 2, 3 * math.pi / 2, 32)
-    )
-    v = critical_manifold(numpy, constants, speed, beta, gamma) + _OFF_ROLLING
-    return abs(beta - math.pi / 2), -jacobian(numpy, constants, speed, parameters.friction)(beta, gamma, v)[2][2]
-
-
-def _attractive(audit: Audit, name: str) -> tuple[str, bool]:
-    """Where neighbours in v fall together, and how fast, by both laws."""
-    said, falling = [], []
+    beta, gamma = numpy.mgrid[0.35 : math.pi - 0.35 : 24j, -math.pi / 2 : 3 * math.pi / 2 : 32j]
+    v, distance = critical_manifold(numpy, constants, speed, beta, gamma) + 0.25, abs(beta - math.pi / 2)
     laws: tuple[Friction, ...] = ("linear", "smooth")
     for law in laws:
-        distance, rates = _relaxation_rates(audit.sets[name].with_friction(law))
-        edge = distance[~(rates > 0)].min(initial=distance.max())
-        inside = rates[distance < edge]
+        rates = -jacobian(numpy, constants, speed, law)(beta, gamma, v)[2][2]
         falling.append(bool((rates > 0).all()))
+        edge = distance[rates <= 0].min(initial=distance.max())
+        inside = rates[distance < edge]
         said.append(f"{law}: {inside.min():.1f} to {inside.max():.1f} 1/s for |beta - pi/2| < {edge:.2f}")
     return "; ".join(said), all(falling)
 
