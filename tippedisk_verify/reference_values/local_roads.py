@@ -242,7 +242,7 @@ HOPF = (
     Method("normal-form", "exact Routh-Hurwitz and Kuznetsov's normal form, mpmath", _hopf_first),
     Method("balance", "implicit differentiation and the consistent one-harmonic law's slopes", _hopf_balance, True),
 )
-hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _BITS))
+hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _DIGITS))
 
 
 # ------------------------------------------------------------------------------------------ harmonic balance

@@ -18,12 +18,12 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.exact import fraction, quotient, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.hopf import NORMAL_FORM_ULPS, amplitude_law, normal_form
+from tippedisk_verify.theory.hopf import amplitude_law, normal_form
 from tippedisk_verify.theory.real_roots import derivative, real_roots, value_at
 from tippedisk_verify.theory.series import PowerSeries
 
@@ -91,33 +91,29 @@ def _admitted(parameters: Parameters, name: str, value: Fraction) -> Parameters 
 
 
 def _point(name: str, value: Measured, ends: list[tuple[Any, Fraction]], digits: int) -> BautinPoint:
-    working = bits_for_digits(digits + _GUARD + 2)  # as many for the ulps
     # One end is at most as far from the root as from the other end.
-    at_low, at_high = (_numbers(disk, slope, working) for disk, slope in ends)
-    rounding = NORMAL_FORM_ULPS * fraction(bits(working).context.eps)
-    measured = {"value": value}
-    for quantity, number in at_low.items():
-        low, high = fraction(number), fraction(at_high[quantity])
-        measured[quantity] = Measured(low, abs(high - low) + abs(low) * rounding)
-    for quantity, number in measured.items():
+    low, high = (_numbers(disk, slope, digits + _GUARD + 2) for disk, slope in ends)  # two digits for the roundings
+    numbers = {"value": value}
+    for quantity, number in low.items():
+        numbers[quantity] = Measured(number.value, number.uncertainty + abs(high[quantity].value - number.value))
+    for quantity, number in numbers.items():
         if number.uncertainty * 10**digits > abs(number.value):
             raise Shortfall(f"{quantity} of a Bautin point in {name} loses more than {_GUARD} digits to cancellation")
-    return BautinPoint(parameter=name, parameters=ends[0][0], **measured)
+    return BautinPoint(parameter=name, parameters=ends[0][0], **numbers)
 
 
-def _numbers(disk: Parameters, slope: Fraction, working: int) -> dict[str, Any]:
-    """The numbers of `BautinPoint` but for the value, as mpmath numbers; ``slope`` is the condition's derivative."""
-    ctx = bits(working).context
+def _numbers(disk: Parameters, slope: Fraction, digits: int) -> dict[str, Measured]:
+    """The numbers of `BautinPoint` but for the value; ``slope`` is the condition's derivative."""
     quartic = amplitude_law(disk).quartic
     if not quartic:
         raise Shortfall("the second Lyapunov coefficient vanishes too: this Bautin point is degenerate itself")
     steep = -slope / (16 * (disk.r + disk.e) * disk.r * disk.Bbar)  # c_1' / Omega_crit, as c_1 = 0
-    numbers = normal_form(disk, working, degenerate=True)
+    numbers = normal_form(disk, digits, degenerate=True)
     speed = numbers["omega_crit"]
     return {
         **{name: numbers[name] for name in ("omega_crit", "period", "second_lyapunov_coefficient")},
-        "quartic_coefficient": speed * quotient(ctx, quartic),
-        "quadratic_coefficient_slope": speed * quotient(ctx, steep),
-        "fold_amplitude_slope": quotient(ctx, -steep / (2 * quartic)),
-        "fold_speed_curvature": speed * quotient(ctx, -(steep**2) / (4 * quartic)),
+        "quartic_coefficient": speed * quartic,
+        "quadratic_coefficient_slope": speed * steep,
+        "fold_amplitude_slope": Measured(-steep / (2 * quartic), Fraction(0)),
+        "fold_speed_curvature": speed * (-(steep**2) / (4 * quartic)),
     }

@@ -15,12 +15,12 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact, fraction, quotient, shown
+from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, plain
-from tippedisk_verify.theory.real_roots import real_roots
+from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
     "Eigenvalue",
@@ -165,7 +165,7 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
             half = (-a2 - values[0].re) / 2
             square = half * half + a0 / values[0].re  # of half the distance of the other two
             if square.value + square.uncertainty < 0:
-                imaginary = _square_root(-square, digits + guard)
+                imaginary = square_root(-square, digits + guard)
                 values += [Eigenvalue(half, imaginary), Eigenvalue(half, -imaginary)]
         widths = [max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value)) for re, im in values]
         if len(values) == 3 and max(widths) < Fraction(1, 10**digits):
@@ -192,12 +192,4 @@ def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12
         Fraction(-4),
     )
     squares = real_roots(discriminant, digits + _GUARD)
-    return tuple(_square_root(square, digits + _GUARD) for square in squares if 0 < square.value < _FASTEST**2)
-
-
-def _square_root(square: Measured, digits: int) -> Measured:
-    """Of a positive number, rounded to so many digits."""
-    precision = bits(bits_for_digits(digits))
-    root = fraction(precision.context.sqrt(quotient(precision.context, square.value)))
-    # Two roundings, and twice what the half-width makes of the root where it is small against the number.
-    return Measured(root, 2 * root * precision.epsilon + square.uncertainty / root)
+    return tuple(square_root(square, digits + _GUARD) for square in squares if 0 < square.value < _FASTEST**2)

@@ -14,12 +14,13 @@ from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import quotient, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared
+from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared, period_of
+from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
     "Form",
@@ -126,16 +127,15 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     checked_digits(digits)
-    constants, ctx = parameters.rational(), bits(bits_for_digits(digits + 5)).context
+    constants = parameters.rational()
     if not _denominator(constants, omega**2, form):
         raise Shortfall(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square, frequency_squared = squares(constants, omega, form)
     if square < 0 or frequency_squared <= 0:
         raise Shortfall(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
-    amplitude, frequency = (ctx.sqrt(quotient(ctx, value)) for value in (square, frequency_squared))
-    period = 2 * ctx.pi / frequency
-    # The squares are exact; at most five rounded operations follow.
-    return OneHarmonic(*(Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, frequency, period)))
+    frequency = square_root(frequency_squared, digits + 5)
+    amplitude = square_root(square, digits + 5) if square else Measured.of(0, 0)
+    return OneHarmonic(amplitude, frequency, period_of(frequency, digits + 5))
 
 
 def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
@@ -149,12 +149,8 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
     denominator = _denominator(parameters.rational(), square, form)
     if not denominator:
         raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
-    ctx = bits(bits_for_digits(checked_digits(digits) + 17)).context
+    working = checked_digits(digits) + 17
     growth = 8 * ratio * parameters.Bbar * parameters.r / denominator  # d(C^2)/d(-Omega) / Omega_crit
-    amplitude = quotient(ctx, growth) * ctx.sqrt(quotient(ctx, square))
     # T = 2 pi / omega with omega^2 = W Omega^2 + delta C^2.
-    stretch = (2 - delta(parameters, 1, form) * growth * square / ratio) / square
-    period = ctx.pi * quotient(ctx, stretch) / ctx.sqrt(quotient(ctx, ratio))
-    # At most six rounded operations on exact numbers.
-    amplitude_slope, period_slope = (Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, period))
-    return amplitude_slope, period_slope
+    stretch = (1 - delta(parameters, 1, form) * growth * square / ratio / 2) / square
+    return growth * square_root(square, working), period_of(square_root(ratio, working), working) * stretch

@@ -18,21 +18,20 @@ continuously differentiable, so it has no first Lyapunov coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import exact, quotient
+from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
-    "NORMAL_FORM_ULPS",
     "AmplitudeLaw",
     "HopfPoint",
     "amplitude_law",
@@ -44,11 +43,10 @@ __all__ = [
     "omega_crit",
     "omega_crit_squared",
     "period_crit",
+    "period_of",
     "speed_below_crit",
 ]
 
-#: Ulps of a number of `normal_form`: at most eight rounded operations, where a quotient of integers counts twice.
-NORMAL_FORM_ULPS = 16
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 
@@ -136,7 +134,7 @@ def criticality(parameters: Parameters) -> Criticality:
 
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
-    return _from_root(omega_crit_squared(parameters), checked_digits(digits), lambda ctx, root: root)
+    return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:
@@ -148,7 +146,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> F
     if below.pi_multiple:
         raise InputError("the distance below Omega_crit must be a decimal")
     # With 30 digits more the rounding of Omega_crit stays far below every half-width.
-    crit = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
+    crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35)
     return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
 
 
@@ -157,16 +155,14 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
     Raises InputError as `checked_digits` does.
     """
-    return _from_root(
-        critical_frequency_squared(parameters), checked_digits(digits), lambda ctx, root: 2 * ctx.pi / root
-    )
+    working = checked_digits(digits) + 5
+    return period_of(square_root(critical_frequency_squared(parameters), working), working)
 
 
-def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any]) -> Measured:
-    ctx = bits(bits_for_digits(digits + 5)).context
-    value = function(ctx, ctx.sqrt(quotient(ctx, square)))
-    # Five operations, each correctly rounded: 8 ulps hold them.
-    return Measured.of(value, abs(value) * 8 * ctx.eps)
+def period_of(frequency: Measured, digits: int) -> Measured:
+    """2 pi / ``frequency``, with pi to so many digits."""
+    low, high = PI.enclosed(bits_for_digits(digits))
+    return Measured(low + high, high - low) / frequency
 
 
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
@@ -176,17 +172,14 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     and under the smooth law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
-    law, working = amplitude_law(parameters), bits_for_digits(checked_digits(digits) + 17)
-    ctx = bits(working).context
-    numbers = normal_form(parameters, working, degenerate=not law.quadratic)
-    for name, coefficient in law._asdict().items():
-        numbers[f"{name}_coefficient"] = numbers["omega_crit"] * quotient(ctx, coefficient)
-    measured = {name: Measured.of(number, abs(number) * NORMAL_FORM_ULPS * ctx.eps) for name, number in numbers.items()}
-    return HopfPoint(criticality=criticality(parameters), **measured)
+    law = amplitude_law(parameters)
+    numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
+    coefficients = {f"{name}_coefficient": numbers["omega_crit"] * number for name, number in law._asdict().items()}
+    return HopfPoint(criticality=criticality(parameters), **numbers, **coefficients)
 
 
-def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool = False) -> dict[str, Any]:
-    """Numbers of `HopfPoint` as mpmath numbers of ``working_bits``, each within `NORMAL_FORM_ULPS`.
+def normal_form(parameters: Parameters, digits: int, *, degenerate: bool = False) -> dict[str, Measured]:
+    """Numbers of `HopfPoint`, from square roots and pi to so many digits.
 
     On the centre manifold x = z q + conj(z q) + ... and z' = lambda(Omega) z + c_1 z |z|^2 + c_2 z |z|^4, with A q =
     i omega q and <q, q> = 1, so q = (i omega, Omega, -omega^2) / |...| (Kuznetsov, Elements of Applied Bifurcation
@@ -197,20 +190,19 @@ def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool =
     ``degenerate`` takes l_1 as zero. Then Re lambda + Re c_2 |z|^4 = 0 gives l_2 = Re c_2 / omega, and there are no
     slopes.
     """
-    ctx = bits(working_bits).context
     law, square = amplitude_law(parameters), omega_crit_squared(parameters)
     ratio, friction_squared = frequency_ratio_squared(parameters), _friction_ratio_squared(parameters)
-    speed, root, friction = (ctx.sqrt(quotient(ctx, number)) for number in (square, ratio, friction_squared))
-    drift = -friction * quotient(ctx, (1 - ratio) / (friction_squared + ratio))
+    speed, root, friction = (square_root(number, digits) for number in (square, ratio, friction_squared))
+    drift = -friction * ((1 - ratio) / (friction_squared + ratio))
     share = 4 / (1 + ratio + ratio**2 * square)  # (2 |q_2|)^2
-    numbers = {"omega_crit": speed, "period": 2 * ctx.pi / (speed * root), "transversality": drift}
+    numbers = {"omega_crit": speed, "period": period_of(speed * root, digits), "transversality": drift}
     if degenerate:
-        second = -drift * quotient(ctx, share**2 * law.quartic) / root
-        return numbers | {"first_lyapunov_coefficient": ctx.zero, "second_lyapunov_coefficient": second}
+        second = -drift * (share**2 * law.quartic) / root
+        return numbers | {"first_lyapunov_coefficient": Measured.of(0, 0), "second_lyapunov_coefficient": second}
     return numbers | {
-        "first_lyapunov_coefficient": -drift * quotient(ctx, share * law.quadratic) / root,
+        "first_lyapunov_coefficient": -drift * (share * law.quadratic) / root,
         # beta_bar' = v and gamma_bar' = Omega beta_bar: beta_max^2 = W a^2.
-        "amplitude_squared_slope": -quotient(ctx, ratio / law.quadratic) / speed,
+        "amplitude_squared_slope": -ratio / law.quadratic / speed,
         # (2 pi / T)^2 = W Omega^2 (1 - (1 - W) a^2 / 8 + O(a^4)).
-        "period_slope": ctx.pi * quotient(ctx, (2 - (1 - ratio) / (8 * law.quadratic)) / square) / root,
+        "period_slope": period_of(root, digits) * ((1 - (1 - ratio) / (16 * law.quadratic)) / square),
     }

@@ -1,4 +1,4 @@
-"""Real roots of polynomials with rational coefficients, each enclosed by a change of sign.
+"""Real roots of polynomials with rational coefficients, each enclosed by a change of sign; square roots.
 
 A polynomial is the list of its coefficients, ascending. The roots are looked for on a grid of decimals, where the
 polynomial is one of integers with integer arguments: all arithmetic is exact.
@@ -13,9 +13,11 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.model.decimals import decimal_magnitude
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import bits, bits_for_digits
 
-__all__ = ["derivative", "real_roots", "value_at"]
+__all__ = ["derivative", "real_roots", "square_root", "value_at"]
 
 
 def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
@@ -80,3 +82,12 @@ def value_at(polynomial: Sequence[Any], x: Any) -> Any:
     for coefficient in reversed(polynomial):
         total = total * x + coefficient
     return total
+
+
+def square_root(square: Measured | Fraction, digits: int) -> Measured:
+    """The root of a positive number, rounded to so many digits."""
+    number = square if isinstance(square, Measured) else Measured(square, Fraction(0))
+    precision = bits(bits_for_digits(digits))
+    root = fraction(precision.context.sqrt(quotient(precision.context, number.value)))
+    # Two roundings, and twice what the half-width makes of the root where it is small against the number.
+    return Measured(root, 2 * root * precision.epsilon + number.uncertainty / root)
