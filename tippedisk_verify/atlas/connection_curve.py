@@ -168,11 +168,7 @@ def _special_point(
     plane: Plane, digits: int, change: tuple[Condition, tuple[float, float], Nodes]
 ) -> SpecialPoint | Missing:
     kind, ends, run = change
-    return attempted(
-        kind,
-        plane.decimal(sum(ends) / 2),
-        lambda: _refined_point(kind, plane, ends, run, default_engine(), digits),
-    )
+    return attempted(kind, plane.decimal(sum(ends) / 2), lambda: _refined_point(kind, plane, ends, run, digits))
 
 
 def _rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
@@ -192,9 +188,7 @@ def _signs(kind: Condition, disk: Parameters, omega_h: Measured) -> set[int]:
     return {(omega**2 > square) - (omega**2 < square) for omega in ends}
 
 
-def _refined_point(
-    kind: Condition, plane: Plane, ends: tuple[float, float], run: Nodes, engine: Engine, digits: int
-) -> SpecialPoint:
+def _refined_point(kind: Condition, plane: Plane, ends: tuple[float, float], run: Nodes, digits: int) -> SpecialPoint:
     """The point of that kind between two shares of the range at which its condition differs in sign.
 
     The half-width of the parameter is a distance at which the condition has its two signs on the two sides, however
@@ -202,29 +196,21 @@ def _refined_point(
     """
     from scipy.optimize import brentq
 
+    engine = default_engine()
+
     def rough(share: float) -> float:
-        disk = plane.at(plane.value(share))
-        guess = Fraction(float(run(share)[0]))
+        disk, guess = plane.at(plane.value(share)), Fraction(float(run(share)[0]))
         return _rough_condition(kind, disk, float(splitting_zero_in_double(disk, guess, engine)))
 
     share: float = brentq(rough, *ends, xtol=_SETTLED)
-    value = plane.value(share)
     exact_digits = digits + _SPARE
+    value = plane.value(share)
     value = round(value, exact_digits - decimal_magnitude(value))
-    width = value / 10**digits / 4
-    while True:
-        sides = []
-        for side in (value - width, value + width):
-            disk = plane.at(side)
-            omega = omega_h_near(disk, float(run(share)[0]), engine, exact_digits)
-            sides.append((omega, _signs(kind, disk, omega)))
-        (left, before), (right, after) = sides
-        if (before, after) in (({-1}, {1}), ({1}, {-1})):
-            break
-        width *= 4
-        if width > value / 10**digits:
-            raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
-    middle = (left.value + right.value) / 2
-    # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
-    spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
-    return SpecialPoint(kind, Measured(value, width), Measured(middle, spread))
+    for width in (value / 10**digits / 4, value / 10**digits):
+        disks = plane.at(value - width), plane.at(value + width)
+        left, right = (omega_h_near(disk, float(run(share)[0]), engine, exact_digits) for disk in disks)
+        if [_signs(kind, disks[0], left), _signs(kind, disks[1], right)] in ([{-1}, {1}], [{1}, {-1}]):
+            # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
+            spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
+            return SpecialPoint(kind, Measured(value, width), Measured((left.value + right.value) / 2, spread))
+    raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
