@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy
+from scipy.interpolate import krogh_interpolate
 
 from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
 from tippedisk_verify.cycles.librating_family import amplitude
@@ -75,7 +76,7 @@ class Nodes:
     def __call__(self, where: float) -> Any:
         """(k,) at an abscissa, by the polynomial through the six nearest nodes."""
         first = max(0, min(int(numpy.searchsorted(self.at, where)) - 3, len(self.at) - 6))
-        return _interpolated(self.at[first : first + 6], self.values[first : first + 6], where)
+        return krogh_interpolate(self.at[first : first + 6], self.values[first : first + 6], where)
 
     def without(self, k: int) -> Nodes:
         """The same without one of the nodes."""
@@ -120,16 +121,6 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
         except numpy.linalg.LinAlgError:
             failure = Shortfall("the conditions of the fold are singular in double")
     raise failure
-
-
-def _interpolated(at: Any, values: Any, where: float) -> Any:
-    """The polynomial through all nodes, at ``where`` (Neville's scheme)."""
-    values = [numpy.asarray(value, dtype=float) for value in values]
-    for reach in range(1, len(values)):
-        for k in range(len(values) - reach):
-            span = at[k + reach] - at[k]
-            values[k] = ((where - at[k]) * values[k + 1] + (at[k + reach] - where) * values[k]) / span
-    return values[0]
 
 
 def fold_traces(
@@ -181,7 +172,7 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
     # A start on the border may lie beyond it by rounding.
     while at[-1] != end and (len(at) == 1 or 0 <= points[-1][2] <= 1) and abs(step) > _SHORTEST_STEP:
         where = at[-1] + step if (end - at[-1] - step) * step > 0 else end
-        predicted = _interpolated(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
+        predicted = krogh_interpolate(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
         try:
             corrected = solve(where, predicted)
             off = float(numpy.abs(corrected - predicted).max())
