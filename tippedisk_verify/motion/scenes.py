@@ -181,8 +181,12 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
         result = engine(request)
         if not result.status.usable:
             raise Shortfall(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
-        ending, used = classified(result, request, engine, omega, stable)
-        compiled |= dict.fromkeys((*result.built, *used))
+        compiled |= dict.fromkeys(result.built)
+        if result.status is Status.FLAT:
+            ending, timed = _flat(request, engine, omega)
+            compiled |= dict.fromkeys(timed.built)
+        else:
+            ending = classified(result, times, float(omega), stable)
         count = len(result.samples)
         orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
     return Panel(
@@ -196,32 +200,28 @@ def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Me
     )
 
 
-def classified(
-    result: Result, request: Request, engine: Engine, omega: Measured, inverted_stable: bool
-) -> tuple[Ending, tuple[Build, ...]]:
-    """What an orbit ends on, and what was built to say so.
+def classified(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
+    """What an orbit ends on that keeps standing.
 
-    *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| modulo 2 pi at the
-    crossings of beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted
-    spinning*: it is asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05 rad.
-    *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically, and the limit they tend to lies above 0.05 rad, with
-    a remaining distance below a hundredth of it. *Rotating limit cycle*: beta has not crossed pi/2 for twelve turns of
-    gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has such a limit. Anything else is *undecided*.
+    The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide; by the point symmetry each
+    is the same function of the one before. *Inverted spinning*: it is asymptotically stable (exact Routh-Hurwitz), the
+    last ten A_n fall, and the last is below 0.05 rad. *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically,
+    and the limit they tend to lies above 0.05 rad, with a remaining distance below a hundredth of it. *Rotating limit
+    cycle*: beta has not crossed pi/2 for twelve turns of gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has
+    such a limit. Anything else is *undecided*.
     """
-    if result.status is Status.FLAT:
-        return _flat(result, request, engine, omega)
-    upright, amplitudes = section_amplitudes(request.times, result)
-    tops, leans = top_leans(request.times, result, float(omega))
+    upright, amplitudes = section_amplitudes(times, result)
+    tops, leans = top_leans(times, result, omega)
     # While beta stays on one side of pi/2 gamma goes one way: gamma' = -Omega cos(beta).
     turns = leans[tops > upright[-1]] if len(upright) else leans
     if len(turns) >= _FEWEST:
-        return _on_a_cycle("rotating limit cycle", turns.tolist()), ()
+        return _on_a_cycle("rotating limit cycle", turns.tolist())
     if len(amplitudes) < _FEWEST:
-        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
+        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s")
     recent = amplitudes[-11:]
     if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
-        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"), ()
-    return _on_a_cycle("limit cycle", amplitudes.tolist()), ()
+        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad")
+    return _on_a_cycle("limit cycle", amplitudes.tolist())
 
 
 def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
@@ -293,14 +293,14 @@ def _crossings(
     return when, result.dense(when)
 
 
-def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
+def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Result]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
     bare = replace(request, times=None, dense=False)
     timed = engine(replace(bare, error_estimate=True))
+    moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
     if timed.error is None or not math.isfinite(timed.error.time):
         raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
-    moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
     time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
-    wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
+    wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
-    return Ending("flat", reason, time=time, wells_passed=wells), timed.built
+    return Ending("flat", reason, time=time, wells_passed=wells), timed
