@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.theory.harmonic_balance import one_harmonic
     from tippedisk_verify.theory.hopf import hopf_point, omega_crit, period_crit
     from tippedisk_verify.theory.melnikov import limit_period, limit_speed
-    from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
+    from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
 _HOMES = {
     "disk": ("Disk",),
@@ -99,7 +99,7 @@ _HOMES = {
     "theory.harmonic_balance": ("one_harmonic",),
     "theory.melnikov": ("limit_period", "limit_speed"),
     "theory.hopf": ("hopf_point", "omega_crit", "period_crit"),
-    "theory.slow_manifold_analysis": ("analyse_slow_manifold",),
+    "theory.slow_manifold": ("analyse_slow_manifold",),
     "cycles.spectral": ("balanced_cycle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.solution import Solution
-    from tippedisk_verify.theory.codimension_two import BautinPoint
+    from tippedisk_verify.theory.bautin import BautinPoint
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -97,7 +97,7 @@ class Disk(Parameters):
 
     def bautin_points(self, parameter: str, *, digits: int = 12) -> tuple[BautinPoint, ...]:
         """The disks with l_1 = 0 as A, B, m, r or e varies, the others held; mostly one. Raises as `hopf`."""
-        from tippedisk_verify.theory.codimension_two import bautin_points
+        from tippedisk_verify.theory.bautin import bautin_points
 
         return bautin_points(self, parameter, digits)
 

@@ -44,7 +44,6 @@ from tippedisk_verify.theory.slow_manifold import ReducedEquilibrium, reduced_eq
 # Long computations that plants stand on, each done once.
 true_connection = cache(heteroclinic)
 true_descent = cache(connection_claims.PeriodContinuation)
-true_relaxation = cache(friction_claims.relaxation)
 true_basins = cache(friction_claims.basins)
 true_cycle = friction_claims._cycle
 
@@ -159,11 +158,6 @@ class _Drifting(baseline.Baseline):
         return result._replace(state=result.state + 1e-6)
 
 
-def _attracting_everywhere(*inputs: Any, **options: Any) -> Any:
-    found = true_relaxation(*inputs, **options)
-    return replace(found, measured=abs(found.measured) + 1)
-
-
 def _all_inverted(*inputs: Any, **options: Any) -> Any:
     found = true_basins(*inputs, **options)
     return replace(found, outcome=0 * found.outcome + OUTCOMES.index("inverted spinning"))
@@ -230,7 +224,9 @@ PLANTS: dict[str, Plant] = {
         equations, "normal_force_over_weight", lambda ops, constants, omega, state, rate: ops.cos(state[1])
     ),
     "engines_agree": follows(baseline, "Baseline", _Drifting),
-    "globally_attractive": follows(friction_claims, "relaxation", _attracting_everywhere),
+    "globally_attractive": follows(
+        friction_claims, "jacobian", lambda *inputs: lambda beta, gamma, v: ((), (), (0, 0, -1 - beta))
+    ),
     "smooth_same_behaviour": follows(friction_claims, "criticality", lambda parameters: "subcritical"),
     "smooth_same_asymptotics": follows(
         friction_claims, "_cycle", lambda parameters, engine: true_cycle(parameters.with_friction("linear"), engine)
@@ -246,7 +242,6 @@ def audit(taylor: Taylor) -> Iterator[Audit]:
         patch.setattr(friction_claims, "heteroclinic", true_connection)
         patch.setattr(connection_claims, "heteroclinic", true_connection)
         patch.setattr(connection_claims, "PeriodContinuation", true_descent)
-        patch.setattr(friction_claims, "relaxation", true_relaxation)
         patch.setattr(friction_claims, "basins", true_basins)
         yield OneDisk(PRINTED, taylor)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import mpmath
@@ -16,7 +15,6 @@ from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.cli import main
 from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.motion.reduced_flow import ReducedFlow
 
 TRANSIENT = problem_named("transient")
 
@@ -93,27 +91,6 @@ def test_what_breaks_off_or_fails_is_told_and_drawn(tmp_path: Path) -> None:
     figure = draw_bench(found)
     axis = figure.axes[0]
     assert sum(line.get_marker() == "x" for line in axis.lines) == 2
-
-
-def test_reduced_flows_come_closer_with_each_order() -> None:
-    """From a point on the manifold, at small epsilon: the end differs by the first order left out."""
-    from tippedisk_verify.flow.contract import Request
-    from tippedisk_verify.flow.taylor import Taylor
-    from tippedisk_verify.model.precision import DOUBLE
-    from tippedisk_verify.theory.slow_manifold import orders
-
-    parameters = problem_named("epsilon-1e-3").parameters
-    constants = parameters.at(DOUBLE)
-    beta, gamma, omega = 1.4, 1.9, 30.4
-    series = orders(math, constants, omega, beta, gamma, 6)
-    v = sum(h * constants.epsilon**n for n, h in enumerate(series))
-    full = Taylor()(Request(parameters, omega, (beta, gamma, v), 0.5, domain="none")).state
-    errors = []
-    for order in range(3):
-        _, end, _ = ReducedFlow(order)(parameters, omega, (beta, gamma), 0.5)
-        errors.append(max(abs(end - full[:2])))
-    assert errors[1] < errors[0] / 50
-    assert errors[2] < errors[1] / 50
 
 
 def test_ratios_name_the_fastest_within_a_bound() -> None:

@@ -21,7 +21,7 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
-from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.bautin import bautin_points
 from tippedisk_verify.theory.hopf import criticality
 
 FOLDING = PRINTED.changed(A="0.229e-3")

@@ -1,4 +1,4 @@
-"""The smooth law through the same functions: cycles, branch, connection, basins, relaxation."""
+"""The smooth law through the same functions: cycles, branch, connection, basins."""
 
 from __future__ import annotations
 
@@ -22,12 +22,10 @@ from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes
-from tippedisk_verify.motion.relaxation import relaxation
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -110,15 +108,6 @@ def test_two_roads_to_omega_h_and_a_cycle_close_to_it(taylor) -> None:
     grown = (near.gamma_bar_0.uncertainty + near.v_0.uncertainty + near.omega.uncertainty) * 10**9
     for there, here in zip(taylor(request).state, start, strict=True):
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + near.period.uncertainty
-
-
-def test_relaxation_follows_the_closed_form_near_rolling() -> None:
-    for law in ("linear", "smooth"):
-        found = relaxation(PRINTED.with_friction(law), below(PRINTED, "0.5"), BatchTaylor(), distance=0.1, margin=0.8)
-        ratio = found.measured / found.closed_form
-        # Of order epsilon: the other terms of v', whose rates are of the order of Omega.
-        assert numpy.abs(ratio - 1).max() < 0.25
-        assert abs(numpy.median(ratio) - 1) < 0.03
 
 
 def test_order_is_regained(tmp_path: Path) -> None:

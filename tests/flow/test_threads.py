@@ -26,7 +26,6 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.motion.basins import basins
-from tippedisk_verify.motion.reduced_flow import ReducedFlow
 from tippedisk_verify.sweep.plan import Plan, axis
 from tippedisk_verify.sweep.running import swept
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -168,16 +167,6 @@ def test_the_baseline_in_threads(method: str) -> None:
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests[:40]]
     serial = [job() for job in jobs]
     for found in _in_threads(jobs, 4):
-        assert found == serial
-
-
-def test_a_reduced_flow_in_threads() -> None:
-    shared = ReducedFlow(1)
-    jobs = [
-        lambda n=n: shared(PRINTED, 30 + n / 100, (1.4, 1.5 + n / 200), 1.0)[1].tobytes() for n in range(96)
-    ]  # fmt: skip
-    serial = [job() for job in jobs]
-    for found in _in_threads(jobs):
         assert found == serial
 
 

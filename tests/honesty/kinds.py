@@ -38,7 +38,7 @@ from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.harmonic_balance import one_harmonic, slopes
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.melnikov import limit_period, limit_speed
-from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
+from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
 __all__ = ["KINDS", "kind_named"]
 

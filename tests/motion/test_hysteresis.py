@@ -14,8 +14,8 @@ from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.theory.codimension_two import bautin_points
-from tippedisk_verify.theory.hopf import hopf_point, omega_crit, omega_crit_decimal
+from tippedisk_verify.theory.bautin import bautin_points
+from tippedisk_verify.theory.hopf import hopf_point, omega_crit, speed_below_crit
 
 _SHRINKING = 4  #: of the distance from one fold to the next
 
@@ -63,7 +63,7 @@ def test_cycles_of_a_disk_at_the_bautin_point_and_next_to_it(taylor: Taylor, bes
     """r = 4 e and A = 7 Bbar / 5: Omega = Omega_crit + c_2 a^4, by shooting as by the balance of harmonics."""
     disk = PRINTED.changed(r="0.04", e="0.01", m="0.4", B="0.2e-3", A=Fraction("0.224e-3") + Fraction(beside), C=None)
     distance = Fraction(1, 10**7)
-    speed = omega_crit_decimal(disk, 12) - distance
+    speed = speed_below_crit(disk, distance, 12)
     cycle = limit_cycle(disk, speed, taylor)
     fourth = float(distance) / -float(hopf_point(disk).quartic_coefficient)
     # The next term of the law is smaller by about a^2, a thousandth.

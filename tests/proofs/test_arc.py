@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.section import half_flight
 from tippedisk_verify.proofs.search import arc as arcs
 from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
 from tippedisk_verify.proofs.search.cycle_interval import IntervalProof, Status, failed_interval, prove_interval
-from tippedisk_verify.theory.codimension_two import bautin_points
+from tippedisk_verify.theory.bautin import bautin_points
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")

@@ -16,8 +16,7 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit
+from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, omega_crit
 
 
 @settings(max_examples=25)

@@ -15,10 +15,9 @@ from hypothesis import given
 from tests.problems import physical_parameters
 from tippedisk_verify.model.equations import friction_force, terms
 from tippedisk_verify.theory import harmonic_balance
-from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.expansion import derived, printed
 from tippedisk_verify.theory.harmonic_balance import one_harmonic
-from tippedisk_verify.theory.hopf import omega_crit_squared
+from tippedisk_verify.theory.hopf import amplitude_law, omega_crit_squared
 
 x, y, v, order = sp.symbols("x y v order")
 r, e, m, g, A, Bbar, mu, epsilon, Omega, w, C, theta = sp.symbols(

@@ -16,10 +16,11 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits, heyoka_module
+from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import (
+    analyse_slow_manifold,
     attraction_rate,
     critical_manifold,
     first_correction,
@@ -28,9 +29,7 @@ from tippedisk_verify.theory.slow_manifold import (
     reduced_equilibrium,
     reduced_omega_crit,
     slow_manifold,
-    symbolic_surface,
 )
-from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
 
 PLACES = [(1.2, 0.3), (1.9, -1.1), (0.9, 2.5), (1.57, 4.0)]
 
@@ -106,18 +105,6 @@ def test_the_papers_h1_is_the_recursions(point) -> None:
     assert slow_manifold(math, constants, 30.4, *point) == pytest.approx(
         critical_manifold(math, constants, 30.4, *point) + 0.1 * formula
     )
-
-
-@pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_symbolic_evaluation(order) -> None:
-    constants = PRINTED.changed(epsilon="1e-3").at(DOUBLE)
-    surface, variables, names = symbolic_surface(order)
-    function = heyoka_module().cfunc([surface], list(variables))
-    values = [30.4, *(getattr(constants, name) for name in names[1:])][: function.nparams]
-    for point in PLACES:
-        series = orders(math, constants, 30.4, *point, order)
-        truth = sum(term * constants.epsilon**n for n, term in enumerate(series))
-        assert function(point, pars=values)[0] == pytest.approx(truth, rel=1e4 * 2.0**-52)  # rounding of long sums
 
 
 def test_reduced_flow() -> None:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import groupby, pairwise
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.fold_curves import Plane, interpolated
+from tippedisk_verify.atlas.fold_curves import Nodes, Plane
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero, splitting_zero_in_double
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -29,29 +29,18 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import equilibrium, saddle_value_sign
 from tippedisk_verify.theory.hopf import omega_crit, omega_crit_squared
 
-__all__ = [
-    "CONDITIONS",
-    "Condition",
-    "Missing",
-    "Sample",
-    "SpecialPoint",
-    "Work",
-    "connected_runs",
-    "omega_h_near",
-    "predicted_omega_h",
-    "refined_point",
-    "rough_condition",
-    "sampled",
-]
+__all__ = ["Missing", "Sample", "SpecialPoint", "Work", "attempted", "connected_runs", "omega_h_near", "sampled",
+           "special_points"]  # fmt: skip
 
+T = TypeVar("T")
 Condition = Literal["neutral-saddle", "hopf-heteroclinic"]
 #: What vanishes: lambda_u + lambda_s of the saddles at Omega_h; Omega_h - Omega_crit.
-CONDITIONS: tuple[Condition, ...] = ("neutral-saddle", "hopf-heteroclinic")
+_CONDITIONS: tuple[Condition, ...] = ("neutral-saddle", "hopf-heteroclinic")
 
 _SPARE = 3  # digits of Omega_h beyond those of a point on its curve
 _SETTLED = 1e-13  # of the range; doubles know no condition better
 _SAMPLES = 17  # disks to begin with
-_NARROW = 1 / 512  # of the range: how closely it is found where Omega_h ends
+_NARROW = 1 / 512  # of the range: how closely the range is sampled where Omega_h ends
 _PREDICTED = 64e-4  # rad/s; how well each disk's Omega_h must follow from its neighbours'
 
 #: A function of one argument and its arguments, to the list of answers in their order.
@@ -81,14 +70,22 @@ class Sample:
     """A disk of the range, in double."""
 
     share: float  #: of the range
-    omega_h: float | None  #: [rad/s]; None where no connection is found
+    omega_h: float | None  #: [rad/s]; None where there is no connection
     folds: tuple[tuple[float, Any], ...]  #: of its limit cycles, each (s, point) as in `fold_curves.Trace`
     missing: tuple[Missing, ...]  #: why there is no Omega_h, or no family of limit cycles
 
 
+def attempted(kind: str, value: Fraction, compute: Callable[[], T]) -> T | Missing:
+    """What ``compute`` returns, or why it could not."""
+    try:
+        return compute()
+    except (InputError, Shortfall) as fault:
+        return Missing(kind, value, str(fault))
+
+
 # ------------------------------------------------------------------------------------------------ disks of the range
 def sampled(plane: Plane, work: Work) -> list[Sample]:
-    """Disks of the range: close together where Omega_h ends, and where it could not be told from its neighbours."""
+    """Disks of the range: close together where Omega_h ends, and where it does not follow from its neighbours."""
     samples: list[Sample] = work(partial(_sample, plane), numpy.linspace(0, 1, _SAMPLES).tolist())
     while True:
         unclear = _unclear(samples)
@@ -105,21 +102,14 @@ def sampled(plane: Plane, work: Work) -> list[Sample]:
 
 def _sample(plane: Plane, share: float) -> Sample:
     value, engine = plane.decimal(share), default_engine()
-    disk, guess, omega_h = plane.at(value), None, None
-    folds: tuple[tuple[float, Any], ...] = ()
-    missing = []
-    try:
-        family = LibratingFamily(disk, engine)
-        guess = Fraction(family.limit)
-        places = map(family.place, family.folds)
-        folds = tuple((one.s, numpy.array([one.start[1] / one.start[0], one.omega, share])) for one in places)
-    except (InputError, Shortfall) as fault:
-        missing.append(Missing("fold", value, str(fault)))
-    try:
-        omega_h = _omega_h(disk, guess, engine)
-    except (InputError, Shortfall) as fault:
-        missing.append(Missing("heteroclinic", value, str(fault)))
-    return Sample(share, omega_h, folds, tuple(missing))
+    disk = plane.at(value)
+    family = attempted("fold", value, lambda: LibratingFamily(disk, engine))
+    guess = None if isinstance(family, Missing) else Fraction(family.limit)
+    places = [] if isinstance(family, Missing) else map(family.place, family.folds)
+    folds = tuple((one.s, numpy.array([one.start[1] / one.start[0], one.omega, share])) for one in places)
+    omega_h = attempted("heteroclinic", value, lambda: _omega_h(disk, guess, engine))
+    missing = tuple(one for one in (family, omega_h) if isinstance(one, Missing))
+    return Sample(share, None if isinstance(omega_h, Missing) else omega_h, folds, missing)
 
 
 def _omega_h(disk: Parameters, guess: Fraction | None, engine: Engine) -> float:
@@ -132,30 +122,19 @@ def _omega_h(disk: Parameters, guess: Fraction | None, engine: Engine) -> float:
 
 
 def _unclear(samples: Sequence[Sample]) -> set[float]:
-    """The shares of disks whose Omega_h could not be told from that of their neighbours."""
+    """The shares of disks whose Omega_h does not follow from that of their neighbours."""
     return {
-        share
+        float(share)
         for run in connected_runs(samples)
-        for share, omega in run
-        if len(run) < 3
-        or abs(predicted_omega_h([pair for pair in run if pair[0] != share], share) - omega) > _PREDICTED
+        for k, share in enumerate(run.at)
+        if len(run.at) < 3 or abs(run.without(k)(share) - run.values[k])[0] > _PREDICTED
     }
 
 
-def connected_runs(samples: Sequence[Sample]) -> list[list[tuple[float, float]]]:
-    """(share, Omega_h) of neighbouring disks that have a connection."""
-    runs = (
-        [(one.share, one.omega_h) for one in run if one.omega_h is not None]
-        for _, run in groupby(samples, key=lambda one: one.omega_h is None)
-    )
-    return [run for run in runs if run]
-
-
-def predicted_omega_h(run: Sequence[tuple[float, float]], share: float) -> float:
-    """Omega_h at a share by the polynomial through the six nearest disks."""
-    near = sorted(run, key=lambda pair: abs(pair[0] - share))[:6]
-    at, omega = (numpy.array(column) for column in zip(*near, strict=True))
-    return float(interpolated(at, omega[:, None], share)[0])
+def connected_runs(samples: Sequence[Sample]) -> list[Nodes]:
+    """Omega_h [rad/s] against the share, for each run of neighbouring disks that have a connection."""
+    runs = (list(run) for connected, run in groupby(samples, key=lambda one: one.omega_h is not None) if connected)
+    return [Nodes(numpy.array([one.share for one in run]), numpy.array([[one.omega_h] for one in run])) for run in runs]
 
 
 # ------------------------------------------------------------------------------------------------ points on the curve
@@ -170,7 +149,29 @@ def omega_h_near(disk: Parameters, guess: float, engine: Engine, digits: int) ->
     return omega_h
 
 
-def rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
+def special_points(plane: Plane, samples: Sequence[Sample], digits: int, work: Work) -> list[SpecialPoint | Missing]:
+    """The points on the curve at which a condition changes its sign, or why one was not found."""
+    changes = []
+    for run in connected_runs(samples):
+        for kind in _CONDITIONS:
+            values = [
+                _rough_condition(kind, plane.at(plane.decimal(share)), omega)
+                for share, omega in zip(run.at.tolist(), run.values[:, 0].tolist(), strict=True)
+            ]
+            for ends, (before, after) in zip(pairwise(run.at.tolist()), pairwise(values), strict=True):
+                if (before < 0) != (after < 0):
+                    changes.append((kind, ends, run))
+    return work(partial(_special_point, plane, digits), changes)
+
+
+def _special_point(
+    plane: Plane, digits: int, change: tuple[Condition, tuple[float, float], Nodes]
+) -> SpecialPoint | Missing:
+    kind, ends, run = change
+    return attempted(kind, plane.decimal(sum(ends) / 2), lambda: _refined_point(kind, plane, ends, run, digits))
+
+
+def _rough_condition(kind: Condition, disk: Parameters, omega_h: float) -> float:
     """What vanishes at a point of that kind, in double [1/s or rad/s]."""
     if kind == "hopf-heteroclinic":
         return omega_h - float(omega_crit(disk))
@@ -187,44 +188,29 @@ def _signs(kind: Condition, disk: Parameters, omega_h: Measured) -> set[int]:
     return {(omega**2 > square) - (omega**2 < square) for omega in ends}
 
 
-def refined_point(
-    kind: Condition,
-    plane: Plane,
-    ends: tuple[float, float],
-    speed_at: Callable[[float], float],
-    engine: Engine,
-    digits: int,
-) -> SpecialPoint:
+def _refined_point(kind: Condition, plane: Plane, ends: tuple[float, float], run: Nodes, digits: int) -> SpecialPoint:
     """The point of that kind between two shares of the range at which its condition differs in sign.
 
-    ``speed_at`` gives Omega_h to some five digits at a share. The half-width of the parameter is a distance at which
-    the condition has its two signs on the two sides, however large the errors of what it is computed from. Raises as
-    `omega_h_near` does.
+    The half-width of the parameter is a distance at which the condition has its two signs on the two sides, however
+    large the errors of what it is computed from. Raises as `omega_h_near` does.
     """
     from scipy.optimize import brentq
 
+    engine = default_engine()
+
     def rough(share: float) -> float:
-        disk = plane.at(plane.value(share))
-        return rough_condition(kind, disk, float(splitting_zero_in_double(disk, Fraction(speed_at(share)), engine)))
+        disk, guess = plane.at(plane.value(share)), Fraction(float(run(share)[0]))
+        return _rough_condition(kind, disk, float(splitting_zero_in_double(disk, guess, engine)))
 
     share: float = brentq(rough, *ends, xtol=_SETTLED)
-    value = plane.value(share)
     exact_digits = digits + _SPARE
+    value = plane.value(share)
     value = round(value, exact_digits - decimal_magnitude(value))
-    width = value / 10**digits / 4
-    while True:
-        sides = []
-        for side in (value - width, value + width):
-            disk = plane.at(side)
-            omega = omega_h_near(disk, speed_at(share), engine, exact_digits)
-            sides.append((omega, _signs(kind, disk, omega)))
-        (left, before), (right, after) = sides
-        if (before, after) in (({-1}, {1}), ({1}, {-1})):
-            break
-        width *= 4
-        if width > value / 10**digits:
-            raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")
-    middle = (left.value + right.value) / 2
-    # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
-    spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
-    return SpecialPoint(kind, Measured(value, width), Measured(middle, spread))
+    for width in (value / 10**digits / 4, value / 10**digits):
+        disks = plane.at(value - width), plane.at(value + width)
+        left, right = (omega_h_near(disk, float(run(share)[0]), engine, exact_digits) for disk in disks)
+        if [_signs(kind, disks[0], left), _signs(kind, disks[1], right)] in ([{-1}, {1}], [{1}, {-1}]):
+            # Omega_h is monotonic over so short a distance, but for the errors of its two ends.
+            spread = abs(left.value - right.value) + left.uncertainty + right.uncertainty
+            return SpecialPoint(kind, Measured(value, width), Measured((left.value + right.value) / 2, spread))
+    raise Shortfall("the two signs of the condition could not be told apart next to it: ask for more digits")

@@ -15,6 +15,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy
+from scipy.interpolate import krogh_interpolate
 
 from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
 from tippedisk_verify.cycles.librating_family import amplitude
@@ -27,7 +28,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["Plane", "Trace", "fold_at", "fold_traces", "interpolated"]
+__all__ = ["Nodes", "Plane", "Trace", "fold_at", "fold_traces"]
 
 _LEAST, _MOST = 0.03, 4.0  # of s: amplitudes from 0.1 rad to 2e-3 rad below pi
 _FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 0.01, 0.1, 1e-4
@@ -35,8 +36,8 @@ _BEND = 1e-3  # how far a prediction may be off; the next step is longer if it w
 _PREDICTED_FROM = 4  # points, by the cubic through them
 _DIFFERENCE = 1e-4  # of unknowns of order one, and less where the cycles come close to the saddles
 _SETTLED = 1e-9  # of a step; points are corrected to more digits later
-_GRID = 10**12  # shares of a range at which points are given
-_SAME = 1e-2  # two folds this near in (v / a, Omega, share of the range) are one
+_GRID = 10**12  # shares of a range at which points lie
+_SAME = 1e-2  # two folds this close in (v / a, Omega, share of the range) are one
 
 
 @dataclass(frozen=True)
@@ -66,28 +67,36 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Trace:
-    """A curve of folds: against s, rising, the numbers (v_0 / gamma_bar_0, Omega, share of the parameter's range).
+class Nodes:
+    """A curve in double through nodes that are close together: values against a rising abscissa."""
 
-    An end beyond the range's border has one point beyond it.
-    """
-
-    s: Any  #: (n,)
-    points: Any  #: (n, 3)
+    at: Any  #: (n,)
+    values: Any  #: (n, k)
 
     def __call__(self, where: float) -> Any:
-        """(3,) at an s between the points, by the polynomial through the six nearest."""
-        first = max(0, min(int(numpy.searchsorted(self.s, where)) - 3, len(self.s) - 6))
-        return interpolated(self.s[first : first + 6], self.points[first : first + 6], where)
+        """(k,) at an abscissa, by the polynomial through the six nearest nodes."""
+        first = max(0, min(int(numpy.searchsorted(self.at, where)) - 3, len(self.at) - 6))
+        return krogh_interpolate(self.at[first : first + 6], self.values[first : first + 6], where)
+
+    def without(self, k: int) -> Nodes:
+        """The same without one of the nodes."""
+        return Nodes(numpy.delete(self.at, k), numpy.delete(self.values, k, axis=0))
+
+
+class Trace(Nodes):
+    """A curve of folds: against s the numbers (v_0 / gamma_bar_0, Omega, share of the parameter's range).
+
+    An end beyond the range's border has one node beyond it.
+    """
 
     @property
     def cut_short(self) -> list[float]:
         """The shares at which it was followed no further: its ends inside the range that are no Bautin point."""
-        ends = (self.points[-1], *((self.points[0],) if self.s[0] > _LEAST else ()))
+        ends = (self.values[-1], *((self.values[0],) if self.at[0] > _LEAST else ()))
         return [float(point[2]) for point in ends if 0 < point[2] < 1]
 
     def passes(self, s: float, point: Any) -> bool:
-        return bool(self.s[0] <= s <= self.s[-1] and numpy.abs(self(s) - point).max() < _SAME)
+        return bool(self.at[0] <= s <= self.at[-1] and numpy.abs(self(s) - point).max() < _SAME)
 
 
 def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> LibrationFold:
@@ -100,11 +109,11 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
     for refined in (False, True):
         try:
             ratio, omega, share = map(float, _fold_at(plane, engine, s, point) if refined else point)
-            disk, near = plane.at(plane.decimal(share)), (a, ratio * a, omega)
-            fold: LibrationFold = fold_in(LibrationFold, disk, near, engine, DOUBLE)
+            disk, guess = plane.at(plane.decimal(share)), (a, ratio * a, omega)
+            fold: LibrationFold = fold_in(LibrationFold, disk, guess, engine, DOUBLE)
             if fold.omega.uncertainty > fold.omega.value / 10**digits:
-                near = float(fold.gamma_bar_0), float(fold.v_0), float(fold.omega)
-                fold = fold_to_digits(LibrationFold, disk, near, engine, digits)
+                guess = float(fold.gamma_bar_0), float(fold.v_0), float(fold.omega)
+                fold = fold_to_digits(LibrationFold, disk, guess, engine, digits)
             if abs(float(fold.gamma_bar_0) - a) < _SAME * min(a, math.pi - a):
                 return fold
         except (InputError, Shortfall) as fault:
@@ -112,16 +121,6 @@ def fold_at(plane: Plane, s: float, point: Any, engine: Engine, digits: int) -> 
         except numpy.linalg.LinAlgError:
             failure = Shortfall("the conditions of the fold are singular in double")
     raise failure
-
-
-def interpolated(at: Any, points: Any, where: float) -> Any:
-    """The polynomial through all points, at ``where`` (Neville's scheme)."""
-    values = [numpy.asarray(point, dtype=float) for point in points]
-    for reach in range(1, len(values)):
-        for k in range(len(values) - reach):
-            span = at[k + reach] - at[k]
-            values[k] = ((where - at[k]) * values[k + 1] + (at[k + reach] - where) * values[k]) / span
-    return values[0]
 
 
 def fold_traces(
@@ -173,17 +172,17 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
     # A start on the border may lie beyond it by rounding.
     while at[-1] != end and (len(at) == 1 or 0 <= points[-1][2] <= 1) and abs(step) > _SHORTEST_STEP:
         where = at[-1] + step if (end - at[-1] - step) * step > 0 else end
-        predicted = interpolated(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
+        predicted = krogh_interpolate(at[-_PREDICTED_FROM:], points[-_PREDICTED_FROM:], where)
         try:
-            found = solve(where, predicted)
-            off = float(numpy.abs(found - predicted).max())
+            corrected = solve(where, predicted)
+            off = float(numpy.abs(corrected - predicted).max())
         except (InputError, Shortfall, numpy.linalg.LinAlgError):
             off = math.inf
         if not off < _BEND:
             step /= 2
             continue
         at.append(where)
-        points.append(found)
+        points.append(corrected)
         if off < _BEND / 16:
             step = math.copysign(min(2 * abs(step), _LONGEST_STEP), step)
     return list(zip(at, points, strict=True))
@@ -191,18 +190,18 @@ def _followed(solve: Callable[[float, Any], Any], start: float, point: Any, end:
 
 def _fold_at(plane: Plane, engine: Engine, s: float, guess: Any) -> Any:
     """(v_0 / gamma_bar_0, Omega, share) of the fold of that amplitude, by Newton's iteration on three conditions."""
-    a, near = float(amplitude(s)), 1 / math.cosh(s) ** 2
+    a, slope = float(amplitude(s)), 1 / math.cosh(s) ** 2  # the slope of a / pi by s
     scales = numpy.array([a, 1.0, 1.0])  # of v_0, Omega and the share
 
     def mapped(at: Sequence[float]) -> Image:
         return ReturnMap(LIBRATING, plane.at(plane.value(at[3])), at[2], engine)(at[:2])
 
     iteration = NewtonIteration(8, Shortfall("the iteration for a fold of given amplitude does not settle"),
-                                small=_SETTLED * near)  # fmt: skip
+                                small=_SETTLED * slope)  # fmt: skip
     unknowns = numpy.array(guess, dtype=float)
     while True:
         at = [a, *(unknowns * scales).tolist()]
-        shifts = [None, abs(at[1]) * _DIFFERENCE, near**2 * _DIFFERENCE, near**2 * _DIFFERENCE]
+        shifts = [None, abs(at[1]) * _DIFFERENCE, slope**2 * _DIFFERENCE, slope**2 * _DIFFERENCE]
         conditions, jacobian = fold_system(mapped, at, shifts)
         step = numpy.linalg.solve(jacobian, conditions) / scales
         unknowns = unknowns - step

@@ -2,7 +2,7 @@
 
 Some disks of the range tell what curves there are (`connection_curve`). Curves of folds are then followed by
 amplitude (`fold_curves`), Omega_h by the parameter. Points spread evenly over each curve are corrected to the digits
-asked for. What cannot be had is told with its reason.
+asked for. What cannot be had is listed with its reason.
 """
 
 from __future__ import annotations
@@ -12,32 +12,29 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy
 
 from tippedisk_verify.atlas.connection_curve import (
-    CONDITIONS,
     Missing,
     Sample,
     SpecialPoint,
+    attempted,
     connected_runs,
     omega_h_near,
-    predicted_omega_h,
-    refined_point,
-    rough_condition,
     sampled,
+    special_points,
 )
-from tippedisk_verify.atlas.fold_curves import Plane, Trace, fold_at, fold_traces
-from tippedisk_verify.errors import InputError, Shortfall
+from tippedisk_verify.atlas.fold_curves import Nodes, Plane, Trace, fold_at, fold_traces
+from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, bautin_points
+from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, bautin_points
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["Atlas", "Curve", "CurvePoint", "atlas", "checked_atlas", "plane_of"]
@@ -134,8 +131,8 @@ def atlas(
     bautin = _bautin_points(plane, digits)
     samples = sampled(plane, work)
     seeds = [fold for one in samples for fold in one.folds]
-    (traces,) = work(partial(_traces, plane, seeds), [[plane.share(point.value.value) for point in bautin]])
-    answers = list(work(partial(_refined, plane, digits), _changes(plane, samples)))
+    traces = fold_traces(plane, seeds, [plane.share(point.value.value) for point in bautin], default_engine())
+    answers: list[Any] = special_points(plane, samples, digits, work)
     curves = []
     lines = _lines(plane, samples, traces, points, digits)
     for line, chosen in zip(lines, _spread(lines, points), strict=True):
@@ -204,26 +201,6 @@ def _bautin_points(plane: Plane, digits: int) -> list[SpecialPoint]:
     ]
 
 
-def _changes(plane: Plane, samples: Sequence[Sample]) -> list[tuple[Any, tuple[float, float], Any]]:
-    """The conditions that change sign along Omega_h: which, between which shares, and Omega_h at those around."""
-    jobs = []
-    for run in connected_runs(samples):
-        for kind in CONDITIONS:
-            values = [rough_condition(kind, plane.at(plane.decimal(share)), omega) for share, omega in run]
-            for k, (before, after) in enumerate(pairwise(values)):
-                if (before < 0) != (after < 0):
-                    jobs.append((kind, (run[k][0], run[k + 1][0]), run))
-    return jobs
-
-
-def _refined(plane: Plane, digits: int, job: tuple[Any, tuple[float, float], Any]) -> SpecialPoint | Missing:
-    kind, ends, run = job
-    try:
-        return refined_point(kind, plane, ends, partial(predicted_omega_h, run), default_engine(), digits)
-    except (InputError, Shortfall) as fault:
-        return Missing(kind, plane.decimal(sum(ends) / 2), str(fault))
-
-
 # ------------------------------------------------------------------------------------------------ curves
 class _Line(NamedTuple):
     """A curve in double, and how its points are found to the digits asked for."""
@@ -235,18 +212,14 @@ class _Line(NamedTuple):
     point: Callable[[float], CurvePoint]  #: at an abscissa
 
 
-def _traces(plane: Plane, seeds: Sequence[tuple[float, Any]], bautin: Sequence[float]) -> list[Trace]:
-    return fold_traces(plane, seeds, bautin, default_engine())
-
-
 def _lines(plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], points: int, digits: int) -> list[_Line]:
     """All curves."""
     shares = numpy.linspace(0, 1, _SAMPLES * points)
     crit = [float(omega_crit(plane.at(plane.value(share)))) for share in shares.tolist()]
     lines = [_Line("hopf", shares, shares, numpy.array(crit), partial(_hopf_point, plane, digits))]
     for run in connected_runs(samples):
-        along = numpy.linspace(run[0][0], run[-1][0], _SAMPLES * points)
-        omega = numpy.array([predicted_omega_h(run, share) for share in along.tolist()])
+        along = numpy.linspace(run.at[0], run.at[-1], _SAMPLES * points)
+        omega = numpy.array([run(share)[0] for share in along])
         lines.append(_Line("heteroclinic", along, along, omega, partial(_connection, plane, digits, run)))
     for trace in traces:
         first, last = _ends(trace)
@@ -257,15 +230,14 @@ def _lines(plane: Plane, samples: Sequence[Sample], traces: Sequence[Trace], poi
 
 
 def _ends(trace: Trace) -> list[float]:
-    """The abscissas between which a trace lies in the range."""
-    ends = list(trace.s[[0, -1]])
-    for k, within in enumerate((trace.s[1], trace.s[-2])):  # only the last point on each side may lie outside
-        while abs(ends[k] - within) > 1e-12 and not 0 <= trace(ends[k])[2] <= 1:
-            middle = (ends[k] + within) / 2
-            if 0 <= trace(middle)[2] <= 1:
-                within = middle
-            else:
-                ends[k] = middle
+    """The abscissas between which a trace lies in the range: only the last node on each side may lie outside."""
+    from scipy.optimize import brentq
+
+    ends = []
+    for end, neighbour in ((trace.at[0], trace.at[1]), (trace.at[-1], trace.at[-2])):
+        border = min(max(0.0, trace(end)[2]), 1.0)
+        outside = trace(end)[2] != border
+        ends.append(brentq(lambda s, border=border: trace(s)[2] - border, end, neighbour) if outside else end)
     return ends
 
 
@@ -282,11 +254,8 @@ def _spread(lines: Sequence[_Line], count: int) -> list[list[float]]:
 
 
 def _solved(plane: Plane, line: _Line, where: float) -> CurvePoint | Missing:
-    try:
-        return line.point(where)
-    except (InputError, Shortfall) as fault:
-        share = float(numpy.interp(where, line.at, line.shares))
-        return Missing(line.kind, plane.decimal(share), str(fault))
+    share = float(numpy.interp(where, line.at, line.shares))
+    return attempted(line.kind, plane.decimal(share), lambda: line.point(where))
 
 
 def _hopf_point(plane: Plane, digits: int, share: float) -> CurvePoint:
@@ -294,9 +263,9 @@ def _hopf_point(plane: Plane, digits: int, share: float) -> CurvePoint:
     return CurvePoint(value, omega_crit(plane.at(value), digits + 2))
 
 
-def _connection(plane: Plane, digits: int, run: Sequence[tuple[float, float]], share: float) -> CurvePoint:
-    value, near = plane.decimal(share), predicted_omega_h(run, share)
-    return CurvePoint(value, omega_h_near(plane.at(value), near, default_engine(), digits))
+def _connection(plane: Plane, digits: int, run: Nodes, share: float) -> CurvePoint:
+    value = plane.decimal(share)
+    return CurvePoint(value, omega_h_near(plane.at(value), float(run(share)[0]), default_engine(), digits))
 
 
 def _fold(plane: Plane, digits: int, trace: Trace, s: float) -> CurvePoint:

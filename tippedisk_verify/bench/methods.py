@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -48,7 +47,7 @@ class Method:
     """A competitor. ``prepare`` does what is done once: compiling, allocating."""
 
     name: str
-    family: str  #: heyoka, bare, half-widths, scipy, mpmath, reduced, or the peer's name
+    family: str  #: heyoka, bare, half-widths, scipy, mpmath, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]
     fits: Callable[[Problem], bool] = lambda problem: True  #: whether it takes part
@@ -197,33 +196,6 @@ def _at(outcome: Outcome, problem: Problem, duration: float) -> Any:
     return outcome.samples[problem.times.index(duration)]
 
 
-def _reduced(problem: Problem, order: int) -> Prepared:
-    """beta and gamma only; v is what the manifold has there."""
-    import numpy
-
-    from tippedisk_verify.motion.reduced_flow import ReducedFlow
-    from tippedisk_verify.theory.slow_manifold import orders
-
-    flow = ReducedFlow(order)
-    constants = problem.parameters.at(DOUBLE)
-    begin = (problem.start[0], problem.start[1])
-
-    def lifted(beta: float, gamma: float) -> tuple[float, float, float]:
-        series = orders(math, constants, problem.omega, beta, gamma, order)
-        return beta, gamma, sum(h * constants.epsilon**n for n, h in enumerate(series))
-
-    def sampled() -> Outcome:
-        times = numpy.array(problem.times)
-        status, _, samples = flow(problem.parameters, problem.omega, begin, problem.duration, times)
-        rows = [lifted(*sample) for sample in samples.tolist()]
-        return Outcome("reached" if status is Status.REACHED else status.value, rows)
-
-    def run(duration: float) -> Any:
-        return lifted(*flow(problem.parameters, problem.omega, begin, duration)[1].tolist())
-
-    return Prepared(run, sampled)
-
-
 def _linear(problem: Problem) -> bool:
     return problem.friction == "linear"
 
@@ -243,5 +215,4 @@ METHODS: tuple[Method, ...] = (
     Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
     Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
     Method("mpmath odefun", "mpmath", (20,), _odefun, _linear),
-    Method("reduced flow, order", "reduced", (0, 1, 2), _reduced, _linear),
 )

@@ -26,8 +26,7 @@ __all__ = ["COMMANDS"]
 @common_options
 def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int:
     """States, eigenvalues and stability of inverted and noninverted spinning."""
-    from tippedisk_verify.theory.codimension_two import kind_changes
-    from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
+    from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium, kind_changes
 
     omega_value, result = speed(common, omega, below_crit), {}
     for name in get_args(EquilibriumName):
@@ -53,7 +52,7 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None) -> int
 @common_options
 def hopf(common: Common, bautin: str | None) -> int:
     """The Hopf point: speed, period, first Lyapunov coefficient, amplitude and period laws."""
-    from tippedisk_verify.theory.codimension_two import bautin_points
+    from tippedisk_verify.theory.bautin import bautin_points
     from tippedisk_verify.theory.hopf import hopf_point
 
     common.parameters.refuse_smooth("the Hopf point's normal form is")
@@ -90,7 +89,7 @@ def hopf(common: Common, bautin: str | None) -> int:
 @common_options
 def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> int:
     """Orders of the slow manifold, their residuals, and the reduced flow."""
-    from tippedisk_verify.theory.slow_manifold_analysis import analyse_slow_manifold
+    from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
 
     omega_value = speed(common, omega, None if omega is not None else "0.5")
     result = analyse_slow_manifold(common.parameters, omega_value, order, common.digits, at=(beta, gamma))

@@ -29,9 +29,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, checked_digits, companion
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.amplitude_law import amplitude_law
 from tippedisk_verify.theory.equilibria import saddle_value_sign
-from tippedisk_verify.theory.hopf import critical_frequency_squared, criticality, omega_crit
+from tippedisk_verify.theory.hopf import amplitude_law, critical_frequency_squared, criticality, omega_crit
 
 __all__ = [
     "Fold",

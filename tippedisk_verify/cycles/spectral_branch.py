@@ -16,8 +16,7 @@ import numpy
 from tippedisk_verify.cycles.fourier import MOST_SAMPLES, Collocation, Kind, resampled, sizes
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.hopf import omega_crit, period_crit
+from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
 
 __all__ = [
     "branch_to",

@@ -33,7 +33,6 @@ _STYLES = {
     "scipy Radau": ("#CC79A7", "P", "--"),
     "scipy BDF": ("#56B4E9", "X", "--"),
     "mpmath odefun": ("#000000", "h", ""),
-    "reduced flow, order": ("#707070", "p", ":"),
     "CVODE BDF": ("#000000", "<", "-"),
     "CVODE Adams": ("#000000", ">", "--"),
     "diffrax Dopri8": ("#8A6D00", "d", "-."),

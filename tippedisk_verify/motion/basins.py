@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -47,6 +47,8 @@ _SECTION = Event("section", SECTION.function, terminal=False)
 _TOP = Event("top or bottom", ROUND.function, terminal=False)
 _MOST_STATES = 10_000_000  # they take some 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s
+
+_Crossing = tuple[str, Sequence[float]]  # event and state
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,8 +159,11 @@ class Attractors:
         stable = is_stable(linearization(parameters, omega))
         return cls(amplitude, lean, stable, max(_LAST, _PERIODS * period))
 
-    def ending(self, amplitudes: list[float], leans: list[float]) -> str:
+    def ending(self, crossings: Sequence[_Crossing]) -> str:
         """What an orbit ends on, by how |gamma - pi/2| where it is upright, or |beta - pi/2|, has changed."""
+        amplitudes = [abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name]
+        tops = [state for name, state in crossings if name == _TOP.name and math.sin(state[1]) > 0]
+        leans = [abs(state[0] - math.pi / 2) for state in tops]
         if len(amplitudes) >= 2:
             before, after = amplitudes[0], amplitudes[-1]
             if self.amplitude is not None and _closer(before, after, self.amplitude):
@@ -187,40 +192,26 @@ def classified_lanes(
     while elapsed < _RUN_ON * duration and len(moving):
         telling = elapsed >= until
         stretch = attractors.last if telling else min(_STRETCH, until - elapsed)
-        run = _run(parameters, omega, now, stretch, telling=telling)
-        outcome[moving[run.flat]] = _FLAT_INDEX
-        going = ~run.flat
+        now, flat, crossings = _run(parameters, omega, now, stretch, telling=telling)
+        outcome[moving[flat]] = _FLAT_INDEX
+        going = ~flat
         if telling:
             for n in numpy.flatnonzero(going).tolist():
-                ending = attractors.ending(run.amplitudes[n], run.leans[n])
+                ending = attractors.ending(crossings[n])
                 outcome[moving[n]] = OUTCOMES.index(ending)
                 going[n] = ending == "undecided"
-        moving, now = moving[going], run.states[going]
+        moving, now = moving[going], now[going]
         elapsed += stretch
     return outcome
 
 
-@dataclass
-class _Run:
-    """A stretch of many motions: where they are, whose disk lies flat, and what they passed on the way."""
+def _run(
+    parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool
+) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
+    """Where all motions are after a while, whose disk lies flat, and what each crossed on the way.
 
-    states: Any
-    flat: Any
-    amplitudes: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))  #: |gamma - pi/2|, upright
-    leans: dict[int, list[float]] = field(default_factory=lambda: defaultdict(list))  #: |beta - pi/2| at gamma = pi/2
-
-    def passed(self, name: str, n: int, state: Any) -> None:
-        """A crossing of one of the events."""
-        if name == _FLAT.name:
-            self.flat[n] = True
-        elif name == _SECTION.name:
-            self.amplitudes[n].append(abs(from_inverted(float(state[1]))))
-        elif math.sin(state[1]) > 0:
-            self.leans[n].append(abs(float(state[0]) - math.pi / 2))
-
-
-def _run(parameters: Parameters, omega: Fraction, now: Any, duration: float, *, telling: bool) -> _Run:
-    """All motions for a while, in lanes; one that its lane cannot finish by the engine that looks closer."""
+    They run in lanes; the engine that looks closer takes what its lane cannot finish.
+    """
     events = (_FLAT, _SECTION, _TOP) if telling else (_FLAT,)
     count = len(now)
     batch = default_lanes()(
@@ -231,13 +222,13 @@ def _run(parameters: Parameters, omega: Fraction, now: Any, duration: float, *, 
         friction=parameters.friction,
         events=events,
     )
-    run = _Run(batch.states.copy(), numpy.zeros(count, dtype=bool))
+    states, flat = batch.states.copy(), numpy.zeros(count, dtype=bool)
+    crossings: dict[int, list[_Crossing]] = defaultdict(list)
     for name, n, _, state in batch.crossings:
-        run.passed(name, n, state)
-    for n in numpy.flatnonzero(~batch.finished & ~run.flat).tolist():
+        crossings[n].append((name, state))
+        flat[n] |= name == _FLAT.name
+    for n in numpy.flatnonzero(~batch.finished & ~flat).tolist():
         result = default_engine()(Request(parameters, omega, now[n].tolist(), duration, events=events[1:]))
-        run.flat[n], run.states[n] = result.status is not Status.REACHED, result.state
-        run.amplitudes[n], run.leans[n] = [], []
-        for record in result.events:
-            run.passed(record.name, n, record.state)
-    return run
+        flat[n], states[n] = result.status is not Status.REACHED, result.state
+        crossings[n] = [(record.name, record.state.tolist()) for record in result.events]
+    return states, flat, crossings

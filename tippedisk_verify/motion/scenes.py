@@ -47,16 +47,13 @@ INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
 # Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance below 1e-4 of itself.
 _DURATION = 120
 _SAMPLES_PER_SECOND = 100
-# What an orbit ends on does not need the baseline's last digits, and they cost it tenfold.
-_LOOSER = 1e-10
 _FEWEST = 12  # crossings that tell what an orbit ends on
 _MOST_BENT = 0.5  # there the parabola's zero is a sixth farther than the line's
 # A section amplitude below this is close to the inverted state [rad].
 _SMALL = 0.05
 # Error of a section amplitude [rad]: the Taylor engine's dense output is as good as its steps, and an orbit near an
-# attracting cycle keeps only the latest rounding errors, of inputs too; SciPy's interpolant has order 7.
-_TAYLOR_CROSSING_ERROR = 1e-12
-_SCIPY_CROSSING_ERROR = 1e-7
+# attracting cycle keeps only the latest rounding errors, of inputs too.
+_CROSSING_ERROR = 1e-12
 
 AttractorKind = Literal["inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"]
 #: What an amplitude is called in JSON.
@@ -156,17 +153,14 @@ class Panel(Printable):
         }
 
 
-def compute(
-    scene: Scene,
-    parameters: Parameters,
-    engine: Engine,
-    *,
-    omega_h: Measured | None = None,
-) -> Panel:
+def compute(scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None) -> Panel:
     """Integrate a panel's orbits and say what each ends on.
 
-    Raises InputError if the panel needs an Omega_h that is not given, Shortfall if an integration fails.
+    Raises InputError if the panel needs an Omega_h that is not given or an engine that measures its errors, Shortfall
+    if an integration fails.
     """
+    if not engine.measures_error:
+        raise InputError(f"a scene needs an engine that measures its errors, such as taylor, not {engine.name}")
     omega = scene.omega(parameters, omega_h)
     if omega.value <= 0:
         raise InputError(f"scene {scene.name}: its speed {float(omega):g} rad/s is not positive")
@@ -182,14 +176,17 @@ def compute(
             float(times[-1]),
             times=times,
             dense=True,
-            tolerance=None if engine.measures_error else _LOOSER,
             domain="event" if scene.flat_event else "samples",
         )
         result = engine(request)
         if not result.status.usable:
             raise Shortfall(f"scene {scene.name}: at t = {float(result.time):.4g} s {result.status.value}")
-        ending, used = classified(result, request, engine, omega, stable)
-        compiled |= dict.fromkeys((*result.built, *used))
+        compiled |= dict.fromkeys(result.built)
+        if result.status is Status.FLAT:
+            ending, timed = _flat(request, engine, omega)
+            compiled |= dict.fromkeys(timed.built)
+        else:
+            ending = classified(result, times, float(omega), stable)
         count = len(result.samples)
         orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
     return Panel(
@@ -203,37 +200,33 @@ def compute(
     )
 
 
-def classified(
-    result: Result, request: Request, engine: Engine, omega: Measured, inverted_stable: bool
-) -> tuple[Ending, tuple[Build, ...]]:
-    """What an orbit ends on, and what was built to say so.
+def classified(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
+    """What an orbit ends on that keeps standing.
 
-    *flat*: the event sin(beta) = 0 ended the run. Otherwise the amplitudes A_n = |gamma - pi/2| modulo 2 pi at the
-    crossings of beta = pi/2 decide; by the point symmetry each is the same function of the one before. *Inverted
-    spinning*: it is asymptotically stable (exact Routh-Hurwitz), the last ten A_n fall, and the last is below 0.05 rad.
-    *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically, and the limit they tend to lies above 0.05 rad, with
-    a remaining distance below a hundredth of it. *Rotating limit cycle*: beta has not crossed pi/2 for twelve turns of
-    gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has such a limit. Anything else is *undecided*.
+    The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide; by the point symmetry each
+    is the same function of the one before. *Inverted spinning*: it is asymptotically stable (exact Routh-Hurwitz), the
+    last ten A_n fall, and the last is below 0.05 rad. *Limit cycle*: the changes A_(n+1) - A_n shrink geometrically,
+    and the limit they tend to lies above 0.05 rad, with a remaining distance below a hundredth of it. *Rotating limit
+    cycle*: beta has not crossed pi/2 for twelve turns of gamma, and |beta - pi/2| where gamma = pi/2 modulo 2 pi has
+    such a limit. Anything else is *undecided*.
     """
-    if result.status is Status.FLAT:
-        return _flat(result, request, engine, omega)
-    error = _TAYLOR_CROSSING_ERROR if engine.measures_error else _SCIPY_CROSSING_ERROR
-    upright, amplitudes = section_amplitudes(request.times, result)
-    tops, leans = top_leans(request.times, result, float(omega))
+    upright, amplitudes = section_amplitudes(times, result)
+    tops, leans = top_leans(times, result, omega)
     # While beta stays on one side of pi/2 gamma goes one way: gamma' = -Omega cos(beta).
     turns = leans[tops > upright[-1]] if len(upright) else leans
     if len(turns) >= _FEWEST:
-        return _on_a_cycle("rotating limit cycle", turns.tolist(), error), ()
+        return _on_a_cycle("rotating limit cycle", turns.tolist())
     if len(amplitudes) < _FEWEST:
-        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"), ()
+        return Ending("undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s")
     recent = amplitudes[-11:]
     if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
-        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"), ()
-    return _on_a_cycle("limit cycle", amplitudes.tolist(), error), ()
+        return Ending("inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad")
+    return _on_a_cycle("limit cycle", amplitudes.tolist())
 
 
-def _on_a_cycle(kind: AttractorKind, amplitudes: list[float], error: float) -> Ending:
-    """A cycle of that kind if the amplitudes, each off by ``error``, converge to one."""
+def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
+    """A cycle of that kind if the amplitudes converge to one."""
+    error = _CROSSING_ERROR
     changes = [after - before for before, after in pairwise(amplitudes)]
     # The rate is measured where changes stand out of the amplitudes' own error; the last of these are the ones closest
     # to the limit. What happens after the last crossing follows from the last change, or from that error if it is less.
@@ -300,20 +293,14 @@ def _crossings(
     return when, result.dense(when)
 
 
-def _flat(result: Result, request: Request, engine: Engine, omega: Measured) -> tuple[Ending, tuple[Build, ...]]:
+def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Result]:
     """When the disk lies flat, with the integration's error and what the speed's own uncertainty does to it."""
-    bare = replace(request, times=None, dense=False, tolerance=None)
-    if engine.measures_error:
-        timed = engine(replace(bare, error_estimate=True))
-        error = timed.error.time if timed.error is not None else math.inf
-        if not math.isfinite(error):
-            raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
-    else:
-        # The change under a hundredfold looser tolerance overstates the error about a hundredfold.
-        timed = engine(bare)
-        error = abs(float(engine(replace(bare, tolerance=1e-11)).time) - float(timed.time))
+    bare = replace(request, times=None, dense=False)
+    timed = engine(replace(bare, error_estimate=True))
     moved = engine(replace(bare, omega=omega.value + omega.uncertainty))
-    time = Measured.of(timed.time, error + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
-    wells = math.floor(abs(float(result.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
+    if timed.error is None or not math.isfinite(timed.error.time):
+        raise Shortfall("rounding decides whether the disk lies flat in this scene: no time can be given in double")
+    time = Measured.of(timed.time, timed.error.time + 2 * abs(float(moved.time) - float(timed.time)) + 1e-15)
+    wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     reason = f"passed {wells} noninverted state{'s' * (wells != 1)}, then sin(beta) = 0"
-    return Ending("flat", reason, time=time, wells_passed=wells), timed.built
+    return Ending("flat", reason, time=time, wells_passed=wells), timed

@@ -118,22 +118,22 @@ class Solution(Printable):
 
         The run is repeated with continuous output when this is first asked. Raises InputError outside the run.
         """
-        given = numpy.asarray(t, dtype=object)
-        if given.ndim > 1:
+        asked = numpy.asarray(t, dtype=object)
+        if asked.ndim > 1:
             raise InputError("a solution is asked for at a time, or at a list of times")
         end = exact(self._request.duration) + self._start if self.status is Status.REACHED else exact(self.end.time)
-        _, times = _since(self._start, end, numpy.atleast_1d(given).tolist())
-        near, length = DOUBLE.array(times), float(end - self._start)
-        if (near * length < 0).any() or (abs(near) > abs(length)).any():
+        _, times = _since(self._start, end, numpy.atleast_1d(asked).tolist())
+        since, length = DOUBLE.array(times), float(end - self._start)
+        if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
         if self._request.digits > PLAIN_DIGITS:  # each time's error is taken out
-            _, chosen, places = numpy.unique(abs(near), return_index=True, return_inverse=True)
-            wanted = replace(self._request, times=[times[n] for n in chosen], events=(), variations=())
+            _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
+            wanted = replace(self._request, times=[times[n] for n in first_of], events=(), variations=())
             states = self._engine(wanted).samples.T[:, places]
         else:
             states = self._dense(self._request.precision.array(times)).T
-        return states if given.ndim else states[:, 0]
+        return states if asked.ndim else states[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
         """What the command prints: times and states with half-widths, the end, the events, the derivatives."""
@@ -230,10 +230,10 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
     """The exact times, and how long after the start they are; outside the run its ends' doubles stand for the ends."""
     asked, length = [exact(time) for time in times], float(end - start)
     for n, time in enumerate(asked):
-        since, near = DOUBLE.number(time - start), DOUBLE.number(time)
-        if since * length < 0 and near == float(start):
+        since, rounded = DOUBLE.number(time - start), DOUBLE.number(time)
+        if since * length < 0 and rounded == float(start):
             asked[n] = start
-        elif abs(since) > abs(length) and near == float(end):
+        elif abs(since) > abs(length) and rounded == float(end):
             asked[n] = end
     return asked, [time - start for time in asked]
 
@@ -241,35 +241,38 @@ def _since(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exac
 def _solution(request: Request, result: Result, engine: Engine, start: Exact, end: Exact, asked: Any) -> Solution:
     """What an engine answered: the samples that were reached, the events, the end and the derivatives."""
     precision = result.precision or request.precision
-    unknown = numpy.full(3, numpy.inf)
-    error = result.error or ErrorEstimate(state=unknown, time=numpy.inf)
+    error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
 
-    def moment(name: str, time: Any, state: Any, width: float, widths: Any) -> EventRecord:
-        if start != exact(0):
-            time = precision.number(start + time)
-            width += float(abs(time)) * float(precision.epsilon)
-        return EventRecord(name, time, state, width, widths)
+    def widths(estimated: Any, values: Any) -> Any:
+        return numpy.full(numpy.shape(values), numpy.inf) if estimated is None else estimated.astype(float, copy=False)
 
-    def or_unknown(widths: Any, values: Any) -> Any:
-        return numpy.full(numpy.shape(values), numpy.inf) if widths is None else widths
+    def moment(record: EventRecord) -> EventRecord:
+        """Its time is counted from the start of the run, and now from time 0."""
+        if start == exact(0):
+            return record
+        time = precision.number(start + record.time)
+        rounding = float(abs(time)) * float(precision.epsilon)
+        return record._replace(time=time, time_uncertainty=record.time_uncertainty + rounding)
 
     def derivative(by: tuple[Variation, ...]) -> tuple[Any, Any]:
         if result.derivatives is None or not set(by) <= set(request.variations):
             return None, None
         columns = [request.variations.index(one) for one in by]
-        widths = or_unknown(error.variations, result.derivatives)
-        return result.derivatives[:, columns].squeeze(), widths[:, columns].squeeze().astype(float)
+        estimated = widths(error.variations, result.derivatives)
+        return result.derivatives[:, columns].squeeze(), estimated[:, columns].squeeze()
 
-    count = len(result.events)
-    widths = zip(error.events or [numpy.inf] * count, error.event_states or [unknown] * count, strict=True)
-    last = moment(result.status.name.lower(), result.time, result.state, error.time, error.state)
+    events = result.events
+    if error.events:
+        estimated = zip(events, error.events, error.event_states, strict=True)
+        events = tuple(record._replace(time_uncertainty=time, uncertainty=state) for record, time, state in estimated)
+    last = moment(EventRecord(result.status.name.lower(), result.time, result.state, error.time, error.state))
     if result.status is Status.REACHED:
         rounded = precision.number(end)
         last = last._replace(time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
     if result.samples is None:
-        times, samples, sample_widths = precision.array([last.time]), result.state[None], error.state[None]
+        times, samples, uncertainty = precision.array([last.time]), result.state[None], error.state[None]
     else:
-        samples, sample_widths = result.samples, or_unknown(error.samples, result.samples)
+        samples, uncertainty = result.samples, widths(error.samples, result.samples)
         times = precision.sequence(asked)[: len(samples)]
     transition, transition_widths = derivative(STATE_VARIATIONS)
     by_omega, by_omega_widths = derivative(("Omega",))
@@ -278,13 +281,10 @@ def _solution(request: Request, result: Result, engine: Engine, start: Exact, en
         omega=request.omega,
         t=times,
         y=samples.T,
-        uncertainty=sample_widths.T.astype(float, copy=False),
+        uncertainty=uncertainty.T.astype(float, copy=False),
         status=result.status,
         end=last,
-        events=tuple(
-            moment(record.name, record.time, record.state, *both)
-            for record, both in zip(result.events, widths, strict=True)
-        ),
+        events=tuple(map(moment, events)),
         transition=transition,
         transition_uncertainty=transition_widths,
         by_omega=by_omega,

@@ -242,7 +242,7 @@ HOPF = (
     Method("normal-form", "exact Routh-Hurwitz and Kuznetsov's normal form, mpmath", _hopf_first),
     Method("balance", "implicit differentiation and the consistent one-harmonic law's slopes", _hopf_balance, True),
 )
-hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _BITS))
+hopf_condition = by_differences(lambda case: hopf.normal_form(case.parameters, _DIGITS))
 
 
 # ------------------------------------------------------------------------------------------ harmonic balance
@@ -259,8 +259,8 @@ def _balance_floating(case: Case, known: Values) -> Values:
 def _law(case: Case, working: int) -> dict[str, Any]:
     ctx = bits(working).context
     c, omega, form = _constants(case.parameters, ctx), quotient(ctx, case.inputs["Omega"]), case.inputs["form"]
-    square = harmonic_balance.amplitude_squared(c, omega**2, form)
-    frequency = ctx.sqrt(omega**2 * c.e / (c.r + c.e) + harmonic_balance.delta(c, omega, form) * square)
+    square, frequency_squared = harmonic_balance.squares(c, omega, form)
+    frequency = ctx.sqrt(frequency_squared)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
 

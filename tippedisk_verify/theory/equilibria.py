@@ -15,11 +15,12 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact, quotient, shown
+from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
     "Eigenvalue",
@@ -27,9 +28,10 @@ __all__ = [
     "EquilibriumName",
     "Linearization",
     "characteristic_polynomial",
-    "eigenvalue_discs",
+    "eigenvalues",
     "equilibrium",
     "is_stable",
+    "kind_changes",
     "linearization",
     "location",
     "right_eigenvector",
@@ -39,6 +41,8 @@ __all__ = [
 
 EquilibriumName = Literal["inverted", "noninverted"]
 _HALF = Fraction(1, 2)
+_FASTEST = 10**6  # rad/s, as for all speeds
+_GUARD = 20  # digits of a root beyond those asked for: what is computed from it has some fewer
 
 
 class Linearization(NamedTuple):
@@ -138,88 +142,54 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
 def equilibrium(parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15) -> Equilibrium:
     """State, eigenvalues to ``digits`` significant digits, and stability at the speed ``omega`` [rad/s].
 
-    The half-width of each eigenvalue rests on the bound that a polynomial of degree n has a root within n |p/p'| of
-    any point; the three discs are made disjoint, so each holds exactly one eigenvalue. Raises InputError for a speed or
-    digits that are not offered, Shortfall where two eigenvalues cannot be told apart.
+    Raises InputError for a speed or digits that are not offered, Shortfall where two eigenvalues cannot be told apart.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
     state = location(name)
     matrix = linearization(parameters, speed, name)
-    first, second, third = (_enclosed(*disc) for disc in eigenvalue_discs(matrix, digits))
-    return Equilibrium(name, state, (first, second, third), is_stable(matrix))
+    return Equilibrium(name, state, eigenvalues(matrix, digits), is_stable(matrix))
 
 
-def eigenvalue_discs(matrix: Linearization, digits: int) -> list[tuple[Any, Any]]:
-    """(centre, radius) [1/s] of disjoint discs with one eigenvalue each, by descending real, then imaginary part.
+def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
+    """The eigenvalues [1/s] in `Equilibrium`'s order, with half-widths below 10**-digits of each one's size.
 
-    Each radius is below 10**-digits of the centre's size, and follows from the matrix itself: candidates that are no
-    eigenvalues of it are refused, however they were found. Raises Shortfall where no such discs are found.
+    The characteristic polynomial changes its sign at the real ones. If that is one, the sum and the product of the
+    other two follow from it. Raises Shortfall where two coincide, or nearly so.
     """
-    guard = 15
+    zero, (lead, a2, a1, a0) = Measured.of(0, 0), map(Fraction, characteristic_polynomial(matrix))
+    guard = _GUARD
     while guard <= 16 * digits + 1000:
-        working = bits_for_digits(digits + guard)
-        candidates = _candidates(_rounded(matrix, bits(working).context), bits(working).context)
-        # With twice the bits the defect is known to many digits. What is left: the entries are off by an ulp each, and
-        # products and sums add a few more.
-        finer = bits(2 * working).context
-        entries = _rounded(matrix, finer)
-        discs = []
-        for centre in map(finer.mpc, candidates):
-            defect, slope, size = _defect(entries, centre)
-            discs.append((centre, 3 * (abs(defect) + 16 * finer.eps * size) / abs(slope) if slope else finer.inf))
-        if _disjoint(discs) and all(radius * finer.mpf(10) ** digits < abs(centre) for centre, radius in discs):
-            upper, radius = max(discs, key=lambda disc: disc[0].imag)
-            if upper.imag > radius:  # not real: the mirror image of its disc holds another
-                real = min(discs, key=lambda disc: abs(disc[0].imag))
-                discs = [real, (upper, radius), (finer.conj(upper), radius)]
-            return sorted(discs, key=lambda disc: (-disc[0].real, -disc[0].imag))
+        values = [Eigenvalue(root, zero) for root in real_roots((a0, a1, a2, lead), digits + guard)]
+        if len(values) == 1:
+            half = (-a2 - values[0].re) / 2
+            square = half * half + a0 / values[0].re  # of half the distance of the other two
+            if square.value + square.uncertainty < 0:
+                imaginary = square_root(-square, digits + guard)
+                values += [Eigenvalue(half, imaginary), Eigenvalue(half, -imaginary)]
+        widths = [max(re.uncertainty, im.uncertainty) / max(abs(re.value), abs(im.value)) for re, im in values]
+        if len(values) == 3 and max(widths) < Fraction(1, 10**digits):
+            first, second, third = sorted(values, key=lambda value: (-value.re.value, -value.im.value))
+            return first, second, third
         guard *= 2
     raise Shortfall("no three different eigenvalues fit the matrix: if two coincide, move Omega away from there")
 
 
-def _rounded(matrix: Linearization, ctx: Any) -> Linearization:
-    exact = (Fraction(part) for part in matrix)
-    return Linearization(*(quotient(ctx, part) for part in exact))
+def kind_changes(parameters: Parameters, name: EquilibriumName, digits: int = 12) -> tuple[Measured, ...]:
+    """The speeds [rad/s], ascending, at which eigenvalues of an equilibrium turn from real to complex, or back.
 
-
-def _defect(matrix: Linearization, value: Any) -> tuple[Any, Any, Any]:
-    """What (A - value) x leaves in the last row, where x solves the first two; its slope; its terms' sizes [1/s^3].
-
-    It is zero at the eigenvalues only: a polynomial of degree 3 in ``value``.
+    The discriminant of the characteristic polynomial is a cubic in Omega^2. Raises InputError for an unknown name, and
+    for digits as `checked_digits` does.
     """
-    x = right_eigenvector(matrix, value)
-    terms = matrix.A31 * x[0], matrix.A32 * x[1], matrix.A33 * x[2], -value * x[2]
-    return sum(terms), matrix.A31 + (2 * matrix.A33 - 3 * value) * value, sum(map(abs, terms))
-
-
-def _candidates(matrix: Linearization, ctx: Any) -> list[Any]:
-    """Approximate eigenvalues, by the Durand-Kerner iteration for all three at once."""
-    constant = abs(matrix.A32 * matrix.omega)
-    size = max(abs(matrix.A33), ctx.sqrt(abs(matrix.A31)), ctx.cbrt(constant))  # none is larger than twice this
-    values = [size * ctx.mpc("0.4", "0.9") ** n for n in range(3)]  # neither real nor conjugate to one another
-    for _ in range(1000):  # far from the eigenvalues each step gains a factor only
-        settled = True
-        for n, value in enumerate(values):
-            first, second = (other for m, other in enumerate(values) if m != n)
-            apart = (value - first) * (value - second)
-            step = -_defect(matrix, value)[0] / apart if apart else ctx.eps * size
-            values[n] = value - step
-            settled &= bool(abs(step) <= 64 * ctx.eps * abs(value))
-        if settled:
-            break
-    return values
-
-
-def _disjoint(discs: list[tuple[Any, Any]]) -> bool:
-    return all(
-        abs(first - second) > radius + other
-        for index, (first, radius) in enumerate(discs)
-        for second, other in discs[:index]
+    location(name)
+    checked_digits(digits)
+    unit = linearization(parameters, Fraction(1), name)
+    a2, c, h = -unit.A33, unit.A31 + 1, -unit.A32  # a1 = Omega^2 - c and a0 = h Omega^2
+    discriminant = (
+        c**2 * (a2**2 + 4 * c),
+        -2 * c * (9 * a2 * h + a2**2 + 6 * c) - 4 * a2**3 * h,
+        18 * a2 * h + a2**2 + 12 * c - 27 * h**2,
+        Fraction(-4),
     )
-
-
-def _enclosed(root: Any, radius: Any) -> Eigenvalue:
-    # The coefficients are real: a disc that meets the real axis and no other disc holds a real eigenvalue.
-    imaginary = Measured.of(0, 0) if abs(root.imag) <= radius else Measured.of(root.imag, radius)
-    return Eigenvalue(Measured.of(root.real, radius), imaginary)
+    squares = real_roots(discriminant, digits + _GUARD)
+    return tuple(square_root(square, digits + _GUARD) for square in squares if 0 < square.value < _FASTEST**2)

@@ -14,19 +14,17 @@ from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import quotient, shown
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.amplitude_law import frequency_ratio_squared
-from tippedisk_verify.theory.hopf import omega_crit_squared
+from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared, period_of
+from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
     "Form",
     "OneHarmonic",
-    "amplitude_denominator",
-    "amplitude_squared",
     "chi",
     "delta",
     "kappa_1",
@@ -34,6 +32,7 @@ __all__ = [
     "one_harmonic",
     "section_start",
     "slopes",
+    "squares",
 ]
 
 Form = Literal["printed", "consistent"]
@@ -92,14 +91,15 @@ def _checked_form(form: str) -> Form:
     return form  # type: ignore[return-value]
 
 
-def amplitude_squared(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """C^2 of Eq. Csol; negative where the formula has no cycle."""
+def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
+    """C^2 [rad^2] and omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol); the law has a cycle where both are positive."""
     r, e, m, g, Bbar = constants.r, constants.e, constants.m, constants.g, constants.Bbar
-    excess = Bbar * r * omega_squared - m * g * (r + e) ** 2
-    return -4 * e / (r + e) * excess / amplitude_denominator(constants, omega_squared, form)
+    excess = Bbar * r * omega**2 - m * g * (r + e) ** 2
+    square = -4 * e / (r + e) * excess / _denominator(constants, omega**2, form)
+    return square, e / (r + e) * omega**2 + delta(constants, omega, form) * square
 
 
-def amplitude_denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
+def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
     """chi Omega^2 + m g e (r + e) [kg m^3/s^2] of Eq. Csol; the law has a pole where it vanishes."""
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
@@ -110,12 +110,10 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
 
     None where the law has no cycle.
     """
-    square = amplitude_squared(constants, omega**2, "consistent")
-    ratio = constants.e / (constants.r + constants.e)
-    frequency = ratio * omega**2 + delta(constants, omega, "consistent") * square
-    if not (square > 0 and frequency > 0):
+    squared = squares(constants, omega, "consistent")
+    if not min(squared) > 0:
         return None
-    amplitude, frequency = math.sqrt(square), math.sqrt(frequency)
+    amplitude, frequency = map(math.sqrt, squared)
     # gamma' = Omega sin(beta_bar) for a cosine of this amplitude.
     return omega * amplitude / frequency, -amplitude * frequency, math.pi / frequency
 
@@ -129,18 +127,15 @@ def one_harmonic(parameters: Parameters, omega: object, form: Form = "printed", 
     parameters.refuse_smooth("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     checked_digits(digits)
-    if not amplitude_denominator(parameters.rational(), omega**2, form):
+    constants = parameters.rational()
+    if not _denominator(constants, omega**2, form):
         raise Shortfall(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
-    square = amplitude_squared(parameters.rational(), omega**2, form)
-    frequency_squared = omega**2 * frequency_ratio_squared(parameters) + delta(parameters, omega, form) * square
+    square, frequency_squared = squares(constants, omega, form)
     if square < 0 or frequency_squared <= 0:
         raise Shortfall(f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s")
-    ctx = bits(bits_for_digits(digits + 5)).context
-
-    amplitude, frequency = (ctx.sqrt(quotient(ctx, value)) for value in (square, frequency_squared))
-    period = 2 * ctx.pi / frequency
-    # The squares are exact; at most five rounded operations follow.
-    return OneHarmonic(*(Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, frequency, period)))
+    frequency = square_root(frequency_squared, digits + 5)
+    amplitude = square_root(square, digits + 5) if square else Measured.of(0, 0)
+    return OneHarmonic(amplitude, frequency, period_of(frequency, digits + 5))
 
 
 def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) -> tuple[Measured, Measured]:
@@ -151,15 +146,11 @@ def slopes(parameters: Parameters, form: Form = "consistent", digits: int = 12) 
     """
     parameters.refuse_smooth("harmonic balance is")
     form, square, ratio = _checked_form(form), omega_crit_squared(parameters), frequency_ratio_squared(parameters)
-    denominator = amplitude_denominator(parameters.rational(), square, form)
+    denominator = _denominator(parameters.rational(), square, form)
     if not denominator:
         raise Shortfall("the amplitude law's denominator vanishes at Omega_crit")
-    ctx = bits(bits_for_digits(checked_digits(digits) + 17)).context
+    working = checked_digits(digits) + 17
     growth = 8 * ratio * parameters.Bbar * parameters.r / denominator  # d(C^2)/d(-Omega) / Omega_crit
-    amplitude = quotient(ctx, growth) * ctx.sqrt(quotient(ctx, square))
     # T = 2 pi / omega with omega^2 = W Omega^2 + delta C^2.
-    stretch = (2 - delta(parameters, 1, form) * growth * square / ratio) / square
-    period = ctx.pi * quotient(ctx, stretch) / ctx.sqrt(quotient(ctx, ratio))
-    # At most six rounded operations on exact numbers.
-    amplitude_slope, period_slope = (Measured.of(value, abs(value) * 8 * ctx.eps) for value in (amplitude, period))
-    return amplitude_slope, period_slope
+    stretch = (1 - delta(parameters, 1, form) * growth * square / ratio / 2) / square
+    return growth * square_root(square, working), period_of(square_root(ratio, working), working) * stretch

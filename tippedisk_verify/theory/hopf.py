@@ -1,4 +1,16 @@
-"""The Hopf point of inverted spinning: where, how fast it is crossed, and what is born there.
+"""The Hopf point of inverted spinning: where it is, how fast it is crossed, and which cycles are born there.
+
+With a = gamma_bar_0, the largest gamma - pi/2 on a cycle, the family that is born at the Hopf point has
+
+    Omega = Omega_crit + c_1 a^2 + c_2 a^4 + O(a^6)
+
+and c_1 / Omega_crit, c_2 / Omega_crit are rational functions of four ratios:
+
+    W = e / (r + e), the square of the cycle's frequency over Omega_crit      alpha = A / Bbar
+    M = m (r + e)^2 / Bbar                                                    f = |A33| / Omega_crit (friction)
+
+They come from the invariance equation x(w, wbar), w' = i nu(|w|^2) w, Omega(|w|^2) with harmonics 1 and 3: the third
+harmonic of order a^3 is where friction enters. Tests solve the invariance equation of the full equations as well.
 
 All formulas hold for the linear friction law; the smooth law has the same linear part, but its field is only once
 continuously differentiable, so it has no first Lyapunov coefficient.
@@ -6,36 +18,35 @@ continuously differentiable, so it has no first Lyapunov coefficient.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Literal
+from typing import Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import exact, quotient
+from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.theory.amplitude_law import amplitude_law, frequency_ratio_squared, friction_ratio_squared
+from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [
-    "NORMAL_FORM_ULPS",
+    "AmplitudeLaw",
     "HopfPoint",
+    "amplitude_law",
     "critical_frequency_squared",
     "criticality",
+    "frequency_ratio_squared",
     "hopf_point",
     "normal_form",
     "omega_crit",
-    "omega_crit_decimal",
     "omega_crit_squared",
     "period_crit",
+    "period_of",
     "speed_below_crit",
 ]
 
-#: Ulps of a number of `normal_form`: at most eight rounded operations, where a quotient of integers counts twice.
-NORMAL_FORM_ULPS = 16
 Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 
@@ -59,6 +70,40 @@ class HopfPoint(Printable):
         if self.amplitude_squared_slope is None or self.period_slope is None:
             raise Shortfall("the first Lyapunov coefficient vanishes exactly: amplitude and period have no slopes")
         return self.amplitude_squared_slope, self.period_slope
+
+
+class AmplitudeLaw(NamedTuple):
+    """The law's coefficients over Omega_crit, exactly."""
+
+    quadratic: Fraction  #: c_1 / Omega_crit [1/rad^2]; friction does not enter
+    quartic: Fraction  #: c_2 / Omega_crit [1/rad^4]
+
+
+def frequency_ratio_squared(parameters: Parameters) -> Fraction:
+    """W, exactly."""
+    return parameters.e / (parameters.r + parameters.e)
+
+
+def _friction_ratio_squared(parameters: Parameters) -> Fraction:
+    """f^2, exactly."""
+    c = parameters.rational()
+    return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
+
+
+def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
+    """c_1 = -(Omega_crit / 8) delta, where delta = A (r - 2 e) / (Bbar r) - (2 r - e) / (2 (r + e)); c_2 as below."""
+    p = parameters
+    W, alpha, mass = frequency_ratio_squared(p), p.A / p.Bbar, p.m * (p.r + p.e) ** 2 / p.Bbar
+    lift = alpha * (1 - 3 * W) / (1 - W)
+    delta = lift - 1 + 3 * W / 2
+    third = _friction_ratio_squared(p) + 9 * W  # |A33 - 3 i omega|^2 / Omega_crit^2
+    quartic = (
+        3 * lift**2 / 128
+        - alpha * (19 - 54 * W + 39 * W**2) / (768 * (1 - W))
+        + (2 + 57 * W - 6 * W**2) / 1536
+        - (2 * W + delta) * (2 + 55 * W + 7 * W**2 - 2 * alpha * (1 + 13 * W) + 64 * mass * W**2) / (256 * third)
+    )
+    return AmplitudeLaw(quadratic=Fraction(-delta / 8), quartic=Fraction(quartic))
 
 
 def omega_crit_squared(parameters: Parameters) -> Fraction:
@@ -89,16 +134,7 @@ def criticality(parameters: Parameters) -> Criticality:
 
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """The critical spinning speed [rad/s] to ``digits`` significant digits. Raises InputError as `checked_digits`."""
-    return _from_root(omega_crit_squared(parameters), checked_digits(digits), lambda ctx, root: root)
-
-
-def omega_crit_decimal(parameters: Parameters, digits: int) -> Fraction:
-    """A decimal so near to Omega_crit [rad/s] that taking it instead changes nothing in ``digits`` digits.
-
-    30 digits more than asked for: the rounding of Omega_crit then stays far below every half-width.
-    """
-    speed = _from_root(omega_crit_squared(parameters), checked_digits(digits) + 30, lambda ctx, root: root)
-    return Fraction(speed.decimals()[0])
+    return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Fraction:
@@ -109,7 +145,9 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> F
     below = exact(distance)
     if below.pi_multiple:
         raise InputError("the distance below Omega_crit must be a decimal")
-    return checked_speed(omega_crit_decimal(parameters, digits) - below.rational)
+    # With 30 digits more the rounding of Omega_crit stays far below every half-width.
+    crit = square_root(omega_crit_squared(parameters), checked_digits(digits) + 35)
+    return checked_speed(Fraction(crit.decimals()[0]) - below.rational)
 
 
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
@@ -117,16 +155,14 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
     Raises InputError as `checked_digits` does.
     """
-    return _from_root(
-        critical_frequency_squared(parameters), checked_digits(digits), lambda ctx, root: 2 * ctx.pi / root
-    )
+    working = checked_digits(digits) + 5
+    return period_of(square_root(critical_frequency_squared(parameters), working), working)
 
 
-def _from_root(square: Fraction, digits: int, function: Callable[[Any, Any], Any]) -> Measured:
-    ctx = bits(bits_for_digits(digits + 5)).context
-    value = function(ctx, ctx.sqrt(quotient(ctx, square)))
-    # Five operations, each correctly rounded: 8 ulps hold them.
-    return Measured.of(value, abs(value) * 8 * ctx.eps)
+def period_of(frequency: Measured, digits: int) -> Measured:
+    """2 pi / ``frequency``, with pi to so many digits."""
+    low, high = PI.enclosed(bits_for_digits(digits))
+    return Measured(low + high, high - low) / frequency
 
 
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
@@ -136,17 +172,14 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     and under the smooth law.
     """
     parameters.refuse_smooth("the Hopf point's normal form is")
-    law, working = amplitude_law(parameters), bits_for_digits(checked_digits(digits) + 17)
-    ctx = bits(working).context
-    numbers = normal_form(parameters, working, degenerate=not law.quadratic)
-    for name, coefficient in law._asdict().items():
-        numbers[f"{name}_coefficient"] = numbers["omega_crit"] * quotient(ctx, coefficient)
-    measured = {name: Measured.of(number, abs(number) * NORMAL_FORM_ULPS * ctx.eps) for name, number in numbers.items()}
-    return HopfPoint(criticality=criticality(parameters), **measured)
+    law = amplitude_law(parameters)
+    numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
+    coefficients = {f"{name}_coefficient": numbers["omega_crit"] * number for name, number in law._asdict().items()}
+    return HopfPoint(criticality=criticality(parameters), **numbers, **coefficients)
 
 
-def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool = False) -> dict[str, Any]:
-    """Numbers of `HopfPoint` as mpmath numbers of ``working_bits``, each within `NORMAL_FORM_ULPS`.
+def normal_form(parameters: Parameters, digits: int, *, degenerate: bool = False) -> dict[str, Measured]:
+    """Numbers of `HopfPoint`, from square roots and pi to so many digits.
 
     On the centre manifold x = z q + conj(z q) + ... and z' = lambda(Omega) z + c_1 z |z|^2 + c_2 z |z|^4, with A q =
     i omega q and <q, q> = 1, so q = (i omega, Omega, -omega^2) / |...| (Kuznetsov, Elements of Applied Bifurcation
@@ -157,20 +190,19 @@ def normal_form(parameters: Parameters, working_bits: int, *, degenerate: bool =
     ``degenerate`` takes l_1 as zero. Then Re lambda + Re c_2 |z|^4 = 0 gives l_2 = Re c_2 / omega, and there are no
     slopes.
     """
-    ctx = bits(working_bits).context
     law, square = amplitude_law(parameters), omega_crit_squared(parameters)
-    ratio, friction_squared = frequency_ratio_squared(parameters), friction_ratio_squared(parameters)
-    speed, root, friction = (ctx.sqrt(quotient(ctx, part)) for part in (square, ratio, friction_squared))
-    drift = -friction * quotient(ctx, (1 - ratio) / (friction_squared + ratio))
+    ratio, friction_squared = frequency_ratio_squared(parameters), _friction_ratio_squared(parameters)
+    speed, root, friction = (square_root(number, digits) for number in (square, ratio, friction_squared))
+    drift = -friction * ((1 - ratio) / (friction_squared + ratio))
     share = 4 / (1 + ratio + ratio**2 * square)  # (2 |q_2|)^2
-    numbers = {"omega_crit": speed, "period": 2 * ctx.pi / (speed * root), "transversality": drift}
+    numbers = {"omega_crit": speed, "period": period_of(speed * root, digits), "transversality": drift}
     if degenerate:
-        second = -drift * quotient(ctx, share**2 * law.quartic) / root
-        return numbers | {"first_lyapunov_coefficient": ctx.zero, "second_lyapunov_coefficient": second}
+        second = -drift * (share**2 * law.quartic) / root
+        return numbers | {"first_lyapunov_coefficient": Measured.of(0, 0), "second_lyapunov_coefficient": second}
     return numbers | {
-        "first_lyapunov_coefficient": -drift * quotient(ctx, share * law.quadratic) / root,
+        "first_lyapunov_coefficient": -drift * (share * law.quadratic) / root,
         # beta_bar' = v and gamma_bar' = Omega beta_bar: beta_max^2 = W a^2.
-        "amplitude_squared_slope": -quotient(ctx, ratio / law.quadratic) / speed,
+        "amplitude_squared_slope": -ratio / law.quadratic / speed,
         # (2 pi / T)^2 = W Omega^2 (1 - (1 - W) a^2 / 8 + O(a^4)).
-        "period_slope": ctx.pi * quotient(ctx, (2 - (1 - ratio) / (8 * law.quadratic)) / square) / root,
+        "period_slope": period_of(root, digits) * ((1 - (1 - ratio) / (16 * law.quadratic)) / square),
     }

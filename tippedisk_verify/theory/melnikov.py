@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.exact import exact, quotient, shown
@@ -34,91 +35,79 @@ def limit_speed(parameters: Parameters, gamma_bar_0: object = None, digits: int 
     Without ``gamma_bar_0`` the limit of Omega_h; towards 0 it is Omega_crit. Raises InputError outside (0, pi) or
     beyond 200 digits, Shortfall if no speed makes the integral vanish.
     """
-    return _on_two_levels(parameters, gamma_bar_0, digits, _Level.speed)
+    return _in_two_precisions(_Level.speed, parameters, gamma_bar_0, digits)
 
 
 def limit_period(parameters: Parameters, gamma_bar_0: object, digits: int = 12) -> Measured:
     """T [s] of that limit cycle, from gamma' = -Omega cos(beta) on its level. Raises as `limit_speed` does."""
-    return _on_two_levels(parameters, gamma_bar_0, digits, _Level.period)
+    return _in_two_precisions(_Level.period, parameters, gamma_bar_0, digits)
 
 
-def _on_two_levels(
-    parameters: Parameters, gamma_bar_0: object, digits: int, function: Callable[[_Level], Any]
+def _in_two_precisions(
+    quantity: Callable[[_Level], Any], parameters: Parameters, gamma_bar_0: object, digits: int
 ) -> Measured:
-    """What a function makes of the level, in two precisions to see its error."""
+    """A quantity of the level; the second precision shows the error of the first."""
     parameters.refuse_smooth("the Melnikov integral is")
     if checked_digits(digits) > _MOST_DIGITS:
         raise InputError(f"the Melnikov integral is offered to {_MOST_DIGITS} digits, not {digits}")
     working = bits_for_digits(digits) + 40
-    rough, sharp = (function(_Level(parameters, gamma_bar_0, width)) for width in (working, working + 50))
+    rough, sharp = (quantity(_Level(parameters, gamma_bar_0, bits(width).context)) for width in (working, working + 50))
     measured = Measured.compared(rough, sharp, Fraction(2) ** (1 - working))
     if measured.uncertainty > abs(measured.value) / 10**digits:
         raise Shortfall("the quadrature of the Melnikov integral has not converged: ask for fewer digits")
     return measured
 
 
-class _Point(NamedTuple):
-    """A point of a level; also the namespace that gives sin and cos of "beta" and "gamma" to formulas of the angles."""
-
-    rho: Any
-    sines: dict[str, Any]
-    cosines: dict[str, Any]
-    weight: Any  #: d(gamma)/dx
-
-    def sin(self, angle: str) -> Any:
-        return self.sines[angle]
-
-    def cos(self, angle: str) -> Any:
-        return self.cosines[angle]
-
-
 class _Level:
-    """A level of H, on the half with cos(beta) < 0, where gamma rises, in an arithmetic of ``working`` bits.
+    """A level of H, on the half with cos(beta) < 0, where gamma rises, in an mpmath context.
 
     gamma_bar = gamma_bar_0 sin(x) takes the square root out of the ends. With rho = r + e cos(gamma_bar) and c its
     value at the ends, cos^2(beta) = (rho - c)(rho + c) / rho^2, and rho - c is a product of two sines: no cancellation.
     """
 
-    def __init__(self, parameters: Parameters, gamma_bar_0: object, working: int) -> None:
-        self.ctx = bits(working).context
-        self.constants = parameters.within(self.ctx)
-        self.largest = self.ctx.pi
+    def __init__(self, parameters: Parameters, gamma_bar_0: object, ctx: Any) -> None:
+        self.ctx, self.constants, self.largest = ctx, parameters.within(ctx), ctx.pi
         if gamma_bar_0 is not None:
             size = exact(gamma_bar_0)
             if size.pi_multiple or not 0 < size.rational < Fraction("3.14159265358979"):
                 raise InputError(f"gamma_bar_0 must lie between 0 and pi, not {shown(gamma_bar_0)}")
-            self.largest = quotient(self.ctx, size.rational)
+            self.largest = quotient(ctx, size.rational)
 
-    def _at(self, x: Any) -> _Point:
+    def _integral(self, integrand: Callable[[Any, Any], Any]) -> Any:
+        """Over half a turn of gamma, of a function of rho and a namespace with sines and cosines of the angles."""
         ctx, c, largest = self.ctx, self.constants, self.largest
-        gamma_bar = largest * ctx.sin(x)
-        rho, end = (c.r + c.e * ctx.cos(angle) for angle in (gamma_bar, largest))
-        # largest - gamma_bar and largest + gamma_bar, without cancellation at the ends.
-        short, far = (2 * largest * ctx.sin((ctx.pi / 2 + side * x) / 2) ** 2 for side in (-1, 1))
-        above = 2 * c.e * ctx.sin(far / 2) * ctx.sin(short / 2)
-        cosine = -ctx.sqrt(abs(above) * (rho + end)) / rho  # rounding may leave a tiny negative product at the ends
-        sines = {"beta": end / rho, "gamma": ctx.cos(gamma_bar)}
-        return _Point(rho, sines, {"beta": cosine, "gamma": -ctx.sin(gamma_bar)}, largest * ctx.cos(x))
 
-    def _integral(self, function: Callable[[_Point], Any]) -> Any:
-        quarter = self.ctx.pi / 2
-        return self.ctx.quad(lambda x: function(self._at(x)), [-quarter, 0, quarter])
+        def by_x(x: Any) -> Any:
+            gamma_bar = largest * ctx.sin(x)
+            rho, end = (c.r + c.e * ctx.cos(angle) for angle in (gamma_bar, largest))
+            # largest - gamma_bar and largest + gamma_bar, without cancellation at the ends.
+            short, long = (2 * largest * ctx.sin((ctx.pi / 2 + side * x) / 2) ** 2 for side in (-1, 1))
+            above = 2 * c.e * ctx.sin(long / 2) * ctx.sin(short / 2)
+            cosine = -ctx.sqrt(abs(above) * (rho + end)) / rho  # rounding may leave a tiny negative product at the ends
+            sines, cosines = (
+                {"beta": end / rho, "gamma": ctx.cos(gamma_bar)},
+                {"beta": cosine, "gamma": -ctx.sin(gamma_bar)},
+            )
+            angles = SimpleNamespace(sin=sines.__getitem__, cos=cosines.__getitem__)
+            return integrand(rho, angles) * largest * ctx.cos(x)
+
+        return ctx.quad(by_x, [-ctx.pi / 2, 0, ctx.pi / 2])
 
     def speed(self) -> Any:
         """Where M = I_1 Omega^2 + I_0 vanishes; the values at two speeds, as one complex number, give both."""
         ctx, constants = self.ctx, self.constants
 
-        def integrand(point: _Point) -> Any:
-            values = (first_correction(point, constants, omega, "beta", "gamma") for omega in (ctx.one, 2 * ctx.one))
-            return point.rho * point.weight * ctx.mpc(*values)
+        def integrand(rho: Any, angles: Any) -> Any:
+            return rho * ctx.mpc(
+                *(first_correction(angles, constants, omega, "beta", "gamma") for omega in (ctx.one, 2 * ctx.one))
+            )
 
         total = self._integral(integrand)
-        inertial = (total.imag - total.real) / 3
-        square = 1 - total.real / inertial
+        square = 1 - 3 * total.real / (total.imag - total.real)
         if not square > 0:
             raise Shortfall("no speed makes the Melnikov integral vanish for these parameters")
         return ctx.sqrt(square)
 
     def period(self) -> Any:
         """Of the cycle at that speed, by the symmetry of its halves."""
-        return 2 * self._integral(lambda point: -point.weight / point.cosines["beta"]) / self.speed()
+        return 2 * self._integral(lambda rho, angles: -1 / angles.cos("beta")) / self.speed()

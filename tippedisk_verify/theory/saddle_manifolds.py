@@ -28,7 +28,7 @@ from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.theory.equilibria import eigenvalue_discs, linearization, right_eigenvector
+from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
 from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
@@ -67,12 +67,12 @@ class Saddle:
         """(unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
-        discs = eigenvalue_discs(matrix, math.ceil(self.working_bits * math.log10(2)))
-        if any(abs(centre.imag) > radius for centre, radius in discs):
+        values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
+        if any(value.im.value for value in values):
             raise NoConnectionError(
                 "noninverted spinning is a saddle-focus here: a connection of saddles is not looked for"
             )
-        unstable, slow, fast = (ctx.mpf(centre.real) for centre, _ in discs)
+        unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
             raise NoConnectionError("noninverted spinning is no saddle with one unstable direction here")
         return unstable, slow, fast
@@ -84,9 +84,9 @@ class Saddle:
         vectors = []
         for value in self.eigenvalues:
             vector = right_eigenvector(linearization(self.parameters, self.omega, "noninverted"), value)
-            parts = [quotient(ctx, part) if isinstance(part, Fraction) else part for part in vector]
-            largest = max(parts, key=abs)
-            vectors.append([part / largest for part in parts])
+            entries = [quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector]
+            largest = max(entries, key=abs)
+            vectors.append([entry / largest for entry in entries])
         return ctx.matrix(vectors).T
 
     @cached_property
@@ -112,13 +112,18 @@ class Saddle:
             for component in curve:
                 component.extend([ctx.zero] * step)
             rates = rates_of(*self._state(curve))
-            rest = ctx.matrix([rate.c[power] for rate in rates])
-            along = self.inverse_directions * rest
-            added = [along[k] / (power * eigenvalue - self.eigenvalues[k]) for k in range(3)]
-            column = self.directions * ctx.matrix(added)
-            for row in range(3):
-                curve[row][power] = column[row]
+            column = self._solved([rate.c[power] for rate in rates], power * eigenvalue)
+            for component, value in zip(curve, column, strict=True):
+                component[power] = value
         return [PowerSeries(component) for component in curve]
+
+    def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
+        """x of (growth - A) x = rest, A the linearisation; without what has a divisor below ``resonant``."""
+        along = self.inverse_directions * self.context.matrix(rest)
+        for k, eigenvalue in enumerate(self.eigenvalues):
+            divisor = growth - eigenvalue
+            along[k] = 0 if abs(divisor) < resonant else along[k] / divisor
+        return self.directions * along
 
     @property
     def _power_step(self) -> int:
@@ -161,22 +166,17 @@ class Saddle:
         length = self.order + 1
         carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
         step = self._power_step
+        resonant = _RESONANT * own if which == 0 else 0
         for power in range(step, length, step):
-            rest = ctx.matrix(3, 1)
+            rest = [ctx.zero, ctx.zero, ctx.zero]
             for row in (1, 2):  # beta' = v is linear
-                for column in range(3):
-                    if isinstance(entries[row][column], PowerSeries):
-                        terms = entries[row][column].c
-                        rest[row] += sum(
-                            (terms[k] * carried[column][power - k] for k in range(step, power + 1, step)), ctx.zero
-                        )
-            along = self.inverse_directions * rest
-            divisors = [own + power * slow - value for value in self.eigenvalues]
-            resonant = [which == 0 and abs(divisor) < _RESONANT * own for divisor in divisors]
-            added = [ctx.zero if resonant[k] else along[k] / divisors[k] for k in range(3)]
-            vector = self.directions * ctx.matrix(added)
-            for row in range(3):
-                carried[row][power] = vector[row]
+                for entry, component in zip(entries[row], carried, strict=True):
+                    if isinstance(entry, PowerSeries):
+                        terms = (entry.c[k] * component[power - k] for k in range(step, power + 1, step))
+                        rest[row] += sum(terms, ctx.zero)
+            vector = self._solved(rest, own + power * slow, resonant)
+            for component, value in zip(carried, vector, strict=True):
+                component[power] = value
         return [PowerSeries(component) for component in carried]
 
     @cached_property
@@ -202,8 +202,8 @@ class Saddle:
         """
         ctx = self.context
         u = s = t = ctx.zero
-        target = [ctx.mpf(part) for part in point]
-        size = max(abs(part) for part in target)
+        target = [ctx.mpf(entry) for entry in point]
+        size = max(map(abs, target))
         for _ in range(400):
             residual = ctx.matrix(
                 [
@@ -215,7 +215,7 @@ class Saddle:
             )
             step = self.inverse_directions * residual
             u, s, t = u + step[0], s + step[1], t + step[2]
-            if max(abs(part) for part in step) <= 16 * ctx.eps * size:
+            if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t
         raise Shortfall("the end of the unstable branch is too far from the saddle for its local series")
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 __all__ = ["Angle", "PowerSeries", "SeriesOps"]
@@ -119,16 +120,11 @@ class Angle:
         return series._like(sine), series._like(cosine)
 
 
-class SeriesOps:
-    """The namespace that the equations of motion ask for, for angles that are series."""
-
-    @staticmethod
-    def sin(angle: Angle) -> PowerSeries:
-        return angle.sine_and_cosine[0]
-
-    @staticmethod
-    def cos(angle: Angle) -> PowerSeries:
-        return angle.sine_and_cosine[1]
+#: The namespace that the equations of motion ask for, for angles that are series.
+SeriesOps: Any = SimpleNamespace(
+    sin=lambda angle: angle.sine_and_cosine[0],
+    cos=lambda angle: angle.sine_and_cosine[1],
+)
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:

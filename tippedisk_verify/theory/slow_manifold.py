@@ -11,39 +11,41 @@ The series looks divergent (|h_n|^(1/n) grows about linearly in n): it is asympt
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 from tippedisk_verify.errors import InputError, Shortfall
-from tippedisk_verify.model.equations import Ops, terms
-from tippedisk_verify.model.exact import quotient, shown
+from tippedisk_verify.model.equations import Ops, checked_speed, terms
+from tippedisk_verify.model.exact import exact, quotient, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, heyoka_module
+from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries
 
 __all__ = [
     "POINTS",
-    "FastEquation",
+    "Expansion",
     "ReducedEquilibrium",
+    "SlowManifold",
+    "analyse_slow_manifold",
     "attraction_rate",
-    "checked_order",
     "critical_manifold",
-    "expansion_at",
     "first_correction",
     "invariance_residuals",
     "orders",
     "reduced_equilibrium",
     "reduced_omega_crit",
-    "residuals",
     "slow_manifold",
-    "symbolic_surface",
 ]
 
 _HIGHEST_ORDER = 40
+_LARGEST_ANGLE = 1000  # rad
 #: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi, spread by a Kronecker
 #: sequence of the plastic number's powers: no pattern of the field can hide from them.
 POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
@@ -87,64 +89,68 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
     return -constants.mu * constants.m * constants.g * parts.direction**2 / parts.mass / constants.epsilon
 
 
-class FastEquation(NamedTuple):
-    """What the recursion needs: a, h_c, g_1 = q_0 + q_1 v + q_2 v^2, and Omega cos(beta); series or expressions."""
+class Expansion:
+    """h_0 ... h_highest about a point as power series in (beta, gamma), in the arithmetic of the arguments.
 
-    rate: Any
-    rolling: Any
-    q0: Any
-    q1: Any
-    q2: Any
-    drift: Any
+    They come from v' = q_0 + q_1 v + q_2 v^2 - rate (v - h_c) / epsilon (Eqs. per_g0, per_g1). Each order costs one
+    degree; ``slopes`` leaves one for the derivatives of the last.
+    """
 
+    def __init__(
+        self, ops: Ops, c: Constants, omega: Any, beta: Any, gamma: Any, highest: int, *, slopes: bool = True
+    ) -> None:
+        degree = highest + slopes
+        sines: list[PowerSeries] = []
+        for axis, angle in enumerate((beta, gamma)):
+            coordinate = [0 * angle] * ((degree + 1) * (degree + 2) // 2)
+            if degree:
+                coordinate[1 + axis] += 1
+            sines += Angle(PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)).sine_and_cosine
+        sin_b, cos_b, sin_g, cos_g = sines
+        rho = c.e * sin_g + c.r
+        lever, grip = rho * cos_b, rho * sin_b
+        inertia = (c.a - c.b) * (cos_g * cos_g) + c.b
+        mass = inertia + lever * lever
+        push = inertia * sin_b * cos_b + c.e * (lever * cos_b * cos_b * sin_b * sin_g)
+        mixed = 2 * (c.a - c.b) * sin_g + c.e * (rho * (3 * (sin_b * sin_b) - 2))
+        self.q0 = (omega * omega * push - c.g * lever) / mass
+        self.q1 = -omega * (cos_b * cos_g * mixed) / mass
+        self.q2 = lever * rho * sin_b / mass
+        self.rate = c.traction * (grip * grip) / mass
+        self.drift = omega * cos_b  # -gamma'
+        self.series = [c.e * omega * (sin_b * cos_g) / rho]  # pure rolling
+        for n in range(1, highest + 1):
+            last = self.series[n - 1]
+            right = self.q1 * last + self.drift * last.slope(1)
+            if n == 1:
+                right = right + self.q0
+            for i in range(n):
+                other = self.series[n - 1 - i]
+                right = right + self.q2 * (self.series[i] * other) - self.series[i].slope(0) * other
+            self.series.append(right / self.rate)
 
-def _fast(c: Constants, omega: Any, sin_b: Any, cos_b: Any, sin_g: Any, cos_g: Any) -> FastEquation:
-    """From Eqs. per_g0 and per_g1, all divided by m."""
-    rho = c.e * sin_g + c.r
-    lever = rho * cos_b
-    inertia = (c.a - c.b) * (cos_g * cos_g) + c.b
-    mass = inertia + lever * lever
-    grip = rho * sin_b
-    constant = omega * omega * (inertia * sin_b * cos_b + c.e * (lever * cos_b * cos_b * sin_b * sin_g)) - c.g * lever
-    mixed = 2 * (c.a - c.b) * sin_g + c.e * (rho * (3 * (sin_b * sin_b) - 2))
-    return FastEquation(
-        rate=c.traction * (grip * grip) / mass,
-        rolling=c.e * omega * (sin_b * cos_g) / rho,
-        q0=constant / mass,
-        q1=-omega * (cos_b * cos_g * mixed) / mass,
-        q2=lever * rho * sin_b / mass,
-        drift=omega * cos_b,
-    )
+    @property
+    def orders(self) -> list[Any]:
+        """[h_0, h_1, ...] at the point."""
+        return [h.c[0] for h in self.series]
 
+    def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
+        """h and its derivatives by beta and gamma at the point, of the series truncated at each order in turn."""
+        h = by_beta = by_gamma = 0
+        for n, order in enumerate(self.series):
+            power = epsilon**n
+            h, by_beta, by_gamma = h + power * order.c[0], by_beta + power * order.c[1], by_gamma + power * order.c[2]
+            yield h, by_beta, by_gamma
 
-def _expanded(
-    fast: FastEquation, highest: int, by_beta: Callable[[Any], Any], by_gamma: Callable[[Any], Any]
-) -> list[Any]:
-    """h_0 ... h_highest, whatever the terms are made of."""
-    series = [fast.rolling]
-    for n in range(1, highest + 1):
-        last = series[n - 1]
-        right = fast.q1 * last + fast.drift * by_gamma(last)
-        if n == 1:
-            right = right + fast.q0
-        for i in range(n):
-            right = right + fast.q2 * (series[i] * series[n - 1 - i]) - by_beta(series[i]) * series[n - 1 - i]
-        series.append(right / fast.rate)
-    return series
-
-
-def expansion_at(
-    ops: Ops, c: Constants, omega: Any, beta: Any, gamma: Any, highest: int, degree: int
-) -> tuple[FastEquation, list[PowerSeries]]:
-    """The terms at a point as power series of that degree, and h_0 ... h_highest; each order costs one degree."""
-    sines: list[PowerSeries] = []
-    for axis, angle in enumerate((beta, gamma)):
-        coordinate = [0 * angle] * ((degree + 1) * (degree + 2) // 2)
-        if degree:
-            coordinate[1 + axis] += 1
-        sines += Angle(PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)).sine_and_cosine
-    fast = _fast(c, omega, *sines)
-    return fast, _expanded(fast, highest, lambda h: h.slope(0), lambda h: h.slope(1))
+    def residuals(self, epsilon: Any) -> list[Any]:
+        """epsilon (dh/dx) f - g [m rad/s^3] of each truncation; of the order n it is of size epsilon^(n + 1)."""
+        q0, q1, q2, rate, drift, rolling = (
+            term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
+        )
+        return [
+            epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v)) + rate * (v - rolling)
+            for v, by_beta, by_gamma in self.truncations(epsilon)
+        ]
 
 
 def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
@@ -152,56 +158,17 @@ def orders(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, hi
 
     Raises InputError for an order below 0 or above 40.
     """
-    checked_order(highest)
-    return [h.c[0] for h in expansion_at(ops, constants, omega, beta, gamma, highest, highest)[1]]
-
-
-def symbolic_surface(order: int) -> tuple[Any, tuple[Any, Any], tuple[str, ...]]:
-    """h_0 + ... + epsilon^order h_order as a heyoka expression, its variables (beta, gamma), and its parameters' names.
-
-    The recursion carried out on expressions and their symbolic derivatives; runtime parameters are in the order of the
-    names, the speed first, and low orders know fewer of them.
-    """
-    hy = heyoka_module()
-    beta, gamma = hy.make_vars("beta", "gamma")
-    names = ("omega", "r", "e", "a", "b", "g", "traction", "epsilon")
-    par = dict(zip(names, (hy.par[index] for index in range(len(names))), strict=True))
-    constants = Constants(**{name: par.get(name) for name in Constants._fields})
-    fast = _fast(constants, par["omega"], hy.sin(beta), hy.cos(beta), hy.sin(gamma), hy.cos(gamma))
-    *lower, total = _expanded(fast, order, lambda h: hy.diff(h, beta), lambda h: hy.diff(h, gamma))
-    for h in reversed(lower):
-        total = h + par["epsilon"] * total
-    return total, (beta, gamma), names
-
-
-def _truncations(series: list[PowerSeries], epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
-    """h and its derivatives by beta and gamma at the point, of the series truncated at each order in turn."""
-    h = by_beta = by_gamma = 0
-    for n, order in enumerate(series):
-        power = epsilon**n
-        h, by_beta, by_gamma = h + power * order.c[0], by_beta + power * order.c[1], by_gamma + power * order.c[2]
-        yield h, by_beta, by_gamma
+    _checked_order(highest)
+    return Expansion(ops, constants, omega, beta, gamma, highest, slopes=False).orders
 
 
 def invariance_residuals(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int) -> list[Any]:
-    """epsilon (dh/dx) f - g [m rad/s^3] of the series truncated at each order up to ``highest``, from one expansion.
-
-    Of the order n it is of size epsilon^(n + 1).
-    """
-    checked_order(highest)
-    return residuals(*expansion_at(ops, constants, omega, beta, gamma, highest, highest + 1), constants.epsilon)
+    """`Expansion.residuals` at a point, up to an order. Raises as `orders` does."""
+    _checked_order(highest)
+    return Expansion(ops, constants, omega, beta, gamma, highest).residuals(constants.epsilon)
 
 
-def residuals(fast: FastEquation, series: list[PowerSeries], epsilon: Any) -> list[Any]:
-    """`invariance_residuals` from `expansion_at`, for any epsilon: the expansion does not depend on it."""
-    rate, rolling, q0, q1, q2, drift = (part.c[0] for part in fast)
-    return [
-        epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v)) + rate * (v - rolling)
-        for v, by_beta, by_gamma in _truncations(series, epsilon)
-    ]
-
-
-def checked_order(order: int) -> None:
+def _checked_order(order: int) -> None:
     """Raises InputError unless the order is a whole number from 0 to 40."""
     if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _HIGHEST_ORDER:
         raise InputError(f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {shown(order)}")
@@ -222,13 +189,12 @@ def reduced_equilibrium(
 
     Order 0 has trace 0: noninverted is a saddle and inverted a centre, whatever the speed.
     """
-    checked_order(order)
+    _checked_order(order)
     ctx = bits(working_bits).context
     constants = parameters.within(ctx)
     speed = quotient(ctx, omega) if isinstance(omega, Fraction) else ctx.mpf(omega)
-    beta, gamma, _ = (quotient(ctx, part.pi_multiple) * ctx.pi for part in location(name))
-    _, series = expansion_at(ctx, constants, speed, beta, gamma, order, order + 1)
-    *_, (_, by_beta, by_gamma) = _truncations(series, constants.epsilon)
+    beta, gamma, _ = (quotient(ctx, angle.pi_multiple) * ctx.pi for angle in location(name))
+    *_, (_, by_beta, by_gamma) = Expansion(ctx, constants, speed, beta, gamma, order).truncations(constants.epsilon)
     return ReducedEquilibrium(by_beta, -speed * by_gamma)
 
 
@@ -239,29 +205,145 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     where no root lies within a tenth of Omega_crit.
     """
     parameters.refuse_smooth("the slow manifold's expansion is")
-    checked_order(order)
+    _checked_order(order)
     if order == 0:
         raise Shortfall(
             "order 0 has no Hopf point: on the critical manifold inverted spinning is a centre at every speed"
         )
+    start = float(omega_crit(parameters))
+
+    def root(working_bits: int) -> Any:
+        """Where the trace at inverted spinning vanishes, by the secant method."""
+        ctx = bits(working_bits).context
+
+        def trace(speed: Any) -> Any:
+            return reduced_equilibrium(parameters, speed, "inverted", order, working_bits).trace
+
+        try:
+            return ctx.findroot(trace, (ctx.mpf(0.9995 * start), ctx.mpf(1.0005 * start)), tol=ctx.eps**1.5)
+        except (ValueError, ZeroDivisionError):
+            return ctx.inf
+
     working = bits_for_digits(digits + 15)
-    rough, sharp = (_trace_root(parameters, order, bits_used) for bits_used in (working, working + 66))
+    rough, sharp = map(root, (working, working + 66))
+    if not max(abs(rough / start - 1), abs(sharp / start - 1)) < 0.1:
+        raise Shortfall(f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large")
     return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
 
 
-def _trace_root(parameters: Parameters, order: int, working_bits: int) -> Any:
-    """Where the trace at inverted spinning vanishes, by the secant method from Omega_crit's neighbourhood."""
-    ctx = bits(working_bits).context
+# --------------------------------------------------------------------------------------------- how good the series are
+@dataclass(frozen=True, repr=False)
+class SlowManifold(Printable):
+    """What can be said of the truncated series: its orders at one point, and how well it does at twenty fixed ones."""
 
-    def trace(speed: Any) -> Any:
-        return reduced_equilibrium(parameters, speed, "inverted", order, working_bits).trace
+    order: int
+    omega: Fraction  #: [rad/s]
+    beta: Fraction  #: where h is taken [rad]
+    gamma: Fraction  #: where h is taken [rad]
+    h: tuple[Measured, ...]  #: h_0 ... h_N at (beta, gamma) [rad/s, rad/m, ...]
+    #: Largest |epsilon (dh/dx) f - g| over the fixed points, of the orders 0 ... N, at this set's epsilon [m rad/s^3].
+    residual: tuple[Measured, ...]
+    residual_slope: tuple[Measured, ...]  #: exponent of epsilon in that as epsilon tends to 0, seen at 1e-5 ... 1e-6
+    best_order: int  #: where |epsilon^n h_n|, at its largest over the points, is smallest
+    smallest_term: Measured  #: that size [rad/s]
+    reduced_omega_crit: Measured | None  #: of the reduced flow at order N [rad/s]; None at order 0
+    warning: str | None
 
-    guess = ctx.mpf(float(omega_crit(parameters)))
-    starts = (guess * ctx.mpf("0.9995"), guess * ctx.mpf("1.0005"))
+
+def analyse_slow_manifold(
+    parameters: Parameters, omega: object, order: int, digits: int = 12, *, at: tuple[object, object] = ("1.2", "0.3")
+) -> SlowManifold:
+    """Orders at a point, residuals with their observed exponents, and the best order, at the speed ``omega`` [rad/s].
+
+    ``at`` is the point (beta, gamma) [rad], as decimals. Raises InputError for an order out of range, a speed that is
+    not positive, or a point that is none or where the disk lies flat.
+    """
+    parameters.refuse_smooth("the slow manifold's expansion is")
+    _checked_order(order)
+    speed = checked_speed(omega)
+    checked_digits(digits)
+    point = _point(at)
+    working = bits_for_digits(digits + 5)
+    rough, sharp = (
+        _expansion(parameters, speed, point, order, width, slopes=False).orders for width in (working, working + 66)
+    )
+    ulp = Fraction(1, 2 ** (working - 1))
+    shrinking = tuple(Fraction(1, 10**k) for k in (5, 6, 7))
+    residuals, *sizes = _largest_residuals(parameters, speed, order, (parameters.epsilon, *shrinking))
+    slopes = []
+    for coarse, middle, fine in zip(*sizes, strict=True):
+        # The two-point exponent is off by a multiple of epsilon: a decade on a tenth of that is left, so the change
+        # towards smaller epsilon shows nine tenths. (The change from larger epsilon, where the series need not be in
+        # its asymptotic range yet, may vanish by chance.)
+        exponent, next_exponent = math.log10(coarse / middle), math.log10(middle / fine)
+        slopes.append(Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50))
+    best, smallest = _best_order(parameters, speed)
+    # Rounded to double once, from an evaluation with digits to spare.
+    *residual, smallest_term = (Measured.of(size, size * 2.0**-50) for size in (*residuals, smallest))
     try:
-        root = ctx.findroot(trace, starts, tol=ctx.eps**1.5)
-    except (ValueError, ZeroDivisionError):
-        root = ctx.inf
-    if not abs(root / guess - 1) < ctx.mpf("0.1"):
-        raise Shortfall(f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too large")
-    return root
+        reduced = reduced_omega_crit(parameters, order, digits)
+    except Shortfall:
+        reduced = None
+    return SlowManifold(
+        order=order,
+        omega=speed,
+        beta=point[0],
+        gamma=point[1],
+        h=tuple(Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True)),
+        residual=tuple(residual),
+        residual_slope=tuple(slopes),
+        best_order=best,
+        smallest_term=smallest_term,
+        reduced_omega_crit=reduced,
+        warning=None
+        if order <= best
+        else f"epsilon = {float(parameters.epsilon):g} m/s is too large for order {order}: the largest terms over the"
+        f" twenty fixed points grow from order {best + 1} on",
+    )
+
+
+def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
+    if not isinstance(at, tuple) or len(at) != 2:
+        raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
+    beta, gamma = map(exact, at)
+    if beta.pi_multiple or gamma.pi_multiple:
+        raise InputError("beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2")
+    if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
+        raise InputError(f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad")
+    if not beta.rational:
+        raise InputError("at beta = 0 the disk lies flat, and has no slow manifold: try 1.2")
+    return beta.rational, gamma.rational
+
+
+def _expansion(
+    parameters: Parameters, omega: Fraction, point: tuple[Fraction, Fraction], order: int, working: int, slopes: bool
+) -> Expansion:
+    ctx = bits(working).context
+    speed, beta, gamma = (quotient(ctx, number) for number in (omega, *point))
+    return Expansion(ctx, parameters.within(ctx), speed, beta, gamma, order, slopes=slopes)
+
+
+def _largest_residuals(
+    parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
+) -> list[list[float]]:
+    """For each epsilon and each order up to ``order``, over the fixed points.
+
+    With sixty digits more than the residual lies below its terms.
+    """
+    below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
+    working = bits_for_digits(60 + below)
+    expansions = [_expansion(parameters, omega, point, order, working, slopes=True) for point in POINTS]
+    largest = []
+    for epsilon in (quotient(bits(working).context, epsilon) for epsilon in epsilons):
+        by_order = zip(*(one.residuals(epsilon) for one in expansions), strict=True)
+        largest.append([float(max(map(abs, sizes))) for sizes in by_order])
+    return largest
+
+
+def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
+    """Over the fixed points: where the largest term of each order is smallest."""
+    rows = [_expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS]
+    epsilon = quotient(bits(120).context, parameters.epsilon)
+    largest = [float(max(map(abs, sizes)) * epsilon**n) for n, sizes in enumerate(zip(*rows, strict=True))]
+    best = min(range(1, highest + 1), key=largest.__getitem__)
+    return best, largest[best]

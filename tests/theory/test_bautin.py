@@ -20,17 +20,17 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.theory.amplitude_law import amplitude_law
-from tippedisk_verify.theory.codimension_two import BAUTIN_PARAMETERS, BautinPoint, bautin_points, kind_changes
+from tippedisk_verify.theory.bautin import BAUTIN_PARAMETERS, BautinPoint, bautin_points
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,
     characteristic_polynomial,
     equilibrium,
+    kind_changes,
     linearization,
     saddle_value_sign,
 )
-from tippedisk_verify.theory.hopf import criticality, hopf_point, omega_crit
+from tippedisk_verify.theory.hopf import amplitude_law, criticality, hopf_point, omega_crit
 
 #: r = 4 e: l_1 = 0 where A = 7 Bbar / 5, a decimal.
 DEGENERATE = PRINTED.changed(r="0.04", e="0.01", m="0.4", A="0.224e-3", B="0.2e-3", C=None)
