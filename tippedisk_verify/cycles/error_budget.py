@@ -18,9 +18,10 @@ the error, and what the wider run itself may be off is what its chord iteration 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
@@ -47,6 +48,9 @@ TWIN_FACTOR = 4
 #: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
 #: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
 TWINS_OF_WIDER = 8
+#: Half-widths of the same cycle differ by up to 1.6 from draw to draw. With this factor to spare it is no matter of
+#: last bits which arithmetic answers.
+_TO_SPARE = 2
 #: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
 _STANDING = 4
 
@@ -56,15 +60,14 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
 
     Raises Shortfall if the digits are not reached.
     """
-    if digits <= _DOUBLE_DIGITS:
-        cycle = cycle_in(fixed_point, DOUBLE)
-        if _lacking(cycle, _DOUBLE_DIGITS) is None:
-            return cycle
-    for wider in (companion(DOUBLE), companion(companion(DOUBLE))):
-        if digits + _LOST <= wider.digits:
-            finer = _in_wider(fixed_point, wider)
-            if finer is not None and _lacking(finer, digits) is None:
-                return finer
+    draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
+    wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
+    for precision, twins in (DOUBLE, TWINS), (wider, TWINS_OF_WIDER), (companion(wider), TWINS_OF_WIDER):
+        if wanted + _LOST <= precision.digits:
+            doubles += islice(draws, 1 + twins - len(doubles))
+            cycle = _by_twins(fixed_point, precision, doubles)
+            if cycle is not None and _lacking(cycle, wanted, _TO_SPARE) is None:
+                return cycle
     # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
     cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
@@ -77,31 +80,34 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    numbers, _, sharper = _sharpened(fixed_point, precision)
     if precision == DOUBLE:
-        return _as_cycle(fixed_point, half_widths_by_twins(numbers, [numbers, *_twins(fixed_point, TWINS)]), precision)
+        doubles = list(islice(_draws(fixed_point), 1 + TWINS))
+        return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
+    numbers, _, sharper = _sharpened(fixed_point, precision)
     sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
     return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
 
 
-def _in_wider(fixed_point: FixedPoint[C], wider: Precision) -> C | None:
-    """The cycle in a wider arithmetic, its half-widths from twins in double.
+def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]) -> C | None:
+    """The cycle in double, or in an arithmetic a little wider, its half-widths from as many draws in double.
 
-    None if its iteration stands still above what rounding explains.
+    None if the wider iteration stands still above what rounding explains.
     """
-    numbers, doubt, _ = _sharpened(fixed_point, wider)
-    others = [cycle_numbers(fixed_point, DOUBLE), *_twins(fixed_point, TWINS_OF_WIDER)]
-    measured = half_widths_by_twins(numbers, others, wider)
+    if precision == DOUBLE:
+        numbers, doubt = doubles[0], dict[str, Fraction]()
+    else:
+        numbers, doubt, _ = _sharpened(fixed_point, precision)
+    measured = half_widths_by_twins(numbers, doubles, precision)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
         return None
-    return _as_cycle(fixed_point, measured, wider)
+    return _as_cycle(fixed_point, measured, precision)
 
 
-def _lacking(cycle: Cycle, digits: int) -> str | None:
-    """The first main result that has fewer digits than asked for."""
+def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
+    """The first main result that has fewer digits than asked for, with this factor to spare."""
     for name in ("period", *cycle.unknowns, "beta_max"):
         measured: Measured = getattr(cycle, name)
-        if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
+        if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
             return name
     return None
 
@@ -167,12 +173,12 @@ def numbers_at(
     }
 
 
-def _twins(fixed_point: FixedPoint[C], count: int) -> list[dict[str, Any]]:
-    """The numbers of the cycle near a fixed point in double, each time with other last bits."""
+def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
+    """The numbers of the cycle in double, then those of its twins, each with other last bits."""
     return_map, point = fixed_point.return_map, fixed_point.point
     first, second = return_map.section.names
-    twins = []
-    for pattern in range(1, count + 1):
+    yield numbers_at(return_map, point, fixed_point.image)
+    for pattern in count(1):
         image = return_map(point, pattern)
         numbers = numbers_at(return_map, point, image, pattern)
         # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
@@ -184,8 +190,7 @@ def _twins(fixed_point: FixedPoint[C], count: int) -> list[dict[str, Any]]:
         point = (point[0] + step[0], point[1] + step[1])
         later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
         period = numbers["period"] + return_map.section.per_period * later
-        twins.append(numbers | {first: point[0], second: point[1], "period": period})
-    return twins
+        yield numbers | {first: point[0], second: point[1], "period": period}
 
 
 # ------------------------------------------------------------------------------------------------ the half-widths
