@@ -25,8 +25,7 @@ from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import FixedPoint, Image, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.rounding import nudged
 from tippedisk_verify.model.exact import fraction

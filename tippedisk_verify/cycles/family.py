@@ -19,8 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import shoot_batch
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine

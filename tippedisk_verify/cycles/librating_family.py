@@ -35,10 +35,6 @@ def amplitude(s: Any) -> Any:
     return numpy.pi * numpy.tanh(s)
 
 
-def _end_in_words(name: str, speed: float) -> str:
-    return f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s"
-
-
 class LibratingFamily(Family):
     """The family of one disk under its friction law, in double.
 
@@ -94,16 +90,3 @@ class LibratingFamily(Family):
         """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
         return ("Omega_crit", self.omega_crit), *turns, ("Omega_h" if self.connected else "that amplitude", self.limit)
-
-    def refusal(self, omega: float) -> str:
-        """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
-        lowest, highest = (choose(self.ends, key=lambda end: end[1]) for choose in (min, max))
-        text = f"no limit cycle found at {omega:.10g} rad/s"
-        if lowest[1] <= omega <= highest[1]:
-            return text
-        distance, side = (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
-        text += f": that is {distance:.2g} rad/s {side} the family, which "
-        if self.connected:
-            return text + f"lies between {_end_in_words(*lowest)} and {_end_in_words(*highest)}"
-        last = f"is followed to {self.limit:.7g} rad/s only, where gamma's amplitude is pi"
-        return text + f"{last}, and lies so far between {_end_in_words(*lowest)} and {_end_in_words(*highest)}"

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.cycles.newton import NewtonIteration
+from tippedisk_verify.cycles.return_map import NewtonIteration
 from tippedisk_verify.cycles.section import VARIATIONS
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status

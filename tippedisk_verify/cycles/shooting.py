@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
