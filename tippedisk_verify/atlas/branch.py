@@ -12,7 +12,8 @@ from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.locator import Location, Locator, locator
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.locator import Locator, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
@@ -120,11 +121,17 @@ def family(
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST:
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-    return _at(disk_locator, LIBRATING, disk_locator.librating, speeds)
+
+    def singly(speed: Fraction) -> list[LimitCycle]:
+        if disk_locator.lost:  # the one-harmonic law may lead to a cycle all the same
+            return [cycle_at(parameters, speed, engine)]
+        return disk_locator.librating(speed).cycles()
+
+    return _at(disk_locator, LIBRATING, singly, speeds)
 
 
 def _at(
-    disk_locator: Locator, section: Section[C], locate: Callable[[Fraction], Location[C]], speeds: Sequence[Fraction]
+    disk_locator: Locator, section: Section[C], singly: Callable[[Fraction], list[C]], speeds: Sequence[Fraction]
 ) -> Iterator[C]:
     """All cycles of a kind at these speeds; many, of the linear law, as doubles in lanes of the Taylor engine.
 
@@ -145,7 +152,7 @@ def _at(
                 followed.reach(max(doubles))
             by_speed = FamilyInterpolant(followed, lanes).results(doubles, _DIGITS_IN_LANES[section.name])
     for speed, cycles in zip(speeds, by_speed, strict=True):
-        yield from locate(speed).cycles() if cycles is None else cycles
+        yield from singly(speed) if cycles is None else cycles
 
 
 def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
@@ -186,7 +193,7 @@ def rotating_branch(
     disk_locator = locator(parameters, engine)
     if omegas is None:
         return _rotating_overview(disk_locator)
-    return _at(disk_locator, ROTATING, disk_locator.rotating, checked_speeds(omegas))
+    return _at(disk_locator, ROTATING, lambda speed: disk_locator.rotating(speed).cycles(), checked_speeds(omegas))
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:

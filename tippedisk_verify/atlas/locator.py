@@ -113,21 +113,28 @@ class Locator:
         return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
+    def lost(self) -> str:
+        """Why the librating cycles cannot be followed; nothing if they can."""
+        try:
+            self.family  # noqa: B018
+        except NoSuchCycleError as fault:
+            return str(fault)
+        return ""
+
+    @cached_property
     def rotations(self) -> RotatingFamily:
         """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they are not found."""
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
         """The cycles about inverted spinning at a speed [rad/s]; ``omega_h`` is the caller's better Omega_h."""
-        location = Location(LIBRATING, self.parameters, self.engine, omega, (), omega_h=omega_h)
-        try:
-            family = self.family
-        except NoSuchCycleError as fault:
-            location = replace(location, refusal=str(fault))
+        location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
+        if self.lost:
             with suppress(NoConnectionError, Shortfall):
                 if abs(omega - self.omega_h) < _UNFOLLOWED:
                     return self._beside_omega_h(location, 0, above=self.attracts)
             return location
+        family = self.family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
         location = replace(location, refusal=refusal, starts=tuple(_start(family, place) for place in places))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:

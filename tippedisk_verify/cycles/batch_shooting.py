@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy
@@ -22,9 +21,7 @@ from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["BatchCycles", "shoot_batch"]
 
@@ -32,7 +29,7 @@ _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
-_UNIT = 2.0**-53
+_LEAST = 2.0**-1022  # of a multiplier that rounding has lost, so that it has a logarithm for all that
 _FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is given
 
 
@@ -40,10 +37,9 @@ _FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight 
 class BatchCycles:
     """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where none was found.
 
-    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``map_multiplier``, the larger
-    one of the section's map (of a complex pair its modulus, signed), ``log_multipliers``, the sum of both logarithms,
-    which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of (beta_bar,
-    gamma_bar, v / 10), summed [rad].
+    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``log_multipliers``, the sum of
+    both logarithms, which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of
+    (beta_bar, gamma_bar, v / 10), summed [rad].
     """
 
     section: Section[Any]
@@ -74,32 +70,6 @@ class BatchCycles:
         """Some of them."""
         numbers = {name: values[which] for name, values in self.numbers.items()}
         return BatchCycles(self.section, numbers, self.converged[which], self.last_step[which])
-
-    def results(self, widths: Mapping[str, Array], parameters: Parameters) -> list[Any]:
-        """The result objects that single speeds give, with these half-widths (n,) of the section's numbers."""
-        columns = {name: (self[name].tolist(), widths[name].tolist()) for name in self.section.numbers}
-        defects, residuals = self["trivial_multiplier_defect"].tolist(), self["residual"].tolist()
-        results = []
-        for index, omega in enumerate(self["omega"].tolist()):
-            measured = {
-                name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
-                for name, (values, uncertainties) in columns.items()
-            }
-            slow = measured["multiplier_slow"]
-            certain = abs(abs(slow.value) - 1) > slow.uncertainty
-            results.append(
-                self.section.result(
-                    omega=Measured(Fraction(omega), Fraction(0)),
-                    **measured,
-                    trivial_multiplier_defect=Measured.of(defects[index], 2 * defects[index] + 2 * _UNIT),
-                    stable=bool(abs(slow.value) < 1) if certain else None,
-                    residuals=(residuals[index],),
-                    parameters=parameters,
-                    engine="lanes",
-                    precision=DOUBLE.name,
-                )
-            )
-        return results
 
 
 def shoot_batch(
@@ -132,7 +102,7 @@ def shoot_batch(
     # Of a complex pair the modulus, with the sign that the larger one has where they meet.
     larger = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
     slow = larger**flights
-    log_slow = numpy.log(numpy.abs(slow))
+    log_slow = numpy.log(numpy.maximum(numpy.abs(slow), _LEAST))
     measures = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
     if whole and converged.any():
         for name, values in batch.measures(unknowns, numpy.flatnonzero(converged)).items():
@@ -145,7 +115,6 @@ def shoot_batch(
         first: unknowns[:, 0],
         second: unknowns[:, 1],
         **measures,
-        "map_multiplier": larger,
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
         "log_multiplier_fast": log_multipliers - log_slow,

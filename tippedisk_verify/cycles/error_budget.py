@@ -26,13 +26,14 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.rounding import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 
-__all__ = ["cycle_in", "cycle_numbers", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
+__all__ = ["cycle_in", "cycle_numbers", "cycle_of", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -113,22 +114,28 @@ def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
 
 def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
     """The result, its numbers in this arithmetic."""
+    return_map = fixed_point.return_map
+    return cycle_of(
+        return_map.section,
+        return_map.omega,
+        measured,
+        residuals=fixed_point.residuals,
+        parameters=return_map.parameters,
+        engine=return_map.engine.name,
+        precision=precision.name,
+    )
+
+
+def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any) -> C:
+    """The cycle with these numbers, the sum ``log_multipliers`` of the logarithms among them, and other attributes."""
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
-    return_map = fixed_point.return_map
-    return return_map.section.result(
-        omega=Measured(return_map.omega, Fraction(0)),
-        **measured,
-        stable=bool(abs(slow.value) < 1) if certain else None,
-        residuals=fixed_point.residuals,
-        parameters=return_map.parameters,
-        engine=return_map.engine.name,
-        precision=precision.name,
-    )
+    stable = bool(abs(slow.value) < 1) if certain else None
+    return section.result(omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured))
 
 
 # ------------------------------------------------------------------------------------------------ the numbers

@@ -15,17 +15,21 @@ by starts moved much farther than rounding moves them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.family import Family
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["FamilyInterpolant"]
 
@@ -64,12 +68,11 @@ class FamilyInterpolant:
         self.nodes = self._shot(nodes[3], guess, tolerance=1e-9, free_omega=True)
         if not self.nodes.converged.all():
             raise NoSuchCycleError(f"the family of {self._section.name} cycles could not be followed")
-        #: The numbers that are taken before the last Newton step, and all that are measured: those of the multipliers
-        #: follow (`_multiplier_widths`).
+        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm moves with the slow
+        #: one's: their sum is not taken from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
-        self._before = ("map_multiplier", *self._by_omega)
-        measures = tuple(measure.name for measure in self._section.measures)
-        self._measured = ("period", *self._section.names, *measures, "log_multipliers", *self._before)
+        self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
+        self._measured = (*self._section.numbers, "log_multipliers")
 
     def _shot(self, omegas: Array, guess: Array, constants: Any = None, **options: Any) -> BatchCycles:
         constants = self._constants if constants is None else constants
@@ -90,9 +93,7 @@ class FamilyInterpolant:
         held = cycles.converged
         for name in ("period", *self._section.names, "beta_max"):
             held = held & (widths[name] <= numpy.abs(cycles[name]) * 10.0**-digits)
-        measured = iter(
-            cycles.only(held).results({name: width[held] for name, width in widths.items()}, self.family.parameters)
-        )
+        measured = iter(self._cycles(cycles.only(held), {name: width[held] for name, width in widths.items()}))
         by_speed: list[list[Any]] = [[] for _ in omegas]
         for at, is_held, falls in zip(index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True):
             cycle = next(measured) if is_held else None
@@ -102,6 +103,25 @@ class FamilyInterpolant:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
         return [None if missing or None in some or not some else some
                 for some, missing in zip(by_speed, lost, strict=True)]  # fmt: skip
+
+    def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
+        """The result objects that single speeds give, with these half-widths."""
+        widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
+        columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
+        for index, (omega, residual) in enumerate(zip(cycles["omega"], cycles["residual"], strict=True)):
+            measured = {
+                name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
+                for name, values, uncertainties in columns
+            }
+            yield cycle_of(
+                self._section,
+                Fraction(omega),
+                measured,
+                residuals=(float(residual),),
+                parameters=self.family.parameters,
+                engine="lanes",
+                precision=DOUBLE.name,
+            )
 
     def solved(self, speeds: Array, s: Array) -> BatchCycles:
         """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
@@ -128,8 +148,9 @@ class FamilyInterpolant:
             widths[name] = TWIN_FACTOR * spread + 2 * _UNIT * numpy.abs(cycles[name])
             for slope, step in zip(slopes.get(name, ()), last, strict=False):
                 widths[name] += _SLOPE * numpy.interp(s, nodes, slope) / pole * step
+        for name in ("log_multiplier_slow", "log_multiplier_fast"):
+            widths[name] += 4 * _UNIT  # of the multiplier, relative
         lost = widths[self._section.names[0]] > _FLAT * self.family.to_fold(s)
-        widths |= _multiplier_widths(cycles, widths.pop("map_multiplier"), widths.pop("log_multipliers"))
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
     def _pole(self, name: str, cycles: BatchCycles) -> Any:
@@ -162,6 +183,7 @@ class FamilyInterpolant:
             shifted = self._shot(omegas, guess, tolerance=1e-5, whole=False)
             for name in self._before:
                 slopes[name].append(numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name])
+        slopes["log_multiplier_fast"] = slopes["log_multiplier_slow"]
         # A node next to a fold is not found again at its speed; what is interpolated is smooth there.
         rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
         solved = numpy.isfinite(rows).all(axis=0)
@@ -176,27 +198,6 @@ class FamilyInterpolant:
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))
         way = numpy.minimum(numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend))
         return slope * way
-
-
-def _multiplier_widths(cycles: BatchCycles, larger_width: Array, both_width: Array) -> dict[str, Any]:
-    """Half-widths of the multipliers' numbers from those of the map's multiplier and of the logarithms' sum.
-
-    Where rounding leaves the slow multiplier undecided its logarithm lies between half of the sum and what the
-    multiplier may be at most.
-    """
-    size, both, flights = numpy.abs(cycles["map_multiplier"]), cycles["log_multipliers"], cycles.section.per_period
-    with numpy.errstate(divide="ignore", invalid="ignore"):
-        log_slow = flights * numpy.log(size)
-        resolved = 2 * larger_width < size
-        lost = numpy.maximum(log_slow - both / 2 + both_width, flights * numpy.log(size + larger_width) - log_slow)
-        width = numpy.where(resolved, flights * larger_width / (size - larger_width), lost)
-        width += 8 * _UNIT * numpy.abs(log_slow)
-    slow_width = 2 * size * larger_width + larger_width**2 if flights == 2 else larger_width
-    return {
-        "multiplier_slow": slow_width + 4 * _UNIT * size**flights,
-        "log_multiplier_slow": width,
-        "log_multiplier_fast": width + both_width,
-    }
 
 
 def _largest_nearby(values: Array) -> Any:
