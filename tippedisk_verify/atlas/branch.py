@@ -85,7 +85,7 @@ def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]
     """The paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and A^de towards ``omega_h``.
 
     Each set has 400 steps, each a hundredth of the rest. As doubles, because the paper's are. The paper's index set
-    I = {1, ..., 400} leaves Omega_1 undefined; here Omega_1 follows from Omega_0 by the same rule. Raises
+    I = {1, ..., 400} leaves Omega_1 undefined; this Omega_1 follows from Omega_0 by the same rule. Raises
     NoSuchCycleError for a disk with which the sets do not make sense.
     """
     crit = omega_crit(parameters, 40).value
@@ -107,7 +107,7 @@ def family(
     paper_sets: bool = False,
     omegas: Sequence[object] | None = None,
 ) -> Iterator[LimitCycle]:
-    """The paper's 801 cycles, those at the speeds [rad/s] given, or an overview from the Hopf point to the connection.
+    """The paper's 801 cycles, those at these speeds [rad/s], or an overview from the Hopf point to the connection.
 
     A speed at which several cycles coexist gives all of them, from the smallest amplitude on. Raises InputError for
     speeds that are no positive decimals, NoSuchCycleError where the family has no cycle.
@@ -156,7 +156,7 @@ def _at(
 
 
 def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
-    """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
+    """Cycles along the family, closer together towards the ends of its pieces and a thousandth short of them.
 
     Not closer to them than doubles can follow; pieces that are too short for that are left out.
     """

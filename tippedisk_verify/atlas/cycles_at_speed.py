@@ -38,7 +38,7 @@ def cycle_at(
     """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
     Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
-    that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -66,7 +66,7 @@ def rotating_cycle(
     """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
 
     Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
-    speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    speed that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -85,7 +85,7 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
     Raises InputError unless ``above`` is a positive decimal, NoSuchCycleError where the family does not reach as far or
-    none is found, Shortfall if the digits are not reached.
+    the search fails, Shortfall if the digits are not reached.
     """
     return _beside_omega_h(LIBRATING, parameters, above, engine, digits)
 

@@ -69,8 +69,8 @@ class Location(Generic[C]):
     def cycle(self, start: Start, digits: int = 12) -> C:
         """The cycle of one start, to ``digits`` digits.
 
-        Raises NoSuchCycleError if it is not found, Shortfall if doubles do not tell it from its neighbour at a fold, or
-        the digits are not reached.
+        Raises NoSuchCycleError if the search fails, Shortfall if doubles do not tell it from its neighbour at a fold,
+        or the digits are not reached.
         """
         if start.guess is None:
             assert self.omega_h is not None
@@ -123,7 +123,7 @@ class Locator:
 
     @cached_property
     def rotations(self) -> RotatingFamily:
-        """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they are not found."""
+        """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they cannot be followed."""
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
@@ -147,7 +147,7 @@ class Locator:
     ) -> Location[RotatingCycle]:
         """The rotating cycles at a speed [rad/s], the stable one before the fold first; or only one of them.
 
-        Raises NoSuchCycleError or NoConnectionError where the family is not found.
+        Raises NoSuchCycleError or NoConnectionError where the family cannot be followed.
         """
         family, speed = self.rotations, float(omega)
         beside = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
@@ -189,7 +189,7 @@ def _start(family: Family, place: Place) -> Start:
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
-    """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
+    """Why there is no cycle at a speed, if it lies outside the family; that the search failed, if not."""
     lowest, *_, highest = sorted(family.ends, key=lambda end: end[1])
     text = f"no limit cycle found at {omega:.10g} rad/s"
     if lowest[1] <= omega <= highest[1]:

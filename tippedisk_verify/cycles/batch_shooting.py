@@ -5,7 +5,7 @@ librating cycles that is the point symmetry S after half a period, for rotating 
 one. Without an event to stop at, a Newton step costs one variational flight per lane and nothing else. Runs that have
 converged leave; the others go on.
 
-Either Omega is given, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
+Either Omega is fixed, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
 _LEAST = 2.0**-1022  # of a multiplier that rounding has lost, so that it has a logarithm for all that
-_FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is given
+_FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is fixed
 
 
 @dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where none was found.
+    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where Newton failed.
 
     Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``log_multipliers``, the sum of
     both logarithms, which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of
@@ -88,7 +88,7 @@ def shoot_batch(
     ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`, and ``guess`` (3, n): the section's coordinates
     and the flight time. With ``whole=False`` the section's measures and the fast multiplier, which take another
     flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after which it ends. With
-    ``free_omega`` the first coordinate is given, and ``omegas`` [rad/s] are guesses.
+    ``free_omega`` the first coordinate is fixed, and ``omegas`` [rad/s] are guesses.
     """
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     count, flights = len(unknowns), section.per_period
@@ -139,7 +139,7 @@ class _Step(NamedTuple):
 
 
 class _Batch:
-    """Runs of one section with constants (n, 6), of whose unknowns (n, 4) the one numbered ``held`` is given."""
+    """Runs of one section with constants (n, 6), of whose unknowns (n, 4) the one numbered ``held`` is fixed."""
 
     def __init__(self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int) -> None:
         self._section, self._constants, self._lanes, self._held = section, constants, lanes, held

@@ -56,7 +56,7 @@ _STANDING = 4
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
-    """The cycle that Newton's iteration in double has found, to so many significant digits.
+    """The cycle that Newton's iteration in double has led to, to so many significant digits.
 
     Raises Shortfall if the digits are not reached.
     """
@@ -68,7 +68,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
             cycle = _by_twins(fixed_point, precision, doubles)
             if cycle is not None and _lacking(cycle, wanted, _TO_SPARE) is None:
                 return cycle
-    # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
+    # Twenty digits more than asked for: slow convergence next to the Hopf point and the passages cost some of them.
     cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
@@ -238,7 +238,7 @@ def half_widths_by_wider_run(
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
     """Bounds for the logarithms of multipliers that are lost in rounding.
 
-    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
+    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum has its own half-width.
     """
     slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
     if 2 * slow.uncertainty < abs(slow.value):

@@ -53,7 +53,7 @@ _UNIT = 2.0**-53
 class FamilyInterpolant:
     """The cycles of a family of the linear law, as far as it is followed.
 
-    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is not found again.
+    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is lost.
     """
 
     def __init__(self, family: Family, lanes: BatchTaylor) -> None:
@@ -126,7 +126,7 @@ class FamilyInterpolant:
     def solved(self, speeds: Array, s: Array) -> BatchCycles:
         """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
         first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
-        # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
+        # The relative step after which only rounding is left grows towards Omega_h and towards a fold.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
         cycles = self._shot(speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved)
         # Next to a fold the iteration may have gone beyond it.
@@ -184,7 +184,7 @@ class FamilyInterpolant:
             for name in self._before:
                 slopes[name].append(numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name])
         slopes["log_multiplier_fast"] = slopes["log_multiplier_slow"]
-        # A node next to a fold is not found again at its speed; what is interpolated is smooth there.
+        # A node next to a fold is lost at its speed; what is interpolated is smooth there.
         rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
         solved = numpy.isfinite(rows).all(axis=0)
         spreads = {name: _largest_nearby(spread[solved]) for name, spread in spreads.items()}

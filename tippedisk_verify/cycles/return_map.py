@@ -120,7 +120,7 @@ class ReturnMap(Generic[C]):
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """The image's coordinates, given where the flow arrives, less those of the point."""
+        """The image's coordinates, from where the flow arrives, less those of the point."""
         (a, b), image = self.section.free, self.section.image
         return image * end[a] - point[0], image * end[b] - point[1]
 
@@ -131,7 +131,7 @@ class ReturnMap(Generic[C]):
     def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
         """The multiplier along the flow, 1 but for rounding.
 
-        It is the Rayleigh quotient of the flow followed by the linear part of the symmetry, on the flow's direction at
+        It is the Rayleigh quotient of the flow followed by the derivative of the symmetry, on the flow's direction at
         the start.
         """
         rates = self._rates(*self._state(point))

@@ -55,7 +55,7 @@ def unstable_top(parameters: Parameters, omega: Fraction, engine: Engine, precis
 class RotatingFamily(Family):
     """The family of one disk below ``omega_h`` [rad/s], its own, and beyond the fold as far as it has been asked for.
 
-    ``solve`` finds cycles of given beta_bar_top, on nodes that leave rounding only; without it the engine does, one at
+    ``solve`` finds cycles of chosen beta_bar_top, on nodes that leave rounding only; without it the engine does, one at
     a time, on fewer nodes, for guesses. Raises NoSuchCycleError where the family does not begin.
     """
 
@@ -70,7 +70,7 @@ class RotatingFamily(Family):
             raise NoSuchCycleError("no rotating cycle found below Omega_h: the unstable branch leans less there")
         # The flight time is no unknown where the engine meets the section.
         second, flight, omega, *slopes = (
-            float(part[0]) for part in singly(*(numpy.array([part]) for part in (beta, v, math.nan, float(first))))
+            float(values[0]) for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
         )
         if math.isnan(omega):
             raise NoSuchCycleError(f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h")
