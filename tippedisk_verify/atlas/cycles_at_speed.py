@@ -7,7 +7,7 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.atlas.locator import Location, Start, locator
+from tippedisk_verify.atlas.locator import Location, Locator, Start, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
@@ -22,7 +22,6 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle"]
@@ -104,10 +103,10 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
-    room = _room_above(parameters, engine) if above else _room_below(parameters, engine)
+    disk_locator = locator(parameters, engine)
+    room = _room(section, disk_locator)
     if distance >= room:
         raise NoSuchCycleError(f"{cycles} lie less than {float(room):.6g} rad/s {side} Omega_h, not {shown(offset)}")
-    disk_locator = locator(parameters, engine)
     omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     location: Location[Any]
@@ -126,18 +125,15 @@ def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object,
     return cycle
 
 
-def _room_below(parameters: Parameters, engine: Engine) -> Fraction:
-    """How far below Omega_h [rad/s] the stable rotating cycles reach, down to their fold."""
-    rotations = locator(parameters, engine).rotations
-    return rotations.omega_h - Fraction(rotations.near_fold().omega)
-
-
-def _room_above(parameters: Parameters, engine: Engine) -> Fraction:
-    """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
-    omega_h = locator(parameters, engine).omega_h
-    if criticality(parameters) == "supercritical" and saddle_value_sign(parameters, omega_h) < 0:
-        return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
-    (_, start), (_, end) = locator(parameters, engine).family.ends[-2:]
+def _room(section: Section[Any], disk_locator: Locator) -> Fraction:
+    """How far from Omega_h [rad/s] the piece of the section's family reaches that ends there."""
+    omega_h = disk_locator.omega_h
+    if section is ROTATING:
+        return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
+    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.attracts:
+        # Mostly there is no fold, and those there are lie in between.
+        return omega_crit(disk_locator.parameters, 20).value - omega_h
+    (_, start), (_, end) = disk_locator.family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"
