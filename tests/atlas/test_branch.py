@@ -7,10 +7,15 @@ import json
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from tippedisk_verify.atlas.branch import family, paper_speeds
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.locator import locator
 from tippedisk_verify.cli import main
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -49,3 +54,11 @@ def test_command(tmp_path: Path, capsys) -> None:
     ):
         assert main(["branch", *wrong]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:
+    monkeypatch.setitem(locator(GEOMETRY, taylor).__dict__, "lost", "the family could not be followed")
+    (cycle,) = family(GEOMETRY, taylor, omegas=["30.4"])
+    assert cycle == cycle_at(GEOMETRY, "30.4", taylor)
+    with pytest.raises(NoSuchCycleError, match="could not be followed"):
+        list(family(GEOMETRY, taylor, omegas=["31.5"]))

@@ -51,8 +51,9 @@ def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
 def test_next_to_omega_h_its_digits_tell_the_side(taylor) -> None:
     """A millionth of what doubles resolve there, librating cycles lie above it and rotating ones below."""
     known, near = locator(PRINTED, taylor), Fraction(1, 10**20)
-    omega_h = known.omega_h_beside(known.omega_h)
-    assert known.omega_h_beside(omega_h + near) != known.omega_h
+    omega_h = known.librating(known.omega_h).omega_h
+    assert omega_h is not None
+    assert known.librating(omega_h + near).omega_h != known.omega_h
     above, below = known.librating(omega_h + near), known.librating(omega_h - near)
     assert [start.guess for start in above.starts] == [None]
     assert not below.starts

@@ -87,8 +87,8 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     assert family.falls == [True, False]
     for omega, stable in (((fold.omega + float(family.omega_h)) / 2, True), (float(family.omega_h) + 0.5, False)):
         (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
-        guess = family.guess(omega, stable=stable)
-        assert numpy.abs(numpy.subtract(guess, [float(cycle.beta_bar_top), float(cycle.v_top)])).max() < 1e-6
+        (place,) = family.followed_places(omega, stable=stable)
+        assert numpy.abs(numpy.subtract(place.start, [float(cycle.beta_bar_top), float(cycle.v_top)])).max() < 1e-6
 
 
 def test_speeds_below_the_fold_are_refused(taylor) -> None:

@@ -25,7 +25,7 @@ PLANTS = {
     "flow.comparison:_half_widths": "half periods",
     "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
-    "cycles.interpolant_budget:BranchBudget.half_widths": "branch",
+    "cycles.interpolant:FamilyInterpolant.half_widths": "branch",
     "connection.near_connection:with_speed": "next to Omega_h",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",

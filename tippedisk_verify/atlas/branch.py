@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.atlas.locator import Location, Locator, locator
+from tippedisk_verify.atlas.cycles_at_speed import cycle_at
+from tippedisk_verify.atlas.locator import Locator, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS
-from tippedisk_verify.cycles.family import Family, Solver, in_batches
+from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -41,7 +41,7 @@ DEFAULT_ROTATIONS = 40  #: the same of the rotating cycles
 _FEWEST = 5  # of them on a piece between folds
 _UNRESOLVED = 1e-10  # of a speed; closer to the Hopf point or a fold doubles do not tell cycles apart
 _MOST = 1_000_000
-_DOUBLE_DIGITS = 12
+_DIGITS_IN_LANES = {"librating": 0, "rotating": 12}  #: fewer, and a speed is solved by itself
 _STEPS = 400  # of each of the paper's sets
 MANY = 100  #: speeds from which on it pays to compile for all lanes of the SIMD registers
 
@@ -85,7 +85,7 @@ def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]
     """The paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and A^de towards ``omega_h``.
 
     Each set has 400 steps, each a hundredth of the rest. As doubles, because the paper's are. The paper's index set
-    I = {1, ..., 400} leaves Omega_1 undefined; here Omega_1 follows from Omega_0 by the same rule. Raises
+    I = {1, ..., 400} leaves Omega_1 undefined; this Omega_1 follows from Omega_0 by the same rule. Raises
     NoSuchCycleError for a disk with which the sets do not make sense.
     """
     crit = omega_crit(parameters, 40).value
@@ -107,56 +107,56 @@ def family(
     paper_sets: bool = False,
     omegas: Sequence[object] | None = None,
 ) -> Iterator[LimitCycle]:
-    """The paper's 801 cycles, those at the speeds [rad/s] given, or an overview from the Hopf point to the connection.
+    """The paper's 801 cycles, those at these speeds [rad/s], or an overview from the Hopf point to the connection.
 
     A speed at which several cycles coexist gives all of them, from the smallest amplitude on. Raises InputError for
     speeds that are no positive decimals, NoSuchCycleError where the family has no cycle.
     """
+    disk_locator = locator(parameters, engine)
     if paper_sets:
-        omega_h = locator(parameters, engine).omega_h
-        speeds = [Fraction(speed) for speed in paper_speeds(parameters, omega_h)]
+        speeds = [Fraction(speed) for speed in paper_speeds(parameters, disk_locator.omega_h)]
     elif omegas is None:
-        return _overview(locator(parameters, engine))
+        return _overview(disk_locator)
     else:
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST:
             raise InputError(f"a family has 1 to {_MOST} speeds, not {len(speeds)}")
-    return _at(locator(parameters, engine), speeds)
+
+    def singly(speed: Fraction) -> list[LimitCycle]:
+        if disk_locator.lost:  # the one-harmonic law may lead to a cycle all the same
+            return [cycle_at(parameters, speed, engine)]
+        return disk_locator.librating(speed).cycles()
+
+    return _at(disk_locator, LIBRATING, singly, speeds)
 
 
-def _at(disk_locator: Locator, speeds: Sequence[Fraction]) -> Iterator[LimitCycle]:
-    """All cycles at these speeds, many of them in lanes."""
-    parameters, engine = disk_locator.parameters, disk_locator.engine
-    if len(speeds) < MANY or parameters.friction != "linear":
-        return (cycle for speed in speeds for cycle in disk_locator.librating(speed).cycles())
-    return _in_lanes(
-        partial(LibratingFamily, parameters, engine), LIBRATING, parameters, speeds, 0, disk_locator.librating
-    )
-
-
-def _in_lanes(
-    followed: Callable[[Solver], Family],
-    section: Section[C],
-    parameters: Parameters,
-    speeds: Sequence[Fraction],
-    digits: int,
-    singly: Callable[[Fraction], Location[C]],
+def _at(
+    disk_locator: Locator, section: Section[C], singly: Callable[[Fraction], list[C]], speeds: Sequence[Fraction]
 ) -> Iterator[C]:
-    """All cycles at these speeds as doubles, in lanes of the Taylor engine, on the family that a solver leads to.
+    """All cycles of a kind at these speeds; many, of the linear law, as doubles in lanes of the Taylor engine.
 
-    A speed whose cycles doubles do not hold to so many digits is solved by itself.
+    A speed whose cycles lanes do not hold, rotating ones to twelve digits, is solved by itself.
     """
-    lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
+    parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
-        family = followed(in_batches(section, parameters, lanes))
-        by_speed = FamilyInterpolant(family, lanes).results(doubles, digits)
-    for speed, cycles in zip(doubles, by_speed, strict=True):
-        yield from singly(Fraction(speed)).cycles() if cycles is None else cycles
+    if len(speeds) >= MANY and parameters.friction == "linear":
+        lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
+        speeds = [Fraction(speed) for speed in doubles]
+        solve = in_batches(section, parameters, lanes)
+        with suppress(NoConnectionError, NoSuchCycleError, Shortfall):
+            followed: Family
+            if section is LIBRATING:
+                followed = LibratingFamily(parameters, engine, solve)
+            else:
+                followed = RotatingFamily(parameters, engine, disk_locator.omega_h, solve)
+                followed.reach(max(doubles))
+            by_speed = FamilyInterpolant(followed, lanes).results(doubles, _DIGITS_IN_LANES[section.name])
+    for speed, cycles in zip(speeds, by_speed, strict=True):
+        yield from singly(speed) if cycles is None else cycles
 
 
 def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
-    """Cycles along the family, closer together towards the ends of its pieces, a thousandth away from these.
+    """Cycles along the family, closer together towards the ends of its pieces and a thousandth short of them.
 
     Not closer to them than doubles can follow; pieces that are too short for that are left out.
     """
@@ -190,19 +190,10 @@ def rotating_branch(
     more, of the linear law, count as doubles and are solved together. Raises InputError for speeds that are no positive
     decimals, NoSuchCycleError where the family has no cycle at a speed.
     """
-    speeds = None if omegas is None else checked_speeds(omegas)
     disk_locator = locator(parameters, engine)
-    if speeds is None:
+    if omegas is None:
         return _rotating_overview(disk_locator)
-    if len(speeds) < MANY or parameters.friction != "linear":
-        return (cycle for speed in speeds for cycle in disk_locator.rotating(speed).cycles())
-
-    def followed(solve: Solver) -> RotatingFamily:
-        family = RotatingFamily(parameters, engine, disk_locator.omega_h, solve)
-        family.reach(float(max(speeds)))
-        return family
-
-    return _in_lanes(followed, ROTATING, parameters, speeds, _DOUBLE_DIGITS, disk_locator.rotating)
+    return _at(disk_locator, ROTATING, lambda speed: disk_locator.rotating(speed).cycles(), checked_speeds(omegas))
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:

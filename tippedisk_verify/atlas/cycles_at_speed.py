@@ -5,25 +5,23 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from tippedisk_verify.atlas.locator import Location, Start, locator
+from tippedisk_verify.atlas.locator import Location, Locator, Start, locator
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, with_speed
 from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import unstable_top
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import shoot, shoot_from_law
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "cycle_at", "rotating_below", "rotating_cycle"]
@@ -39,7 +37,7 @@ def cycle_at(
     """The limit cycle at ``omega`` [rad/s], to ``digits`` significant digits, however close to Omega_h that is.
 
     Where a speed has several it is the stable one, or the one that ``stable`` asks for. Raises InputError for a speed
-    that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -67,7 +65,7 @@ def rotating_cycle(
     """The rotating limit cycle at ``omega`` [rad/s], to ``digits`` significant digits.
 
     Stable ones lie between the family's fold and Omega_h, unstable ones from the fold upward. Raises InputError for a
-    speed that is not positive, NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    speed that is not positive, NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
     """
     speed = checked_speed(omega)
     checked_digits(digits)
@@ -86,20 +84,9 @@ def cycle_above(parameters: Parameters, above: object, engine: Engine, *, digits
     """The limit cycle at Omega_h + ``above`` [rad/s], to ``digits`` significant digits.
 
     Raises InputError unless ``above`` is a positive decimal, NoSuchCycleError where the family does not reach as far or
-    none is found, Shortfall if the digits are not reached.
+    the search fails, Shortfall if the digits are not reached.
     """
-    distance, wanted = _checked_distance(above, "above", digits)
-    disk_locator = locator(parameters, engine)
-    room = _room_above(parameters, engine)
-    if distance >= room:
-        raise NoSuchCycleError(f"limit cycles lie less than {float(room):.6g} rad/s above Omega_h, not {shown(above)}")
-    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, wanted).omega_h
-    omega = omega_h.value + distance
-    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        location = Location(LIBRATING, parameters, engine, omega, (Start(None),), "", omega_h.value)
-    else:
-        location = disk_locator.librating(omega, omega_h.value)
-    return _at_distance(location, omega_h, distance, room, digits)
+    return _beside_omega_h(LIBRATING, parameters, above, engine, digits)
 
 
 def rotating_below(parameters: Parameters, below: object, engine: Engine, *, digits: int = 12) -> RotatingCycle:
@@ -108,35 +95,45 @@ def rotating_below(parameters: Parameters, below: object, engine: Engine, *, dig
     Raises InputError unless ``below`` is a positive decimal, NoSuchCycleError beyond the fold, Shortfall if the digits
     are not reached.
     """
-    distance, wanted = _checked_distance(below, "below", digits)
-    rotations = locator(parameters, engine).rotations
-    room = rotations.omega_h - Fraction(rotations.near_fold().omega)
+    return _beside_omega_h(ROTATING, parameters, below, engine, digits)
+
+
+def _beside_omega_h(section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int) -> C:
+    """The cycle at a distance from Omega_h, on the piece of the section's family that ends there."""
+    above = section is LIBRATING
+    side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
+    distance, omega_h_digits = _checked_distance(offset, side, digits)
+    disk_locator = locator(parameters, engine)
+    room = _room(section, disk_locator)
     if distance >= room:
-        raise NoSuchCycleError(
-            f"stable rotating cycles lie less than {float(room):.6g} rad/s below Omega_h, not {shown(below)}"
-        )
-    omega_h = splitting_zero(parameters, rotations.omega_h, engine, wanted).omega_h
-    location = locator(parameters, engine).rotating(omega_h.value - distance, stable=True, omega_h=omega_h.value)
-    return _at_distance(location, omega_h, distance, room, digits)
-
-
-def _at_distance(location: Location[C], omega_h: Measured, distance: Fraction, room: Fraction, digits: int) -> C:
-    """The cycle on the piece next to the connection, which is a family's last, or its only stable one."""
+        raise NoSuchCycleError(f"{cycles} lie less than {float(room):.6g} rad/s {side} Omega_h, not {shown(offset)}")
+    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
+    omega = omega_h.value + (distance if above else -distance)
+    location: Location[Any]
+    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
+        location = Location(section, parameters, engine, omega, (Start(None),), omega_h=omega_h.value)
+    elif above:
+        location = disk_locator.librating(omega, omega_h.value)
+    else:
+        location = disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
     if not location.starts:
         raise NoSuchCycleError(location.refusal)
-    cycle = location.cycle(location.starts[-1], digits)
-    cycle = with_speed(cycle, location.section, omega_h, distance, room, location.engine)
+    at_speed: Any = location.cycle(location.starts[-1], digits)
+    cycle: C = with_speed(at_speed, section, omega_h, distance, room, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise Shortfall(f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}")
     return cycle
 
 
-def _room_above(parameters: Parameters, engine: Engine) -> Fraction:
-    """How far above Omega_h [rad/s] the family's last piece reaches, the one that ends in the connection."""
-    omega_h = locator(parameters, engine).omega_h
-    if criticality(parameters) == "supercritical" and saddle_value_sign(parameters, omega_h) < 0:
-        return omega_crit(parameters, 20).value - omega_h  # mostly there is no fold, and those there are lie in between
-    (_, start), (_, end) = locator(parameters, engine).family.ends[-2:]
+def _room(section: Section[Any], disk_locator: Locator) -> Fraction:
+    """How far from Omega_h [rad/s] the piece of the section's family reaches that ends there."""
+    omega_h = disk_locator.omega_h
+    if section is ROTATING:
+        return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
+    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.attracts:
+        # Mostly there is no fold, and those there are lie in between.
+        return omega_crit(disk_locator.parameters, 20).value - omega_h
+    (_, start), (_, end) = disk_locator.family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down to a fold at"

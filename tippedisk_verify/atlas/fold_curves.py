@@ -19,8 +19,7 @@ from scipy.interpolate import krogh_interpolate
 
 from tippedisk_verify.cycles.folds import LibrationFold, fold_in, fold_system, fold_to_digits
 from tippedisk_verify.cycles.librating_family import amplitude
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.flow.contract import Engine

@@ -7,11 +7,9 @@ doubles do not tell the side.
 
 from __future__ import annotations
 
-import math
 import threading
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -20,8 +18,8 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_to_digits
-from tippedisk_verify.cycles.family import Place
-from tippedisk_verify.cycles.librating_family import LibratingFamily, amplitude
+from tippedisk_verify.cycles.family import Family, Place
+from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
@@ -42,12 +40,12 @@ _MOST_DISKS = 16  # whose families are kept
 
 
 @dataclass(frozen=True)
-class Start(Generic[C]):
+class Start:
     """Where to shoot for one cycle of a family."""
 
     guess: tuple[float, float] | None  #: of the section's coordinates; None next to Omega_h, where doubles have none
     piece: int = 0  #: of the family, counted from its beginning; one more after each fold
-    holds: Callable[[C], bool] = lambda cycle: True  #: whether a cycle lies on that piece
+    falls: bool = True  #: whether Omega falls along that piece, with a rising first coordinate
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,8 @@ class Location(Generic[C]):
     parameters: Parameters
     engine: Engine
     omega: Fraction  #: [rad/s]
-    starts: tuple[Start[C], ...]  #: in the order of their pieces
-    refusal: str  #: what is said if there are none
+    starts: tuple[Start, ...]  #: in the order of their pieces
+    refusal: str = ""  #: what is said if there are none
     omega_h: Fraction | None = None  #: [rad/s], to digits that tell the side, where a start has no guess
 
     def cycles(self, digits: int = 12) -> list[C]:
@@ -68,11 +66,11 @@ class Location(Generic[C]):
             raise NoSuchCycleError(self.refusal)
         return [self.cycle(start, digits) for start in self.starts]
 
-    def cycle(self, start: Start[C], digits: int = 12) -> C:
+    def cycle(self, start: Start, digits: int = 12) -> C:
         """The cycle of one start, to ``digits`` digits.
 
-        Raises NoSuchCycleError if it is not found, Shortfall if doubles do not tell it from its neighbour at a fold, or
-        the digits are not reached.
+        Raises NoSuchCycleError if the search fails, Shortfall if doubles do not tell it from its neighbour at a fold,
+        or the digits are not reached.
         """
         if start.guess is None:
             assert self.omega_h is not None
@@ -85,7 +83,8 @@ class Location(Generic[C]):
             if not any(abs(other - start.guess[0]) < _ABOUT_TO_MEET for other in others):
                 raise
             raise Shortfall(f"{fault}; the speed is next to a fold, where two cycles meet") from None
-        if not start.holds(cycle):
+        rate = getattr(cycle, f"d{self.section.names[0]}_domega")
+        if not (-rate.value if start.falls else rate.value) > rate.uncertainty:
             raise Shortfall(
                 f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell its two cycles apart"
             )
@@ -104,93 +103,116 @@ class Locator:
         return bisect_omega_h(self.parameters, self.engine, confirm=False).omega_h.value
 
     @cached_property
+    def attracts(self) -> bool:
+        """Whether the connection attracts: librating cycles then begin above Omega_h. Raises as `omega_h` does."""
+        return saddle_value_sign(self.parameters, self.omega_h) < 0
+
+    @cached_property
     def family(self) -> LibratingFamily:
         """The librating cycles. Raises NoSuchCycleError where they cannot be followed."""
         return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
-    def rotations(self) -> RotatingFamily:
-        """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they are not found."""
-        return RotatingFamily(self.parameters, self.engine, self.omega_h)
+    def lost(self) -> str:
+        """Why the librating cycles cannot be followed; nothing if they can."""
+        try:
+            self.family  # noqa: B018
+        except NoSuchCycleError as fault:
+            return str(fault)
+        return ""
 
-    def omega_h_beside(self, omega: Fraction) -> Fraction:
-        """Omega_h [rad/s] to six digits of its distance from a speed. Raises as its methods do."""
-        digits = 20
-        while True:
-            omega_h = splitting_zero(self.parameters, self.omega_h, self.engine, digits).omega_h
-            if abs(omega - omega_h.value) > omega_h.uncertainty * 10**6:
-                return omega_h.value
-            digits *= 2
+    @cached_property
+    def rotations(self) -> RotatingFamily:
+        """The rotating cycles. Raises NoSuchCycleError or NoConnectionError where they cannot be followed."""
+        return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
         """The cycles about inverted spinning at a speed [rad/s]; ``omega_h`` is the caller's better Omega_h."""
-        starts: list[Start[LimitCycle]] = []
-        speed, last = float(omega), 0
-        limit: Fraction | None = None
-        try:
-            family = self.family
-        except NoSuchCycleError as fault:
-            refusal, reach = str(fault), _UNFOLLOWED
-            with suppress(NoConnectionError):
-                limit = self.omega_h
-        else:
-            refusal, reach, last = family.refusal(speed), 2 * DOUBLE_SHOOTS, len(family.folds)
-            starts = [_start(family, place) for place in family.places(speed)]
-            limit = Fraction(family.limit) if family.connected else None
-        if limit is not None and abs(omega - limit) < reach:
+        location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
+        if self.lost:
             with suppress(NoConnectionError, Shortfall):
-                omega_h = omega_h or self.omega_h_beside(omega)
-                starts = [start for start in starts if start.piece < last]
-                attracts = saddle_value_sign(self.parameters, omega_h) < 0
-                if (omega > omega_h) is attracts:
-                    starts.append(Start(None, last))
-                else:  # the reason in double may be off by more than the distance
-                    distance, side = float(abs(omega_h - omega)), "below" if attracts else "above"
-                    refusal = f"no limit cycle found at {speed:.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
-        return Location(LIBRATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
+                if abs(omega - self.omega_h) < _UNFOLLOWED:
+                    return self._beside_omega_h(location, 0, above=self.attracts)
+            return location
+        family = self.family
+        refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
+        location = replace(location, refusal=refusal, starts=tuple(_start(family, place) for place in places))
+        if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
+            with suppress(NoConnectionError, Shortfall):
+                return self._beside_omega_h(location, len(family.folds), above=self.attracts)
+        return location
 
     def rotating(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
     ) -> Location[RotatingCycle]:
         """The rotating cycles at a speed [rad/s], the stable one before the fold first; or only one of them.
 
-        Raises NoSuchCycleError or NoConnectionError where the family is not found.
+        Raises NoSuchCycleError or NoConnectionError where the family cannot be followed.
         """
-        starts: list[Start[RotatingCycle]] = []
-        refusal, speed = "", float(omega)
-        beside = stable is not False and abs(omega - self.rotations.omega_h) < DOUBLE_SHOOTS
-        if beside:
-            omega_h = omega_h or self.omega_h_beside(omega)
-            if omega < omega_h:
-                starts.append(Start(None))
-            else:
-                distance = float(omega - omega_h)
-                refusal = f"no stable rotating cycle found at {speed:.10g} rad/s, {distance:.2g} rad/s above Omega_h"
-        for piece, side in enumerate((True, False)):
-            if stable in (None, side) and not (side and beside):
-                try:
-                    guess = self.rotations.guess(speed, stable=side)
-                except NoSuchCycleError as fault:
-                    refusal = str(fault)
-                else:
-                    starts.append(Start(guess, piece, _is_stable if side else _is_unstable))
-        return Location(ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
+        family, speed = self.rotations, float(omega)
+        beside = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
+        starts, refusal = list[Start](), ""
+        if not beside or stable is None:
+            try:
+                for place in family.followed_places(speed, stable=False if beside else stable):
+                    starts.append(_start(family, place))
+                refusal = _no_rotation(family, omega, stable)
+            except NoSuchCycleError as fault:
+                refusal = str(fault)
+        location = Location(ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h)
+        return self._beside_omega_h(location, 0, above=False) if beside else location
+
+    def _beside_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
+        """The location where doubles see neither the side of Omega_h nor the cycles of the piece that ends there.
+
+        That piece lies ``above`` Omega_h, or below. Raises Shortfall where Omega_h has too few digits.
+        """
+        omega, omega_h, digits = location.omega, location.omega_h, 20
+        while omega_h is None:  # to six digits of its distance
+            zero = splitting_zero(self.parameters, self.omega_h, self.engine, digits).omega_h
+            if abs(omega - zero.value) > zero.uncertainty * 10**6:
+                omega_h = zero.value
+            digits *= 2
+        starts = [start for start in location.starts if start.piece != piece]
+        refusal = location.refusal
+        if (omega > omega_h) is above:
+            starts.insert(piece, Start(None, piece))
+        else:
+            kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
+            distance, side = float(abs(omega - omega_h)), "below" if above else "above"
+            refusal = f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
+        return replace(location, starts=tuple(starts), refusal=refusal, omega_h=omega_h)
 
 
-def _start(family: LibratingFamily, place: Place) -> Start[LimitCycle]:
-    """At the family's ends, which are no folds, a cycle may lie a little beyond the nodes."""
-    low, high = family.breaks[place.piece : place.piece + 2]
-    lowest = float(amplitude(low)) if place.piece else -math.inf
-    highest = math.inf if place.piece == len(family.folds) else float(amplitude(high))
-    return Start(place.start, place.piece, lambda cycle: lowest <= float(cycle.gamma_bar_0) <= highest)
+def _start(family: Family, place: Place) -> Start:
+    return Start(place.start, place.piece, family.falls[place.piece])
 
 
-def _is_stable(cycle: Cycle) -> bool:
-    return cycle.stable is True
+def _no_libration(family: LibratingFamily, omega: float) -> str:
+    """Why there is no cycle at a speed, if it lies outside the family; that the search failed, if not."""
+    lowest, *_, highest = sorted(family.ends, key=lambda end: end[1])
+    text = f"no limit cycle found at {omega:.10g} rad/s"
+    if lowest[1] <= omega <= highest[1]:
+        return text
+    distance, side = (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
+    lies = "lies"
+    if not family.connected:
+        lies = f"is followed to {family.limit:.7g} rad/s only, where gamma's amplitude is pi, and lies so far"
+    ends = (
+        f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s" for name, speed in (lowest, highest)
+    )
+    return f"{text}: that is {distance:.2g} rad/s {side} the family, which {lies} between {' and '.join(ends)}"
 
 
-def _is_unstable(cycle: Cycle) -> bool:
-    return cycle.stable is False
+def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -> str:
+    """Why there is no such cycle at a speed. Raises NoSuchCycleError where the family has no fold."""
+    if stable and omega >= family.omega_h:
+        return (
+            f"no stable rotating cycle found at {float(omega):.10g} rad/s: they are looked for below Omega_h, "
+            f"{float(family.omega_h):.10g} rad/s"
+        )
+    fold = family.near_fold().omega
+    return f"the rotating cycles turn round in a fold near {fold:.6g} rad/s, above {float(omega):.10g} rad/s"
 
 
 class _Own(threading.local):

@@ -16,9 +16,8 @@ from typing import Any, TypeVar
 from tippedisk_verify.connection.splitting import start_on_branch
 from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import NewtonIteration
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation, log10, predicted_state, resolving
-from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Status

@@ -5,15 +5,14 @@ librating cycles that is the point symmetry S after half a period, for rotating 
 one. Without an event to stop at, a Newton step costs one variational flight per lane and nothing else. Runs that have
 converged leave; the others go on.
 
-Either Omega is given, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
+Either Omega is fixed, or the first coordinate, and Omega is an unknown: a family of cycles may turn round in Omega.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy
 
@@ -22,9 +21,7 @@ from tippedisk_verify.flow.lanes import BatchTaylor
 from tippedisk_verify.flow.system import PARAMETERS
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["BatchCycles", "shoot_batch"]
 
@@ -32,20 +29,17 @@ _MOST_STEPS = 12
 _LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # A step this small (relative) leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
-_UNIT = 2.0**-53
-#: What a run keeps of its last step, and the shape of it.
-_LAST = {"step": (3,), "by_omega": (3,), "map": (2, 2), "residual": (), "trivial": ()}
-_FIRST, _OMEGA = 0, 3  # which of the two coordinates, the flight time and Omega is given
+_LEAST = 2.0**-1022  # of a multiplier that rounding has lost, so that it has a logarithm for all that
+_FIRST, _OMEGA = 0, 3  # which of the unknowns, the two coordinates, the flight time and Omega, is fixed
 
 
 @dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where none was found.
+    """n limit cycles of a section in double; ``cycles[name]`` is a number of each, (n,), NaN where Newton failed.
 
-    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``map_multiplier``, the larger
-    one of the section's map (of a complex pair its modulus, signed), ``log_multipliers``, the sum of both logarithms,
-    which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of (beta_bar,
-    gamma_bar, v / 10), summed [rad].
+    Besides omega, the section's `numbers` and the trivial multiplier's defect these are ``log_multipliers``, the sum of
+    both logarithms, which is the integral of the divergence, and ``residual``, |image of the flight's end - start| of
+    (beta_bar, gamma_bar, v / 10), summed [rad].
     """
 
     section: Section[Any]
@@ -77,32 +71,6 @@ class BatchCycles:
         numbers = {name: values[which] for name, values in self.numbers.items()}
         return BatchCycles(self.section, numbers, self.converged[which], self.last_step[which])
 
-    def results(self, widths: Mapping[str, Array], parameters: Parameters) -> list[Any]:
-        """The result objects that single speeds give, with these half-widths (n,) of the section's numbers."""
-        columns = {name: (self[name].tolist(), widths[name].tolist()) for name in self.section.numbers}
-        defects, residuals = self["trivial_multiplier_defect"].tolist(), self["residual"].tolist()
-        results = []
-        for index, omega in enumerate(self["omega"].tolist()):
-            measured = {
-                name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
-                for name, (values, uncertainties) in columns.items()
-            }
-            slow = measured["multiplier_slow"]
-            certain = abs(abs(slow.value) - 1) > slow.uncertainty
-            results.append(
-                self.section.result(
-                    omega=Measured(Fraction(omega), Fraction(0)),
-                    **measured,
-                    trivial_multiplier_defect=Measured.of(defects[index], 2 * defects[index] + 2 * _UNIT),
-                    stable=bool(abs(slow.value) < 1) if certain else None,
-                    residuals=(residuals[index],),
-                    parameters=parameters,
-                    engine="lanes",
-                    precision=DOUBLE.name,
-                )
-            )
-        return results
-
 
 def shoot_batch(
     section: Section[Any],
@@ -120,142 +88,158 @@ def shoot_batch(
     ``constants`` is (6,) or (n, 6), see `flow.lanes.field_constants`, and ``guess`` (3, n): the section's coordinates
     and the flight time. With ``whole=False`` the section's measures and the fast multiplier, which take another
     flight, are left out (NaN). ``tolerance``, one or (n,), is the relative step after which it ends. With
-    ``free_omega`` the first coordinate is given, and ``omegas`` [rad/s] are guesses.
+    ``free_omega`` the first coordinate is fixed, and ``omegas`` [rad/s] are guesses.
     """
-    omegas = numpy.asarray(omegas, dtype=float)
-    count, flights = len(omegas), section.per_period
-    tolerance = numpy.broadcast_to(tolerance, count)
-    constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
-    converged, last = _iterated(constants, unknowns, tolerance, lanes, section, _FIRST if free_omega else _OMEGA)
-    if free_omega:
-        omegas = unknowns[:, _OMEGA]
-    (a, b), (c, d) = last["map"].transpose(1, 2, 0)
+    count, flights = len(unknowns), section.per_period
+    constants = numpy.broadcast_to(constants, (count, len(PARAMETERS) - 1))
+    batch = _Batch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
+    converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
+    (a, b), (c, d) = last.map.transpose(1, 2, 0)
     trace, determinant = a + d, a * d - b * c
     discriminant = trace**2 / 4 - determinant
     root = numpy.copysign(numpy.sqrt(numpy.abs(discriminant)), trace)
     # Of a complex pair the modulus, with the sign that the larger one has where they meet.
     larger = numpy.where(discriminant >= 0, trace / 2 + root, numpy.copysign(numpy.sqrt(numpy.abs(determinant)), trace))
     slow = larger**flights
-    log_slow = numpy.log(numpy.abs(slow))
-    measures = {measure.name: numpy.full(count, numpy.nan) for measure in section.measures}
-    divergence = numpy.full(count, numpy.nan)
-    if whole:
-        _measure(measures, divergence, constants, omegas, unknowns, converged, lanes, section)
+    log_slow = numpy.log(numpy.maximum(numpy.abs(slow), _LEAST))
+    measures = {name: numpy.full(count, numpy.nan) for name in (*(m.name for m in section.measures), "divergence")}
+    if whole and converged.any():
+        for name, values in batch.measures(unknowns, numpy.flatnonzero(converged)).items():
+            measures[name][converged] = values
+    log_multipliers = flights * measures.pop("divergence")
     first, second = section.names
     numbers = {
-        "omega": omegas,
+        "omega": unknowns[:, _OMEGA] if free_omega else numpy.asarray(omegas, dtype=float),
         "period": flights * unknowns[:, 2],
         first: unknowns[:, 0],
         second: unknowns[:, 1],
         **measures,
-        "map_multiplier": larger,
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
-        "log_multiplier_fast": flights * divergence - log_slow,
-        "log_multipliers": flights * divergence,
-        "trivial_multiplier_defect": abs(last["trivial"] ** flights - 1),
-        f"d{first}_domega": last["by_omega"][:, 0],
-        f"d{second}_domega": last["by_omega"][:, 1],
-        "dperiod_domega": flights * last["by_omega"][:, 2],
-        "residual": last["residual"],
+        "log_multiplier_fast": log_multipliers - log_slow,
+        "log_multipliers": log_multipliers,
+        "trivial_multiplier_defect": abs(last.trivial**flights - 1),
+        f"d{first}_domega": last.by_omega[:, 0],
+        f"d{second}_domega": last.by_omega[:, 1],
+        "dperiod_domega": flights * last.by_omega[:, 2],
+        "residual": last.residual,
     }
-    return BatchCycles(section, numbers, converged, last["step"])
+    return BatchCycles(section, numbers, converged, last.step)
 
 
-def _iterated(
-    constants: Array, unknowns: Array, tolerance: Any, lanes: BatchTaylor, section: Section[Any], held: int
-) -> tuple[Any, dict[str, Any]]:
-    """Which runs converge, and the numbers of their last steps (NaN for others); ``unknowns`` become the solutions.
+class _Step(NamedTuple):
+    """One Newton step of n runs, and what their derivatives tell."""
 
-    These are (n, 4): both coordinates, the flight time and Omega, of which the one numbered ``given`` stays. The
-    stopping rule is not that of `newton`: each run ends by its own step, and leaves.
-    """
-    count = len(unknowns)
-    last = {name: numpy.full((count, *shape), numpy.nan) for name, shape in _LAST.items()}
-    converged = numpy.zeros(count, dtype=bool)
-    active = numpy.flatnonzero(_possible(unknowns, section))
-    smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
-    free = numpy.delete(numpy.arange(4), held)
-    for _ in range(_MOST_STEPS):
-        if not len(active):
-            break
-        step = _Step(constants[active], unknowns[active], lanes, section, free, held)
-        unknowns[numpy.ix_(active, free)] += step.step
-        now = unknowns[active]
-        sizes = numpy.abs(now[:, free])
-        if held == _OMEGA:
-            sizes = sizes.max(axis=1, keepdims=True)  # the coordinates and the time are of one order
-        relative = (numpy.abs(step.step) / sizes).max(axis=1)
-        inside = _possible(now, section) & (now[:, 0] >= smallest[active])
-        small = inside & (relative <= tolerance[active])
-        converged[active[small]] = True
-        for name, values in last.items():
-            values[active[small]] = getattr(step, name)[small]
-        active = active[inside & ~small]
-    unknowns[~converged] = numpy.nan
-    return converged, last
+    step: Array  #: (n, 3) of the three free unknowns
+    by_omega: Array  #: (n, 3) derivatives of coordinates and flight time along the family
+    map: Array  #: (n, 2, 2) the derivative of the section's map
+    residual: Array  #: (n,)
+    trivial: Array  #: (n,) the multiplier along the flow
 
 
-def _possible(unknowns: Array, section: Section[Any]) -> Any:
-    """Which runs may go on: within the section, and forward in time."""
-    first, second, flight, omega = unknowns.T
-    inside = section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
-    return inside & numpy.isfinite(unknowns).all(axis=1)
+class _Batch:
+    """Runs of one section with constants (n, 6), of whose unknowns (n, 4) the one numbered ``held`` is fixed."""
 
+    def __init__(self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int) -> None:
+        self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
+        self._free = numpy.delete(numpy.arange(4), held)
 
-def _starts(unknowns: Array, section: Section[Any]) -> Array:
-    starts = numpy.zeros((len(unknowns), 3))
-    starts[:, list(section.free)] = unknowns[:, :2]
-    return starts
+    def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
+        """Which runs converge, and their last steps (NaN for others); ``unknowns`` become the solutions.
+
+        The stopping rule is not that of `NewtonIteration`: each run ends by its own step, and leaves.
+        """
+        count = len(unknowns)
+        last = _Step(*(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ())))
+        converged = numpy.zeros(count, dtype=bool)
+        active = numpy.flatnonzero(self._possible(unknowns))
+        smallest = numpy.abs(unknowns[:, 0]) / 5  # below this the iteration is on its way to the equilibrium
+        for _ in range(_MOST_STEPS):
+            if not len(active):
+                break
+            step = self._step(unknowns[active], active)
+            unknowns[numpy.ix_(active, self._free)] += step.step
+            now = unknowns[active]
+            sizes = numpy.abs(now[:, self._free])
+            if self._held == _OMEGA:
+                sizes = sizes.max(axis=1, keepdims=True)  # the coordinates and the time are of one order
+            relative = (numpy.abs(step.step) / sizes).max(axis=1)
+            inside = self._possible(now) & (now[:, 0] >= smallest[active])
+            small = inside & (relative <= tolerance[active])
+            converged[active[small]] = True
+            for values, of_step in zip(last, step, strict=True):
+                values[active[small]] = of_step[small]
+            active = active[inside & ~small]
+        unknowns[~converged] = numpy.nan
+        return converged, last
+
+    def _possible(self, unknowns: Array) -> Any:
+        """Which runs may go on: within the section, and forward in time."""
+        first, second, flight, omega = unknowns.T
+        inside = self._section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
+        return inside & numpy.isfinite(unknowns).all(axis=1)
+
+    def _starts(self, unknowns: Array) -> Array:
+        starts = numpy.zeros((len(unknowns), 3))
+        starts[:, list(self._section.free)] = unknowns[:, :2]
+        return starts
+
+    def _step(self, unknowns: Array, runs: Any) -> _Step:
+        section, axes = self._section, list(self._section.free)
+        constants, starts, omegas = self._constants[runs], self._starts(unknowns), unknowns[:, _OMEGA]
+        flights = self._lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
+        rows, rates = flights.derivatives, _rates(constants, omegas, flights.states)
+        # How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v).
+        errors = section.image * flights.states - starts
+        for growth in section.growth:
+            errors[:, section.fixed] -= growth
+        matrix = section.image * numpy.concatenate((rows[:, :, axes], rates[:, :, None], rows[:, :, 3:]), axis=2)
+        for column, axis in enumerate(axes):
+            matrix[:, axis, column] -= 1
+        inverse = _inverse(matrix[:, :, self._free])
+        by_held = numpy.ones_like(unknowns)
+        by_held[:, self._free] = -(inverse @ matrix[:, :, self._held, None])[:, :, 0]
+        with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
+            by_omega = by_held[:, :3] / by_held[:, 3:]
+        # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
+        times = -rows[:, section.fixed, axes] / rates[:, section.fixed, None]
+        moved = [rows[:, axis, axes] + rates[:, axis, None] * times for axis in axes]
+        # The Rayleigh quotient of flow and image on the flow's direction.
+        direction = _rates(constants, omegas, starts)
+        images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
+        return _Step(
+            step=-(inverse @ errors[:, :, None])[:, :, 0],
+            by_omega=by_omega,
+            map=section.image * numpy.stack(moved, axis=1),
+            residual=numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1]),
+            trivial=section.image * (images * direction).sum(axis=1) / (direction**2).sum(axis=1),
+        )
+
+    def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
+        """The section's measures, and the integral of the ``divergence`` over a flight, of these runs."""
+        states = unknowns[runs]
+        flights = self._lanes(
+            self._constants[runs],
+            states[:, _OMEGA],
+            self._starts(states),
+            states[:, 2],
+            shifted=True,
+            divergence=True,
+            events=self._section.recorded,
+        )
+        events: list[list[tuple[str, Any]]] = [[] for _ in runs]
+        for name, run, _, state in flights.crossings:
+            events[run].append((name, state))
+        rows = [self._section.measured(of_run, 0.0) for of_run in events]
+        measures: dict[str, Any] = {name: numpy.array([row[name] for row in rows]) for name in rows[0]}
+        return measures | {"divergence": flights.divergence}
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """(n, 3): the field at shifted states."""
     by_name = Constants(**dict.fromkeys(Constants._fields) | dict(zip(PARAMETERS[1:], constants.T, strict=True)))
     return numpy.stack(field(shifted(numpy), by_name, omegas, "linear")(*states.T), axis=1)
-
-
-class _Step:
-    """One Newton step of every run that is still under way."""
-
-    def __init__(
-        self,
-        constants: Array,
-        unknowns: Array,
-        lanes: BatchTaylor,
-        section: Section[Any],
-        free: Any,
-        held: int,
-    ) -> None:
-        starts, omegas = _starts(unknowns, section), unknowns[:, _OMEGA]
-        flights = lanes(constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS)
-        rates = _rates(constants, omegas, flights.states)
-        # How far the image of each flight's end is from its start: (n, 3) of (beta_bar, gamma_bar, v).
-        errors = section.image * flights.states - starts
-        for growth in section.growth:
-            errors[:, section.fixed] -= growth
-        rows, moved_axes = flights.derivatives, list(section.free)
-        matrix = numpy.empty((len(omegas), 3, 4))
-        matrix[:, :, :2], matrix[:, :, 2] = section.image * rows[:, :, moved_axes], section.image * rates
-        matrix[:, :, 3] = section.image * rows[:, :, 3]
-        for column, axis in enumerate(moved_axes):
-            matrix[:, axis, column] -= 1
-        # The Rayleigh quotient of flow and image on the flow's direction.
-        direction = _rates(constants, omegas, starts)
-        images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
-        self.trivial = section.image * (images * direction).sum(axis=1) / (direction**2).sum(axis=1)
-        inverse = _inverse(matrix[:, :, free])
-        self.step = -(inverse @ errors[:, :, None])[:, :, 0]
-        by_given = numpy.ones_like(unknowns)
-        by_given[:, free] = -(inverse @ matrix[:, :, held, None])[:, :, 0]
-        with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
-            self.by_omega = by_given[:, :3] / by_given[:, 3:]
-        self.residual = numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1])
-        # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
-        flight = -rows[:, section.fixed, moved_axes] / rates[:, section.fixed, None]
-        moved = [rows[:, k, moved_axes] + rates[:, k, None] * flight for k in moved_axes]
-        self.map = section.image * numpy.stack(moved, axis=1)
 
 
 def _inverse(matrices: Array) -> Any:
@@ -267,36 +251,3 @@ def _inverse(matrices: Array) -> Any:
             if numpy.isfinite(matrix).all() and numpy.linalg.matrix_rank(matrix) == 3:
                 inverses[index] = numpy.linalg.inv(matrix)
         return inverses
-
-
-def _measure(
-    measures: dict[str, Array],
-    divergence: Array,
-    constants: Array,
-    omegas: Array,
-    unknowns: Array,
-    converged: Any,
-    lanes: BatchTaylor,
-    section: Section[Any],
-) -> None:
-    """Fill in the section's measures, and the integral of the divergence over a flight, of the runs that converged."""
-    solved = numpy.flatnonzero(converged)
-    if not len(solved):
-        return
-    states = unknowns[solved]
-    flights = lanes(
-        constants[solved],
-        omegas[solved],
-        _starts(states, section),
-        states[:, 2],
-        shifted=True,
-        divergence=True,
-        events=section.recorded,
-    )
-    divergence[solved] = flights.divergence
-    events: list[list[tuple[str, Any]]] = [[] for _ in solved]
-    for name, run, _, state in flights.crossings:
-        events[run].append((name, state))
-    for run, of_run in zip(solved.tolist(), events, strict=True):
-        for name, value in section.measured(of_run, 0.0).items():
-            measures[name][run] = value

@@ -18,21 +18,22 @@ the error, and what the wider run itself may be off is what its chord iteration 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import FixedPoint, Image, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, Image, NewtonIteration, ReturnMap, newton_step
+from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.flow.rounding import nudged
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
 
-__all__ = ["cycle_in", "cycle_numbers", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
+__all__ = ["cycle_in", "cycle_numbers", "cycle_of", "cycle_to_digits", "logarithms_bounded", "numbers_at"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -47,25 +48,27 @@ TWIN_FACTOR = 4
 #: The error of the next wider arithmetic is not among the values whose spread measures it. With so many twins, and the
 #: cycle in double itself, it exceeds TWIN_FACTOR times the spread brought to its arithmetic with the same risk.
 TWINS_OF_WIDER = 8
+#: Half-widths of the same cycle differ by up to 1.6 from draw to draw. With this factor to spare it is no matter of
+#: last bits which arithmetic answers.
+_TO_SPARE = 2
 #: What a chord iteration that stands still leaves undecided, in units of its step: the steps' ratio is at least 1/2.
 _STANDING = 4
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int) -> C:
-    """The cycle that Newton's iteration in double has found, to so many significant digits.
+    """The cycle that Newton's iteration in double has led to, to so many significant digits.
 
     Raises Shortfall if the digits are not reached.
     """
-    if digits <= _DOUBLE_DIGITS:
-        cycle = cycle_in(fixed_point, DOUBLE)
-        if _lacking(cycle, _DOUBLE_DIGITS) is None:
-            return cycle
-    for wider in (companion(DOUBLE), companion(companion(DOUBLE))):
-        if digits + _LOST <= wider.digits:
-            finer = _in_wider(fixed_point, wider)
-            if finer is not None and _lacking(finer, digits) is None:
-                return finer
-    # Twenty digits more than asked for: slow convergence near the Hopf point and the passages cost some of them.
+    draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
+    wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
+    for precision, twins in (DOUBLE, TWINS), (wider, TWINS_OF_WIDER), (companion(wider), TWINS_OF_WIDER):
+        if wanted + _LOST <= precision.digits:
+            doubles += islice(draws, 1 + twins - len(doubles))
+            cycle = _by_twins(fixed_point, precision, doubles)
+            if cycle is not None and _lacking(cycle, wanted, _TO_SPARE) is None:
+                return cycle
+    # Twenty digits more than asked for: slow convergence next to the Hopf point and the passages cost some of them.
     cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + 20)))
     if name := _lacking(cycle, digits):
         raise Shortfall(f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + 20}")
@@ -77,53 +80,62 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
 
     Raises Shortfall if the chord iteration does not settle.
     """
-    numbers, _, sharper = _sharpened(fixed_point, precision)
     if precision == DOUBLE:
-        return _as_cycle(fixed_point, half_widths_by_twins(numbers, [numbers, *_twins(fixed_point, TWINS)]), precision)
+        doubles = list(islice(_draws(fixed_point), 1 + TWINS))
+        return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
+    numbers, _, sharper = _sharpened(fixed_point, precision)
     sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
     return _as_cycle(fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision)
 
 
-def _in_wider(fixed_point: FixedPoint[C], wider: Precision) -> C | None:
-    """The cycle in a wider arithmetic, its half-widths from twins in double.
+def _by_twins(fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]) -> C | None:
+    """The cycle in double, or in an arithmetic a little wider, its half-widths from as many draws in double.
 
-    None if its iteration stands still above what rounding explains.
+    None if the wider iteration stands still above what rounding explains.
     """
-    numbers, doubt, _ = _sharpened(fixed_point, wider)
-    others = [cycle_numbers(fixed_point, DOUBLE), *_twins(fixed_point, TWINS_OF_WIDER)]
-    measured = half_widths_by_twins(numbers, others, wider)
+    if precision == DOUBLE:
+        numbers, doubt = doubles[0], dict[str, Fraction]()
+    else:
+        numbers, doubt, _ = _sharpened(fixed_point, precision)
+    measured = half_widths_by_twins(numbers, doubles, precision)
     if any(measured[name].uncertainty < left for name, left in doubt.items()):
         return None
-    return _as_cycle(fixed_point, measured, wider)
+    return _as_cycle(fixed_point, measured, precision)
 
 
-def _lacking(cycle: Cycle, digits: int) -> str | None:
-    """The first main result that has fewer digits than asked for."""
+def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
+    """The first main result that has fewer digits than asked for, with this factor to spare."""
     for name in ("period", *cycle.unknowns, "beta_max"):
         measured: Measured = getattr(cycle, name)
-        if measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
+        if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
             return name
     return None
 
 
 def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
     """The result, its numbers in this arithmetic."""
+    return_map = fixed_point.return_map
+    return cycle_of(
+        return_map.section,
+        return_map.omega,
+        measured,
+        residuals=fixed_point.residuals,
+        parameters=return_map.parameters,
+        engine=return_map.engine.name,
+        precision=precision.name,
+    )
+
+
+def cycle_of(section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any) -> C:
+    """The cycle with these numbers, the sum ``log_multipliers`` of the logarithms among them, and other attributes."""
     logarithms_bounded(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(defect.value, max(defect.uncertainty, defect.value))
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty
-    return_map = fixed_point.return_map
-    return return_map.section.result(
-        omega=Measured(return_map.omega, Fraction(0)),
-        **measured,
-        stable=bool(abs(slow.value) < 1) if certain else None,
-        residuals=fixed_point.residuals,
-        parameters=return_map.parameters,
-        engine=return_map.engine.name,
-        precision=precision.name,
-    )
+    stable = bool(abs(slow.value) < 1) if certain else None
+    return section.result(omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured))
 
 
 # ------------------------------------------------------------------------------------------------ the numbers
@@ -167,12 +179,12 @@ def numbers_at(
     }
 
 
-def _twins(fixed_point: FixedPoint[C], count: int) -> list[dict[str, Any]]:
-    """The numbers of the cycle near a fixed point in double, each time with other last bits."""
+def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
+    """The numbers of the cycle in double, then those of its twins, each with other last bits."""
     return_map, point = fixed_point.return_map, fixed_point.point
     first, second = return_map.section.names
-    twins = []
-    for pattern in range(1, count + 1):
+    yield numbers_at(return_map, point, fixed_point.image)
+    for pattern in count(1):
         image = return_map(point, pattern)
         numbers = numbers_at(return_map, point, image, pattern)
         # The arrival is a double, and where a cycle attracts weakly that hides what rounding does: the residual is the
@@ -184,8 +196,7 @@ def _twins(fixed_point: FixedPoint[C], count: int) -> list[dict[str, Any]]:
         point = (point[0] + step[0], point[1] + step[1])
         later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
         period = numbers["period"] + return_map.section.per_period * later
-        twins.append(numbers | {first: point[0], second: point[1], "period": period})
-    return twins
+        yield numbers | {first: point[0], second: point[1], "period": period}
 
 
 # ------------------------------------------------------------------------------------------------ the half-widths
@@ -227,7 +238,7 @@ def half_widths_by_wider_run(
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
     """Bounds for the logarithms of multipliers that are lost in rounding.
 
-    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum is known.
+    The slow one is at most what rounding leaves of it, and the fast one is no larger; their sum has its own half-width.
     """
     slow, both = measured["multiplier_slow"], measured.pop("log_multipliers")
     if 2 * slow.uncertainty < abs(slow.value):

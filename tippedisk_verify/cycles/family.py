@@ -19,8 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import shoot_batch
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import ReturnMap
+from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -41,7 +40,7 @@ _SETTLED = 1e-9  # a relative step that rounding follows
 
 
 class Solved(NamedTuple):
-    """Cycles of given first coordinates as (n,) arrays; NaN where none was found. Slopes are by that coordinate."""
+    """Cycles of chosen first coordinates as (n,) arrays; NaN where the search failed. Slopes are by that coordinate."""
 
     second: Array  #: the section's other coordinate [rad/s]
     flight: Array  #: flight time of the section's map [s]
@@ -51,7 +50,7 @@ class Solved(NamedTuple):
     omega_slope: Array
 
 
-#: (first coordinate, second one, flight time, Omega), the first given and the others guessed, as (n,) arrays.
+#: (first coordinate, second one, flight time, Omega), the first fixed and the others guessed, as (n,) arrays.
 Solver = Callable[[Array, Array, Array, Array], Solved]
 
 
@@ -69,9 +68,9 @@ class Place:
 class Family:
     """The family of one disk under its friction law, in double, on panels of ``nodes`` each.
 
-    ``middle`` and ``half`` [rad] say what the first coordinate is as a function of s, and ``begin`` what is known of
-    one cycle: s, second coordinate / first, flight time, Omega and their derivatives by s. ``solve`` finds cycles of
-    given first coordinates. Raises NoSuchCycleError where the family cannot be followed.
+    ``middle`` and ``half`` [rad] say what the first coordinate is as a function of s, and ``begin`` describes one
+    cycle: s, second coordinate / first, flight time, Omega and their derivatives by s. ``solve`` finds cycles of
+    chosen first coordinates. Raises NoSuchCycleError where the family cannot be followed.
     """
 
     section: ClassVar[Section[Any]]
@@ -139,7 +138,7 @@ class Family:
         return numpy.concatenate((rows, group))
 
     def _solved(self, s: Array, rows: Array) -> Array:
-        """Rows as those of the panels, up to the first abscissa at which no cycle of the family was found."""
+        """Rows as those of the panels, up to the first abscissa that has no cycle of the family."""
         guess = self._guess(s, rows)
         x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):

@@ -18,8 +18,7 @@ from typing import Any, ClassVar
 import numpy
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.return_map import Image, NewtonIteration, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall

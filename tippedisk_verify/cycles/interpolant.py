@@ -1,80 +1,84 @@
 """Many cycles of a family at once: predicted by polynomials through its nodes, and corrected by `batch_shooting`.
 
 All numbers of a family's cycles at its nodes are solved to rounding. Omega(s) is inverted piece by piece, so that a
-speed at which two cycles coexist gives both. What is claimed for a number is the subject of `interpolant_budget`.
+speed at which two cycles coexist gives both.
+
+Half-widths are derived in docs/error_budgets.md. On every fourth node of the family, and at both ends, the cycle is
+solved again a few times with other last bits of the constants, each time from the solution before (the twins of
+`error_budget`, in lanes). The largest spread of three neighbours is the measure of rounding, of the parameters' too.
+What has a pole at a fold is multiplied by what vanishes there. Between those nodes it is interpolated by chords, which
+lie above what grows like a power of Omega - Omega_h, and hold what vanishes at Omega_crit.
+
+What follows from derivatives is taken before the last Newton step: how it changes with the start is measured as well,
+by starts moved much farther than rounding moves them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.family import Family
-from tippedisk_verify.cycles.interpolant_budget import BranchBudget
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
+from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["FamilyInterpolant"]
 
 _FLAT = 0.05  # of the way in the first coordinate to a fold, an error that is no longer linear
+#: With them, and the node itself, nine values each on three neighbouring nodes.
+TWINS = 8
+#: An error beyond so many times the largest of three spreads of nine values has a probability of 2e-8 for normal
+#: errors, one beyond half of that 2e-4: a branch has thousands of numbers. The half-width is 13 times the error in the
+#: median. Five twins, with a factor of 3.5, have the same risk, but half-widths a quarter wider that scatter more.
+TWIN_FACTOR = 2.5
+_EVERY = 4  # nodes between those where rounding is measured
+#: The share of the constants that a twin moves up; as many move down. They then err by half a place, as by rounding.
+_SHARE_MOVED = 1 / 8
+_START_SHIFT = 1e-5  # of the distance to the nearer end; Newton's iteration then ends after one step
+#: What the slope for a moved start may be off, as a factor: the start's effect is linear but for parts of 1e-5.
+_SLOPE = 2
+_POLE = 3  # of derivatives by Omega at a fold, where each error of Omega counts as 1 / (dOmega/dx)^3
+_UNIT = 2.0**-53
 
 
 class FamilyInterpolant:
     """The cycles of a family of the linear law, as far as it is followed.
 
-    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is not found again.
+    Raises InputError for another law, NoSuchCycleError where one of the family's nodes is lost.
     """
 
     def __init__(self, family: Family, lanes: BatchTaylor) -> None:
         family.parameters.refuse_smooth("cycles in batches are")
-        self.family, self._lanes = family, lanes
+        self.family, self._lanes, self._section = family, lanes, family.section
         self._constants = field_constants(family.parameters)
         nodes = family.nodes.T
         self._s = nodes[0]
         first = family.coordinate(self._s)
         guess = numpy.stack((first, nodes[1] * first, nodes[2]))
         #: The cycles at the nodes of the family.
-        self.nodes: BatchCycles = shoot_batch(
-            family.section, self._constants, nodes[3], guess, lanes, tolerance=1e-9, free_omega=True
-        )
+        self.nodes = self._shot(nodes[3], guess, tolerance=1e-9, free_omega=True)
         if not self.nodes.converged.all():
-            raise NoSuchCycleError(f"the family of {family.section.name} cycles could not be followed")
+            raise NoSuchCycleError(f"the family of {self._section.name} cycles could not be followed")
+        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm moves with the slow
+        #: one's: their sum is not taken from derivatives.)
+        self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
+        self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
+        self._measured = (*self._section.numbers, "log_multipliers")
 
-    @cached_property
-    def _budget(self) -> BranchBudget:
-        s, slope = self._s, numpy.abs(self.family.nodes[:, 6])
-        bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], s))
-        # The way to the Hopf point, to a fold and to the connection, each as the slope there foretells it.
-        way = numpy.minimum(numpy.minimum((s - self.family.origin) / 2, 0.25), slope / (2 * bend))
-        return BranchBudget(self._constants, self.nodes, s, slope * way, self._lanes)
+    def _shot(self, omegas: Array, guess: Array, constants: Any = None, **options: Any) -> BatchCycles:
+        constants = self._constants if constants is None else constants
+        return shoot_batch(self._section, constants, omegas, guess, self._lanes, **options)
 
-    def half_widths(self, cycles: BatchCycles) -> dict[str, Array]:
-        """For each number of cycles on this family the half-width that holds the truth, as (n,) arrays.
-
-        Infinite next to a fold, where errors in double reach beyond it.
-        """
-        s = self.family.abscissa(cycles.coordinate)
-        widths = self._budget.all_half_widths(cycles, s)
-        lost = widths[self.family.section.names[0]] > _FLAT * self.family.to_fold(s)
-        return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
-
-    def solved(self, speeds: Array, s: Array) -> BatchCycles:
-        """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
-        first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
-        # The relative step after which only rounding is left grows as Omega_h or a fold comes near.
-        resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
-        guess = numpy.stack((first, ratio * first, flight))
-        section = self.family.section
-        cycles = shoot_batch(section, self._constants, speeds, guess, self._lanes, tolerance=resolved)
-        # Next to a fold the iteration may have gone beyond it.
-        cycles.converged[slope * cycles[f"d{section.names[0]}_domega"] < 0] = False
-        return cycles
-
+    # ------------------------------------------------------------------------------------------------ the cycles
     def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
         """All cycles at each speed [rad/s], from the smallest first coordinate on, as single speeds give them.
 
@@ -87,11 +91,9 @@ class FamilyInterpolant:
         cycles = self.solved(speeds[index], s[piece, index])
         widths = self.half_widths(cycles)
         held = cycles.converged
-        for name in ("period", *cycles.section.names, "beta_max"):
+        for name in ("period", *self._section.names, "beta_max"):
             held = held & (widths[name] <= numpy.abs(cycles[name]) * 10.0**-digits)
-        measured = iter(
-            cycles.only(held).results({name: width[held] for name, width in widths.items()}, self.family.parameters)
-        )
+        measured = iter(self._cycles(cycles.only(held), {name: width[held] for name, width in widths.items()}))
         by_speed: list[list[Any]] = [[] for _ in omegas]
         for at, is_held, falls in zip(index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True):
             cycle = next(measured) if is_held else None
@@ -101,3 +103,104 @@ class FamilyInterpolant:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
         return [None if missing or None in some or not some else some
                 for some, missing in zip(by_speed, lost, strict=True)]  # fmt: skip
+
+    def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
+        """The result objects that single speeds give, with these half-widths."""
+        widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
+        columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
+        for index, (omega, residual) in enumerate(zip(cycles["omega"], cycles["residual"], strict=True)):
+            measured = {
+                name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
+                for name, values, uncertainties in columns
+            }
+            yield cycle_of(
+                self._section,
+                Fraction(omega),
+                measured,
+                residuals=(float(residual),),
+                parameters=self.family.parameters,
+                engine="lanes",
+                precision=DOUBLE.name,
+            )
+
+    def solved(self, speeds: Array, s: Array) -> BatchCycles:
+        """The cycles at these speeds (n,), next to these abscissas, corrected by Newton's iteration."""
+        first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
+        # The relative step after which only rounding is left grows towards Omega_h and towards a fold.
+        resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
+        cycles = self._shot(speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved)
+        # Next to a fold the iteration may have gone beyond it.
+        cycles.converged[slope * cycles[f"d{self._section.names[0]}_domega"] < 0] = False
+        return cycles
+
+    # ------------------------------------------------------------------------------------------------ the half-widths
+    def half_widths(self, cycles: BatchCycles) -> dict[str, Any]:
+        """For each number of n cycles on this family the half-width that holds the truth, as (n,) arrays.
+
+        Infinite next to a fold, where errors in double reach beyond it.
+        """
+        s = self.family.abscissa(cycles.coordinate)
+        nodes, spreads, slopes = self._sources
+        last, widths = numpy.abs(cycles.last_step).T, dict[str, Any]()
+        for name in self._measured:
+            pole = self._pole(name, cycles)
+            spread = numpy.interp(s, nodes, spreads[name]) / pole
+            widths[name] = TWIN_FACTOR * spread + 2 * _UNIT * numpy.abs(cycles[name])
+            for slope, step in zip(slopes.get(name, ()), last, strict=False):
+                widths[name] += _SLOPE * numpy.interp(s, nodes, slope) / pole * step
+        for name in ("log_multiplier_slow", "log_multiplier_fast"):
+            widths[name] += 4 * _UNIT  # of the multiplier, relative
+        lost = widths[self._section.names[0]] > _FLAT * self.family.to_fold(s)
+        return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
+
+    def _pole(self, name: str, cycles: BatchCycles) -> Any:
+        """What a spread of that number is multiplied by where it is interpolated."""
+        return cycles.slope ** (_POLE if name in self._by_omega else 1)
+
+    @cached_property
+    def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
+        """On some nodes, in rising s: the spread of each number, and its change with the start."""
+        # Both ends among them: towards the Hopf point sensitivities grow without bound.
+        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)[::-1]
+        nodes = self.nodes.only(every)
+        omegas, start = nodes["omega"], nodes.guess
+        poles = {name: self._pole(name, nodes) for name in self._measured}
+        values = {name: [nodes[name]] for name in self._measured}
+        random, guess = numpy.random.default_rng(1), start
+        for _ in range(TWINS):
+            turns = random.random((len(every), len(self._constants)))
+            moves = (turns < _SHARE_MOVED).astype(float) - (turns >= 1 - _SHARE_MOVED)
+            twins = self._shot(omegas, guess, self._constants * (1 + moves * 2 * _UNIT), tolerance=1e-5)
+            guess = twins.guess
+            for name, of_twins in values.items():
+                of_twins.append(twins[name])
+        spreads = {name: numpy.ptp(numpy.stack(of_twins), axis=0) * poles[name] for name, of_twins in values.items()}
+        slopes: dict[str, list[Any]] = {name: [] for name in self._before}
+        shift = _START_SHIFT * self._to_the_end[every] / omegas * numpy.abs(start)
+        for index in range(3):
+            guess = start.copy()
+            guess[index] += shift[index]
+            shifted = self._shot(omegas, guess, tolerance=1e-5, whole=False)
+            for name in self._before:
+                slopes[name].append(numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name])
+        slopes["log_multiplier_fast"] = slopes["log_multiplier_slow"]
+        # A node next to a fold is lost at its speed; what is interpolated is smooth there.
+        rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
+        solved = numpy.isfinite(rows).all(axis=0)
+        spreads = {name: _largest_nearby(spread[solved]) for name, spread in spreads.items()}
+        slopes = {name: [slope[solved] for slope in of_name] for name, of_name in slopes.items()}
+        return self._s[every][solved], spreads, slopes
+
+    @property
+    def _to_the_end(self) -> Any:
+        """How far each node is from the Hopf point, a fold or the connection [rad/s], as the slope there foretells."""
+        slope = numpy.abs(self.family.nodes[:, 6])
+        bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))
+        way = numpy.minimum(numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend))
+        return slope * way
+
+
+def _largest_nearby(values: Array) -> Any:
+    """The largest of three neighbours."""
+    padded = numpy.pad(values, 1, mode="edge")
+    return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

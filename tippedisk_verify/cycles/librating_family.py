@@ -4,7 +4,7 @@ The amplitude is gamma_bar_0 = pi tanh(s): s = 0 is the Hopf point, and infinite
 and beta_max / gamma_bar_0, the period and Omega are analytic there.
 
 Towards a saddle whose stable eigenvalues are complex, orbits wind: the amplitude then reaches pi at v_0 != 0, short of
-the connection. There what is followed here ends.
+the connection. There this family ends.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit
 __all__ = ["LibratingFamily", "amplitude"]
 
 _NODES = 20  # of a panel; the polynomials then err by rounding
-_CLOSEST = 1e-5  # rad/s; how near its limit Omega is followed: beyond, doubles hold no more cycles
+_CLOSEST = 1e-5  # rad/s; how close to its limit Omega is followed: beyond, doubles hold no more cycles
 _SLOWEST, _FASTEST = 1.5, 6.0  # rates at which the slope of Omega falls towards a connection: from 2 to 4, nearly
 _MOST_PANELS = 10  # the amplitude is then within 1e-5 of pi
 
@@ -35,14 +35,10 @@ def amplitude(s: Any) -> Any:
     return numpy.pi * numpy.tanh(s)
 
 
-def _end_in_words(name: str, speed: float) -> str:
-    return f"{name} {'=' if name.startswith('Omega') else 'at'} {speed:.7g} rad/s"
-
-
 class LibratingFamily(Family):
     """The family of one disk under its friction law, in double.
 
-    It is followed until Omega is within ``closest`` [rad/s] of its limit. ``solve`` finds cycles of given amplitudes,
+    It is followed until Omega is within ``closest`` [rad/s] of its limit. ``solve`` finds cycles of chosen amplitudes,
     by default one at a time. Raises NoSuchCycleError where the family cannot be followed.
     """
 
@@ -77,7 +73,7 @@ class LibratingFamily(Family):
 
     @property
     def limit(self) -> float:
-        """Where Omega tends to at the end [rad/s], to some part of its distance from there."""
+        """Where Omega tends to at the end [rad/s], to a fraction of its distance from there."""
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
     @cached_property
@@ -94,16 +90,3 @@ class LibratingFamily(Family):
         """
         turns = (("a fold", self.place(s).omega) for s in self.folds)
         return ("Omega_crit", self.omega_crit), *turns, ("Omega_h" if self.connected else "that amplitude", self.limit)
-
-    def refusal(self, omega: float) -> str:
-        """Why there is no cycle at a speed, if it lies outside the family; that none was found, if not."""
-        lowest, highest = (choose(self.ends, key=lambda end: end[1]) for choose in (min, max))
-        text = f"no limit cycle found at {omega:.10g} rad/s"
-        if lowest[1] <= omega <= highest[1]:
-            return text
-        distance, side = (omega - highest[1], "above") if omega > highest[1] else (lowest[1] - omega, "below")
-        text += f": that is {distance:.2g} rad/s {side} the family, which "
-        if self.connected:
-            return text + f"lies between {_end_in_words(*lowest)} and {_end_in_words(*highest)}"
-        last = f"is followed to {self.limit:.7g} rad/s only, where gamma's amplitude is pi"
-        return text + f"{last}, and lies so far between {_end_in_words(*lowest)} and {_end_in_words(*highest)}"

@@ -102,7 +102,7 @@ class Cycle(Printable):
         request = Request(
             self.parameters,
             self.omega.value,
-            [part.value for part in self._start],
+            [number.value for number in self._start],
             duration,
             shifted=True,
             precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),

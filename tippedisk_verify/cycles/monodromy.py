@@ -33,8 +33,8 @@ class Monodromy(Printable):
     ``log_multipliers``, the natural logarithms of their absolute values.
 
     >>> import tippedisk_verify as tv
-    >>> found = tv.Disk("printed").limit_cycle("30.4").monodromy
-    >>> print(found.matrix.round(4)[0], f"{found.log_multipliers[2]:.7g}")
+    >>> monodromy = tv.Disk("printed").limit_cycle("30.4").monodromy
+    >>> print(monodromy.matrix.round(4)[0], f"{monodromy.log_multipliers[2]:.7g}")
     [1.0135 0.4084 0.0088] -96.12968
     """
 
@@ -94,7 +94,7 @@ def monodromy(cycle: Any, time: object = 0) -> Monodromy:
     if float(since):
         error = flight(values[:3], since, values[4], error_estimate=True).error
         assert error is not None
-        states = _each_moved([fraction(part) for part in origin], [fraction(float(part)) for part in error.state])
+        states = _each_moved([fraction(x) for x in origin], [fraction(float(width)) for width in error.state])
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
     by_moving = sum(abs(other.derivatives - whole.derivatives).astype(float) for other in others)

@@ -20,8 +20,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError, Shortfall
 from tippedisk_verify.flow.contract import Engine

@@ -1,7 +1,8 @@
-"""The return map of a section: where the flow and the section's symmetry take its points, with derivatives."""
+"""The return map of a section, with derivatives, and the steps and the stopping rule of Newton's iteration on it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -14,7 +15,7 @@ from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["FixedPoint", "Image", "ReturnMap", "newton_step"]
+__all__ = ["FixedPoint", "Image", "NewtonIteration", "ReturnMap", "newton_step"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -119,7 +120,7 @@ class ReturnMap(Generic[C]):
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """The image's coordinates, given where the flow arrives, less those of the point."""
+        """The image's coordinates, from where the flow arrives, less those of the point."""
         (a, b), image = self.section.free, self.section.image
         return image * end[a] - point[0], image * end[b] - point[1]
 
@@ -130,7 +131,7 @@ class ReturnMap(Generic[C]):
     def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
         """The multiplier along the flow, 1 but for rounding.
 
-        It is the Rayleigh quotient of the flow followed by the linear part of the symmetry, on the flow's direction at
+        It is the Rayleigh quotient of the flow followed by the derivative of the symmetry, on the flow's direction at
         the start.
         """
         rates = self._rates(*self._state(point))
@@ -184,3 +185,26 @@ def newton_step(matrix: Any, residual: Any) -> tuple[Any, Any]:
     a, b, c, d = 1 - matrix[0][0], -matrix[0][1], -matrix[1][0], 1 - matrix[1][1]
     determinant = a * d - b * c
     return (d * residual[0] - b * residual[1]) / determinant, (a * residual[1] - c * residual[0]) / determinant
+
+
+class NewtonIteration:
+    """When a Newton or chord iteration has converged, by the sizes of its residuals or steps, and when it gives up.
+
+    It has converged when a size is below ``small``, or when a size below ``near`` is no longer half of the one before,
+    because then only rounding is left; that is looked at from the size number ``fewest`` on. ``failure`` is raised
+    after ``most`` sizes.
+    """
+
+    def __init__(self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3) -> None:
+        self.sizes: list[Any] = []
+        self._most, self._failure = most, failure
+        self._small, self._near, self._fewest = small, near, fewest
+
+    def converged(self, size: Any) -> bool:
+        """Whether this size is the last one."""
+        self.sizes.append(size)
+        if size < self._small or (len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near):
+            return True
+        if len(self.sizes) == self._most:
+            raise self._failure
+        return False

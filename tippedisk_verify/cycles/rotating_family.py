@@ -8,6 +8,7 @@ through the fold in Omega, beyond which the cycles are unstable and lie at risin
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -54,7 +55,7 @@ def unstable_top(parameters: Parameters, omega: Fraction, engine: Engine, precis
 class RotatingFamily(Family):
     """The family of one disk below ``omega_h`` [rad/s], its own, and beyond the fold as far as it has been asked for.
 
-    ``solve`` finds cycles of given beta_bar_top, on nodes that leave rounding only; without it the engine does, one at
+    ``solve`` finds cycles of chosen beta_bar_top, on nodes that leave rounding only; without it the engine does, one at
     a time, on fewer nodes, for guesses. Raises NoSuchCycleError where the family does not begin.
     """
 
@@ -69,7 +70,7 @@ class RotatingFamily(Family):
             raise NoSuchCycleError("no rotating cycle found below Omega_h: the unstable branch leans less there")
         # The flight time is no unknown where the engine meets the section.
         second, flight, omega, *slopes = (
-            float(part[0]) for part in singly(*(numpy.array([part]) for part in (beta, v, math.nan, float(first))))
+            float(values[0]) for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
         )
         if math.isnan(omega):
             raise NoSuchCycleError(f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h")
@@ -101,24 +102,15 @@ class RotatingFamily(Family):
             raise NoSuchCycleError("the speeds of the rotating cycles rise from Omega_h on: they have no fold")
         return self.place(self.folds[0])
 
-    def guess(self, omega: float, *, stable: bool) -> tuple[float, float]:
-        """(beta_bar, v) of the cycle at a speed [rad/s]: before the fold the stable one, beyond it the unstable one.
+    def followed_places(self, omega: float, *, stable: bool | None = None) -> Iterator[Place]:
+        """The cycles at a speed [rad/s], the family followed as far: before the fold, where they are stable, beyond it.
 
-        Raises NoSuchCycleError where the family has none.
+        With ``stable`` only those, or only the others. Raises NoSuchCycleError where the family ends before.
         """
-        if stable and omega >= self.omega_h:
-            raise NoSuchCycleError(
-                f"no stable rotating cycle found at {omega:.10g} rad/s: they are looked for below Omega_h, "
-                f"{float(self.omega_h):.10g} rad/s"
-            )
-        if stable and omega > self.nodes[0, 3]:
-            beta, v = unstable_top(self.parameters, Fraction(omega), self.engine)
-            return float(beta), float(v)
-        self.reach(0.0 if stable else omega)
-        for place in self.places(omega):
-            if self.falls[place.piece] is stable:
-                return place.start
-        raise NoSuchCycleError(
-            f"the rotating cycles turn round in a fold near {self.near_fold().omega:.6g} rad/s, "
-            f"above {omega:.10g} rad/s"
-        )
+        for side in (True, False) if stable is None else (stable,):
+            if side and self.nodes[0, 3] < omega < self.omega_h:
+                beta, v = map(float, unstable_top(self.parameters, Fraction(omega), self.engine))
+                yield Place(-math.inf, (beta, v), math.nan, omega, 0)
+                continue
+            self.reach(0.0 if side else omega)
+            yield from (place for place in self.places(omega) if self.falls[place.piece] is side)

@@ -45,18 +45,18 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Section(Generic[C]):
-    """Where the cycles of a kind start, and what closes them. Sections are told apart by identity."""
+    """Where the cycles of a kind start, and what closes them. Sections compare by identity."""
 
     name: str
     result: type[C]  #: what a fixed point of the return map is
     passed: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
     ends: Event  #: ends a flight
     turns: int  #: by how many times 2 pi the fixed component grows in a flight
-    image: Literal[-1, 1]  #: the linear part of the symmetry that follows the flow
+    image: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     per_period: int  #: flights that make up a period of the cycle
     possible: Callable[[Any, Any], Any]  #: which coordinates a start may have; of doubles or of arrays (n,)
-    impossible: str  #: what a start with other coordinates is told
-    no_return: str  #: what an orbit that does not come back is told
+    impossible: str  #: the message for a start with other coordinates
+    no_return: str  #: the message for an orbit that does not come back
     measures: tuple[Measure, ...]  #: what the events of a flight tell
     saddle_scale: Callable[[Any], float]  #: of coordinates next to a saddle, at most 1; its square is the speed's
 

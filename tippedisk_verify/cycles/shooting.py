@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
-from tippedisk_verify.cycles.newton import NewtonIteration
-from tippedisk_verify.cycles.return_map import FixedPoint, ReturnMap, newton_step
+from tippedisk_verify.cycles.return_map import FixedPoint, NewtonIteration, ReturnMap, newton_step
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import approximate_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -82,11 +81,11 @@ def limit_cycle(
 ) -> LimitCycle:
     """The limit cycle at ``omega`` [rad/s], each number to about ``digits`` significant digits.
 
-    Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles part slowly.
+    Without a ``guess`` (gamma_bar, v) harmonic balance of the linear law provides one: the laws' cycles differ little.
     Up to 12 digits everything runs in double if that holds them (close to the Hopf point it does not); a wider
     arithmetic measures the error only where the budget in double is too wide for the digits. ``precision`` fixes the
     arithmetic, and then the digits are what it gives. Raises InputError for a speed that is not positive,
-    NoSuchCycleError where none is found, Shortfall if the digits are not reached.
+    NoSuchCycleError where the search fails, Shortfall if the digits are not reached.
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
     checked_digits(digits)
@@ -98,9 +97,9 @@ def limit_cycle(
 
 
 def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
-    """Newton's iteration from the one-harmonic law, which costs nothing and is near where cycles are small.
+    """Newton's iteration from the one-harmonic law, which costs nothing and is good where cycles are small.
 
-    None where it leads nowhere; what is found far from its guess is not trusted.
+    None where it leads nowhere; a cycle far from its guess is not trusted.
     """
     law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
     if law is not None and law[0] < _LAW_SERVES:
