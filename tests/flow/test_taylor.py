@@ -15,7 +15,7 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow import one_at_a_time
+from tippedisk_verify.flow import compiled
 from tippedisk_verify.flow.contract import (
     FLAT,
     SECTION,
@@ -199,7 +199,7 @@ def test_senseless_requests_are_refused(taylor: Taylor, change, word) -> None:
 # ------------------------------------------------------------------------------------------ what is kept
 @pytest.fixture
 def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 3)
+    monkeypatch.setattr(compiled, "_MOST_KEPT", 3)
 
 
 def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:

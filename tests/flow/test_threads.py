@@ -18,7 +18,7 @@ from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
+from tippedisk_verify.flow import compiled, default_engine, default_lanes
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
@@ -92,7 +92,7 @@ def test_one_engine_in_eight_threads() -> None:
 
 def test_one_engine_that_keeps_little_in_eight_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves while another thread runs it ends its run, and is compiled again for the next."""
-    monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 2)
+    monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
     requests, shared = _requests(24), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]

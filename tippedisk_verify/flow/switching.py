@@ -15,54 +15,41 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
-from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
-from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.equations import Ops, field
-from tippedisk_verify.model.parameters import Friction
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord
+from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW, Start
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
 
 _LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
-_MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 
 
 class FrictionSign:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
-    def __init__(
-        self, precision: Precision, ops: Ops, place: int, watched: Sequence[Event], records: list[EventRecord]
-    ) -> None:
-        self._ops, self._place = ops, place
+    def __init__(self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]) -> None:
         self._watched, self._records = watched, records
-        self.ended = False  #: by a terminal event of sliding reversal
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
         #: How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
         self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
         self.stepper: Any = None
-        self.side = 1  #: the sign of gamma_y / sin(beta)
-        self._upright = 1  # the sign of sin(beta)
-        self.stops = self.stopped = self.asleep = False
-        self._forward = True
-        self._contradicted = self._from_surface = False
-        self._switches = 0
 
-    def begin(self, request: Request, omega: Any, state: Sequence[Any], duration: Any) -> None:
+    def begin(self, start: Start) -> None:
         """Set the branch for a run. On the surface the sign a moment later decides."""
-        self._constants, self._omega = request.parameters.at(request.precision), omega
-        self._forward = bool(duration >= 0)
-        self._contradicted = self.stopped = self.ended = self.stops = self.asleep = False
-        self._switches = 0
-        self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
-        slip = self._slip(state)
-        self._from_surface = abs(float(slip)) <= ROUNDINGS * self._epsilon
+        self._start = start
+        self._contradicted = False
+        self.ended = False  #: by a terminal event of sliding reversal
+        self.stops = self.stopped = False  #: whether a switch stops the run, and whether one has
+        self.asleep = False  #: whether switches are passed over
+        self._upright = 1 if start.ops.sin(start.state[0]) >= 0 else -1  # the sign of sin(beta)
+        slip = start.value(SLIDING_REVERSAL)
+        self._from_surface = start.lies_on(SLIDING_REVERSAL, self._epsilon)
         if self._from_surface:
-            rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
-            step = self._window if self._forward else -self._window
-            slip = self._slip([part + step * rate for part, rate in zip(state, rates, strict=True)])
+            rates = start.rates(start.state)
+            step = self._window if start.forward else -self._window
+            slip = self._slip([part + step * rate for part, rate in zip(start.state, rates, strict=True)])
             self.asleep = not any(rates)  # at rest gamma_y is zero for ever: no switch, whatever heyoka sees
         self._set(1 if slip >= 0 else -1)
 
@@ -76,8 +63,7 @@ class FrictionSign:
         """At a crossing of gamma_y / sin(beta) = 0; whether the run goes on."""
         if self.asleep:
             return True
-        self._switches += 1
-        side = self.side if sign == 0 else sign if self._forward else -sign
+        side = self.side if sign == 0 else sign if self._start.forward else -sign
         if side == self.side and abs(time) > self._window:
             # On this branch already: the crossing before was missed (or this one touches the surface only). At the very
             # beginning it is the start itself, on the surface.
@@ -85,7 +71,7 @@ class FrictionSign:
         self._set(side)
         self.stopped = self.stops
         self.ended = self._reported(sign, time)
-        return not self.stops and not self.ended and self._switches < _MOST_SWITCHES
+        return not self.stops and not self.ended
 
     def _reported(self, sign: int, time: Any) -> bool:
         """Record the crossing for the events that ask for it; whether one of them ends the run."""
@@ -109,38 +95,33 @@ class FrictionSign:
         return self._contradicted or not slip * self.side >= -_LEFT_OVER * self._epsilon
 
     def _slip(self, state: Sequence[Any]) -> Any:
-        return SLIDING_REVERSAL.function(self._ops, self._constants, self._omega, *state)
+        return self._start.value(SLIDING_REVERSAL, state)
 
     def _set(self, side: int) -> None:
-        self.side = side
-        self.stepper.pars[self._place] = self._one if side * self._upright > 0 else -self._one
+        self.side = side  #: the sign of gamma_y / sin(beta)
+        self.stepper.pars[-1] = self._one if side * self._upright > 0 else -self._one
 
 
 class FrictionSigns:
     """The same for every run of a batch, in the last row of the parameters."""
 
-    def __init__(self, friction: Friction, ops: Ops) -> None:
-        self._friction, self._ops = friction, ops
-
-    def begin(self, stepper: Any, durations: Any) -> None:
+    def begin(self, stepper: Any, start: Start) -> None:
         """On the surface the sign a moment later decides."""
-        states = stepper.state[:3].copy()
-        slip = self._slip(stepper, states)
+        slip = start.value(SLIDING_REVERSAL)
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
-            constants = constants_of(stepper.pars, self._friction)
-            rates = numpy.broadcast_arrays(*field(self._ops, constants, stepper.pars[0], "smooth")(*states))
-            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * numpy.array(rates))
-            slip = numpy.where(on_surface, later, slip)
+            rates = numpy.array(numpy.broadcast_arrays(*start.rates(start.state)))
+            step = numpy.where(start.forward, START_WINDOW, -START_WINDOW)
+            slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, start.state + step * rates), slip)
+        self._start = start
         self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)
-        self._upright = numpy.where(self._ops.sin(states[0]) >= 0, 1.0, -1.0)
-        self._forward = durations >= 0
+        self._upright = numpy.where(start.ops.sin(start.state[0]) >= 0, 1.0, -1.0)
         self._doubtful = numpy.zeros(len(slip), dtype=bool)
         stepper.pars[-1] = self._sides * self._upright
 
     def switched(self, stepper: Any, sign: int, lane: int) -> None:
         """gamma_y / sin(beta) has changed its sign."""
-        side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
+        side = float(sign if self._start.forward[lane] else -sign) or self._sides[lane]
         if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
             self._doubtful[lane] = True
         self._sides[lane] = side
@@ -153,9 +134,5 @@ class FrictionSigns:
 
     def kept(self, stepper: Any) -> Any:
         """Which runs were on the right branch all the time."""
-        right = self._slip(stepper, stepper.state[:3]) * self._sides >= -_LEFT_OVER * 2.0**-52
-        return right & ~self._doubtful
-
-    def _slip(self, stepper: Any, states: Any) -> Any:
-        constants = constants_of(stepper.pars, self._friction)
-        return SLIDING_REVERSAL.function(self._ops, constants, stepper.pars[0], *states)
+        slip = self._start.value(SLIDING_REVERSAL, stepper.state[:3])
+        return (slip * self._sides >= -_LEFT_OVER * 2.0**-52) & ~self._doubtful

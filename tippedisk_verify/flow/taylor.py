@@ -15,10 +15,10 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.comparison import compared
+from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import CompiledRunners
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
