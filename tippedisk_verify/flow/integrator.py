@@ -13,7 +13,7 @@ from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartS
 from tippedisk_verify.flow.step_polynomials import Series
 from tippedisk_verify.flow.switching import FrictionSign
 from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, parameter_names, system_of
-from tippedisk_verify.model.equations import products, shifted
+from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -33,13 +33,9 @@ class Integrator:
         self._events, self._smooth, self._divergence = events, smooth, request.divergence
         watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
         built = [event for event in events if event not in watched]
-        system, self._crossings, self._products = system_of(
-            request.variations,
-            request.divergence,
-            (*built, SWITCH, TURN_OVER) if smooth else built,
-            request.shifted,
-            smooth,
-        )
+        watching = (*built, SWITCH, TURN_OVER) if smooth else built
+        asked = request.variations, request.divergence, watching, request.shifted, request.friction
+        system, self._crossings = system_of(*asked)
         self._names = parameter_names(request.friction)
         self._records: list[EventRecord] = []
         self._terminal = [event for event in built if event.terminal]
@@ -56,7 +52,7 @@ class Integrator:
         self._stepper: Any = hy.taylor_adaptive(
             system,
             start,
-            pars=[number(1)] * (len(self._names) + self._products + smooth),
+            pars=[number(1)] * (len(self._names) + smooth),
             t_events=self._ending_events(),
             nt_events=[self._passing_event(event) for event in built if not event.terminal],
             **options,
@@ -146,7 +142,6 @@ class Integrator:
         if omega is not self._speed or request.parameters is not self._parameters or request.rounding is not None:
             constants = request.parameters.at(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
-            values += products(constants, omega)[: self._products]
             self._parameters, self._speed = request.parameters, omega
             if request.rounding is not None:
                 values = nudged(values, request.rounding + 1, self.precision)

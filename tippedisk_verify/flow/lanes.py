@@ -27,7 +27,6 @@ from tippedisk_verify.flow.system import (
     system_of,
 )
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import products
 from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
@@ -159,7 +158,7 @@ class _Batch:
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
         watched = (*self._events, SWITCH, TURN_OVER) if smooth else self._events
-        system, functions, self._products = system_of(variations, divergence, watched, shift, smooth)
+        system, functions = system_of(variations, divergence, watched, shift, friction)
         options: dict[str, Any] = {}
         if self._events:
             options["nt_events"] = [
@@ -179,7 +178,7 @@ class _Batch:
             ]
         start = numpy.zeros((3 + divergence, width))
         start[0] = start[1] = 1.0
-        pars = numpy.ones((len(parameter_names(friction)) + self._products + smooth, width))
+        pars = numpy.ones((len(parameter_names(friction)) + smooth, width))
         self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         self._rest = self._stepper.state[3:].copy()
@@ -188,8 +187,6 @@ class _Batch:
     def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
         """``pars`` (m, n) are the speeds and the constants, in the order of `parameter_names`."""
         count, width = len(durations), self._rest.shape[1]
-        extra = products(constants_of(pars, self._friction), pars[0])[: self._products]
-        pars = numpy.vstack((pars, *(numpy.broadcast_to(product, count) for product in extra)))
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
         finished = numpy.zeros(count, dtype=bool)
         crossings: list[_Crossing] = []
