@@ -177,8 +177,6 @@ class EventRecord(NamedTuple):
 class Build(Printable):
     """One thing that was compiled (or taken from what was compiled before) for a request."""
 
-    untold = ("seconds",)  # it differs from run to run
-
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``
     friction: str
@@ -186,7 +184,6 @@ class Build(Printable):
     divergence: bool
     events: tuple[str, ...]
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
-    seconds: float  #: spent building it, in this process
 
 
 @dataclass(frozen=True)

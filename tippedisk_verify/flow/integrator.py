@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 from weakref import proxy
@@ -26,7 +25,6 @@ class Integrator:
     """A stepper of heyoka's, the callbacks that record its events, and how it is set off again."""
 
     def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
-        begin = time.perf_counter()
         self.precision = precision = request.precision
         number, smooth = precision.number, request.friction == "smooth"
         self._ops = shifted(precision.ops) if request.shifted else precision.ops
@@ -75,7 +73,6 @@ class Integrator:
             divergence=request.divergence,
             events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
             u_variables=len(self._stepper.decomposition) - self._stepper.dim,
-            seconds=time.perf_counter() - begin,
         )
         self._built = (self.build,)
 
@@ -183,33 +180,12 @@ class Integrator:
         """To the end, or to what ends the run before, as `_until` says it."""
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
-        if ended or not (self._smooth and self._branch.lost):
-            return ran
-        self._set_off(start, on, duration)
-        return self._from_switch_to_switch(duration, max_steps)
-
-    def _from_switch_to_switch(self, duration: Any, max_steps: int) -> tuple[Any, Any, int]:
-        """To the end, looking at the branch after every switch: two of them came closer than events can tell."""
-        stepper, branch = self._stepper, self._branch
-        moment = branch.moment if duration > 0 else -branch.moment
-        total = 0
-        while total < max_steps:
-            branch.stops = True
-            outcome, low, steps = self._until(duration, max_steps=max_steps - total)
-            branch.stops = False
-            total += steps
-            if branch.ended or not branch.stopped:
-                return outcome, low, total
-            # A moment later the sign tells which branch it is; until then both are the same to rounding.
-            branch.asleep = True
-            ahead = stepper.time + moment
-            outcome, low, steps = self._until(duration if abs(ahead) >= abs(duration) else ahead)
-            branch.asleep = False
-            total += steps + 1
-            if outcome != self._finished or stepper.time == duration:
-                return outcome, low, total
-            branch.look()
-        return heyoka_module().taylor_outcome.step_limit, low, total
+        if self._smooth and not ended and self._branch.lost:
+            # Two switches came closer than events can tell.
+            self._branch.looks_ahead = True
+            ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
+            self._branch.looks_ahead = False
+        return ran
 
     def _set_off(self, start: Start, on: StartSurfaces, duration: Any) -> tuple[Any, Any, int] | None:
         """From the start off the surfaces that it lies on, past the crossings of them that are the start itself.

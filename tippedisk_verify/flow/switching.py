@@ -5,7 +5,8 @@ unchanged (the saltation matrix is the identity). gamma_y is sin(beta) times the
 event, so that lying flat and switching never coincide. A request's own events of sliding reversal do coincide with the
 switch: of two events at the same time an integrator reports one and may lose the other, so the switch reports them. A
 switch sets the branch from the direction of the crossing, not by flipping it: one that was missed, because two
-crossings lay closer than events can tell apart, shows at the next.
+crossings lay closer than events can tell apart, shows at the next. Then the run is repeated, and at each of its
+crossings the motion a moment later sets the branch.
 """
 
 from __future__ import annotations
@@ -32,26 +33,22 @@ class FrictionSign:
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
-        #: How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
-        self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
+        # How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
+        self._moment = precision.number(float(precision.epsilon) ** (1 / 3))
         self.stepper: Any = None
+        self.looks_ahead = False  #: whether the motion a moment later decides at each switch
 
     def begin(self, start: Start) -> None:
-        """Set the branch for a run. On the surface the sign a moment later decides."""
+        """Set the branch for a run. On the surface the motion a moment later decides."""
         self._start = start
-        self._contradicted = False
-        self.ended = False  #: by a terminal event of sliding reversal
-        self.stops = self.stopped = False  #: whether a switch stops the run, and whether one has
-        self.asleep = False  #: whether switches are passed over
+        self._contradicted = self.ended = self._rests = False
         self._upright = 1 if start.ops.sin(start.state[0]) >= 0 else -1  # the sign of sin(beta)
-        slip = start.value(SLIDING_REVERSAL)
         self._from_surface = start.lies_on(SLIDING_REVERSAL, self._epsilon)
         if self._from_surface:
-            rates = start.rates(start.state)
-            step = self._window if start.forward else -self._window
-            slip = self._slip([part + step * rate for part, rate in zip(start.state, rates, strict=True)])
-            self.asleep = not any(rates)  # at rest gamma_y is zero for ever: no switch, whatever heyoka sees
-        self._set(1 if slip >= 0 else -1)
+            self._rests = not any(start.rates(start.state))  # gamma_y is zero for ever: no switch, whatever heyoka sees
+            self._set(self._side_ahead(start.state))
+        else:
+            self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
 
     def turned(self) -> bool:
         """At sin(beta) = 0, where nobody asked for the end of the run."""
@@ -61,17 +58,26 @@ class FrictionSign:
 
     def switched(self, sign: int, time: Any) -> bool:
         """At a crossing of gamma_y / sin(beta) = 0; whether the run goes on."""
-        if self.asleep:
+        if self._rests:
             return True
-        side = self.side if sign == 0 else sign if self._start.forward else -sign
-        if side == self.side and abs(time) > self._window:
-            # On this branch already: the crossing before was missed (or this one touches the surface only). At the very
-            # beginning it is the start itself, on the surface.
-            self._contradicted = True
-        self._set(side)
-        self.stopped = self.stops
+        if self.looks_ahead:
+            self._set(self._side_ahead(self._owned(self.stepper.state[:3])))
+        else:
+            side = self.side if sign == 0 else sign if self._start.forward else -sign
+            if side == self.side and abs(time) > self._window:
+                # On this branch already: the crossing before was missed (or this one touches the surface only). At the
+                # very beginning it is the start itself, on the surface.
+                self._contradicted = True
+            self._set(side)
         self.ended = self._reported(sign, time)
-        return not self.stops and not self.ended
+        return not self.ended
+
+    def _side_ahead(self, state: Sequence[Any]) -> int:
+        """The sign of gamma_y / sin(beta) a moment later, to second order, because the motion may touch the surface."""
+        rates, step = self._start.rates, self._moment if self._start.forward else -self._moment
+        middle = [part + step / 2 * rate for part, rate in zip(state, rates(state), strict=True)]
+        ahead = [part + step * rate for part, rate in zip(state, rates(middle), strict=True)]
+        return 1 if self._start.value(SLIDING_REVERSAL, ahead) >= 0 else -1
 
     def _reported(self, sign: int, time: Any) -> bool:
         """Record the crossing for the events that ask for it; whether one of them ends the run."""
@@ -82,20 +88,12 @@ class FrictionSign:
             self._records.append(EventRecord(event.name, time, self._owned(self.stepper.state[:3])))
         return any(event.terminal for event in asking)
 
-    def look(self) -> None:
-        """Take the branch of the present state."""
-        self.stopped = False
-        self._set(1 if self._slip(self.stepper.state[:3]) >= 0 else -1)
-
     @property
     def lost(self) -> bool:
         """Whether the run was on the wrong branch for a while: by its switches, or by where it ended."""
         # NaN is lost too.
-        slip = float(self._slip(self.stepper.state[:3]))
+        slip = float(self._start.value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_LEFT_OVER * self._epsilon
-
-    def _slip(self, state: Sequence[Any]) -> Any:
-        return self._start.value(SLIDING_REVERSAL, state)
 
     def _set(self, side: int) -> None:
         self.side = side  #: the sign of gamma_y / sin(beta)
