@@ -24,7 +24,7 @@ from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Even
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import bits
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.motion.reduced_flow import ReducedFlow
 from tippedisk_verify.sweep.plan import Plan, axis
@@ -182,10 +182,9 @@ def test_a_reduced_flow_in_threads() -> None:
 
 
 def test_contexts_keep_their_precision() -> None:
-    """Roots of polynomials and small linear systems raise their context's precision for a while."""
+    """Roots of polynomials raise their context's precision for a while."""
     jobs = [lambda n=n: str(equilibrium(PRINTED, f"30.{n}", "noninverted", 50).eigenvalues) for n in range(16)]
-    matrix = [[DOUBLE.number(1), 2.0], [3.0, 5.0]]
-    jobs += [lambda: str(bits(150).solve(matrix, [1.0, 2.0])), lambda: str(bits(150).eigenvalues(matrix))] * 8
+    jobs += [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 8
     serial = [job() for job in jobs]
     for found in _in_threads(jobs):
         assert found == serial

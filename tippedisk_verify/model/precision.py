@@ -186,27 +186,6 @@ class Precision:
             raise InputError(f"a finite number is needed, not {shown(value)}")
         return self.context.make_mpf(from_man_exp(*pair))
 
-    def solve(self, matrix: Any, right: Any) -> Any:
-        """Solution of a small dense linear system: numpy in double, mpmath above (numpy has no LAPACK there)."""
-        import numpy
-
-        if self.kind == "double":
-            return numpy.linalg.solve(matrix, right)
-        solution = self.context.lu_solve(self._matrix(matrix), self._matrix([[entry] for entry in right]))
-        return numpy.array([self.number(entry) for entry in solution], dtype=self._element)
-
-    def eigenvalues(self, matrix: Any) -> list[Any]:
-        """Eigenvalues of a small dense matrix: Python complex in double, mpmath mpc above."""
-        import numpy
-
-        if self.kind == "double":
-            return [complex(value) for value in numpy.linalg.eigvals(matrix)]
-        ctx = self.context
-        return [ctx.mpc(value) for value in ctx.eig(self._matrix(matrix), left=False, right=False)]
-
-    def _matrix(self, rows: Any) -> Any:
-        return self.context.matrix([[self.mpf(entry) for entry in row] for row in rows])
-
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
         size = mantissa.bit_length() + exponent
         if mantissa and ((self.kind == "double" and size > 1024) or (self.kind != "real" and size > 16384)):
