@@ -39,7 +39,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
 TIGHTEST = 100 * 2.0**-52
-_DEFAULT_TOLERANCE = 1e-13  # near the tightest, and still rising to it smoothly for all methods
+_DEFAULT_TOLERANCE = 1e-13  # little above the tightest, and still rising to it smoothly for all methods
 
 # A complex step so small that its square vanishes beside 1: the derivative is exact to round-off.
 _COMPLEX_STEP = 1e-40
@@ -227,7 +227,7 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
         side = 1 if terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
         changes = []
         for sides, column in zip(fields, columns, strict=True):
-            varied = [part + step * change for part, change in zip(state, column, strict=True)]
+            varied = [x + step * variation for x, variation in zip(state, column, strict=True)]
             changes.append([complex(rate).imag / _COMPLEX_STEP for rate in sides[side](*varied)])
         return numpy.concatenate((real_field(*state), numpy.transpose(changes).ravel()))
 

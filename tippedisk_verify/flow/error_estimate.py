@@ -148,7 +148,7 @@ class _Crossing(NamedTuple):
     time: Any  #: (1,) in wide arithmetic [s]
     width: float  #: of the time that the run has, or of this one beyond twelve digits [s]
     widths: Any  #: (3,) of the state, likewise
-    moves: Any  #: (3,) by how much the state moves in what is not known of the time
+    moves: Any  #: (3,) by how much the state moves in the half-width of the time
 
 
 class _Run:

@@ -89,7 +89,7 @@ class Integrator:
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
         if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
-            branch = self._branch  # in plain functions: heyoka copies whatever else it is given
+            branch = self._branch  # in bare functions: heyoka copies whatever else it is given
             events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
             if FLAT not in self._terminal:
                 events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
@@ -161,7 +161,7 @@ class Integrator:
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """To a time or a terminal event: the outcome, the smallest step and the number of steps, whose series stay."""
         if self._kept is not None:
-            # In half the time of heyoka's continuous output. As a plain function: it copies whatever else it is given.
+            # In half the time of heyoka's continuous output. As a bare function: it copies whatever else it is given.
             options |= {"callback": lambda stepper: self._keep_step(), "write_tc": True}
         outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
         if self._kept is not None and steps:

@@ -249,7 +249,7 @@ class _Batch:
         return record
 
     def _changer(self, change: Callable[[Any, int, int], None], asking: Sequence[Event]) -> Any:
-        """For heyoka, which copies whatever is no plain function: changes the sign, and records for those who ask."""
+        """For heyoka, which copies whatever is no bare function: changes the sign, and records for those who ask."""
         crossings = self._crossings
 
         def changed(stepper: Any, sign: int, lane: int) -> bool:

@@ -45,7 +45,7 @@ class Start(NamedTuple):
     def of(cls, request: Request, precision: Precision) -> Start:
         """That of a request, in an arithmetic with functions for single numbers."""
         number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
-        state = [number(part) for part in request.state]
+        state = [number(x) for x in request.state]
         constants, forward = request.parameters.at(precision), number(request.duration) >= 0
         return cls(ops, constants, request.friction, number(request.omega), state, bool(forward))
 
@@ -71,8 +71,8 @@ class Start(NamedTuple):
         window = value = 0.0
         for window in _WINDOWS:
             step = window if self.forward else -window
-            middle = [part + step / 2 * rate for part, rate in zip(self.state, flow(*self.state), strict=True)]
-            ahead = [part + step * rate for part, rate in zip(self.state, flow(*middle), strict=True)]
+            middle = [x + step / 2 * rate for x, rate in zip(self.state, flow(*self.state), strict=True)]
+            ahead = [x + step * rate for x, rate in zip(self.state, flow(*middle), strict=True)]
             value = float(self.value(event, ahead))
             if abs(value) > ROUNDINGS * epsilon:
                 break
@@ -105,7 +105,7 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
     is always the end of a run.
     """
     epsilon = float(request.precision.epsilon)
-    if any(type(part) is float for part in request.state):
+    if any(type(x) is float for x in request.state):
         epsilon = max(epsilon, 2.0**-52)
     on = [
         event
@@ -118,7 +118,7 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
         ops=shifted(math) if request.shifted else math,
         constants=request.parameters.at(DOUBLE),
         omega=float(start.omega),
-        state=[float(part) for part in start.state],
+        state=[float(x) for x in start.state],
     )
     window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event in on)
     return StartSurfaces(tuple(event.name for event in on), window, any(start.value(event) == 0 for event in on))

@@ -75,8 +75,8 @@ class FrictionSign:
     def _side_ahead(self, state: Sequence[Any]) -> int:
         """The sign of gamma_y / sin(beta) a moment later, to second order, because the motion may touch the surface."""
         rates, step = self._start.rates, self._moment if self._start.forward else -self._moment
-        middle = [part + step / 2 * rate for part, rate in zip(state, rates(state), strict=True)]
-        ahead = [part + step * rate for part, rate in zip(state, rates(middle), strict=True)]
+        middle = [x + step / 2 * rate for x, rate in zip(state, rates(state), strict=True)]
+        ahead = [x + step * rate for x, rate in zip(state, rates(middle), strict=True)]
         return 1 if self._start.value(SLIDING_REVERSAL, ahead) >= 0 else -1
 
     def _reported(self, sign: int, time: Any) -> bool:

@@ -1,6 +1,6 @@
 """heyoka's Taylor integrator behind the contract, one run at a time in any precision.
 
-What a request needs is compiled once and kept, until a hundred others have been used since: the plain field, the field
+What a request needs is compiled once and kept, until a hundred others have been used since: the bare field, the field
 with the events asked for, the variational system for the derivatives asked for, each in the arithmetic asked for. All
 parameters are runtime values, so one build serves every parameter set and speed. `Taylor.builds` tells what is kept.
 """

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
-from tippedisk_verify.model.exact import Known, fraction, quotient, shown
+from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "Measured"]
 
@@ -53,7 +53,7 @@ def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int]
     return low
 
 
-class Bounded(Known):
+class Bounded(Approximate):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
     Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
@@ -112,12 +112,12 @@ class Bounded(Known):
         if function in (numpy.isfinite, numpy.isinf, numpy.isnan):
             return function(numpy.asarray(inputs[0], dtype=float))
 
-        def exactly(part: Any) -> Any:
-            if isinstance(part, Bounded):
-                return numpy.asarray(part, object)
+        def exactly(operand: Any) -> Any:
+            if isinstance(operand, Bounded):
+                return numpy.asarray(operand, object)
             # NumPy makes no other objects of these, so that they would ask here again.
-            extended = getattr(part, "dtype", None) == numpy.longdouble
-            return numpy.frompyfunc(fraction, 1, 1)(part) if extended else part
+            extended = getattr(operand, "dtype", None) == numpy.longdouble
+            return numpy.frompyfunc(fraction, 1, 1)(operand) if extended else operand
 
         return getattr(function, method)(*map(exactly, inputs), **options)
 
@@ -185,7 +185,7 @@ class Bounded(Known):
         if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
             return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
-        # Away from 0 a power changes by more than towards it, or to the other side.
+        # Beyond the value a power changes by more than towards it, or to the other side.
         return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
 
     def __rpow__(self, other: object) -> Measured:

@@ -73,7 +73,7 @@ class Parameters(Printable):
     floats.
 
     Two are equal if all their fields are. Raises InputError with one line for each fault: not finite, not between
-    1e-30 and 1e30, e >= r, Bbar <= 0, B > A, where C is given A > C, and an unknown friction law.
+    1e-30 and 1e30, e >= r, Bbar <= 0, B > A, A > C where there is a C, and an unknown friction law.
     """
 
     r: Fraction = _quantity("m", "Table tab:dim_mass, disk radius")
@@ -146,10 +146,10 @@ class Parameters(Printable):
 
     def at(self, precision: Precision) -> Constants:
         """These parameters in ``precision``, rounded once each from exact values; computed once and kept."""
-        known = self._constants.get(precision)
-        if known is None:
-            known = self._constants[precision] = Constants(*(precision.number(value) for value in self._exact()))
-        return known
+        constants = self._constants.get(precision)
+        if constants is None:
+            constants = self._constants[precision] = Constants(*(precision.number(value) for value in self._exact()))
+        return constants
 
     def rational(self) -> Constants:
         """These parameters as exact rationals."""
@@ -167,7 +167,7 @@ class Parameters(Printable):
         )
 
     def changed(self, **values: object) -> Parameters:
-        """A copy with some fields replaced (validated again), named ``custom`` unless a name is given."""
+        """A copy with some fields replaced (validated again), named ``custom`` unless named."""
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
     def with_friction(self, friction: Friction) -> Parameters:
@@ -180,7 +180,7 @@ class Parameters(Printable):
             raise InputError(f"{what} for the linear friction law only, not for the smooth one")
 
     def decimals(self) -> dict[str, str]:
-        """Each given field as an exact decimal string (fifty digits where the decimal repeats)."""
+        """Each of the numbers as an exact decimal string (fifty digits where the decimal repeats)."""
         return {
             item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
             for item in fields(self)
@@ -228,8 +228,8 @@ class Parameters(Printable):
         that `Parameters` refuses.
         """
         entries = _toml_entries(path)
-        known = ", ".join(_QUANTITIES)
-        faults = [f"unknown key '{key[:40]}' (known: {known})" for key in entries if key not in _QUANTITIES]
+        allowed = ", ".join(_QUANTITIES)
+        faults = [f"unknown key '{key[:40]}' (allowed: {allowed})" for key in entries if key not in _QUANTITIES]
         faults += [f"key '{key}' is missing" for key in _QUANTITIES if key != "C" and key not in entries]
         faults += [
             f'{key} must be a quoted decimal such as "0.435", not a bare {type(value).__name__}'

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Exact, Known, exact, mantissa_exponent, shown
+from tippedisk_verify.model.exact import PI, Approximate, Exact, exact, mantissa_exponent, shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,7 +93,7 @@ class Precision:
     def _mpfr_functions(self) -> Any:
         """Of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
 
-        What is no finite real number, given or found, becomes NaN.
+        Whatever is no finite real number becomes NaN.
         """
 
         def function(name: str, value: Any) -> Any:
@@ -134,7 +134,11 @@ class Precision:
             if not math.isfinite(value):
                 raise InputError(f"a finite number is needed, not {value}")
             return float(value)
-        pair = None if isinstance(value, str | int | Fraction | Decimal | Exact | Known) else mantissa_exponent(value)
+        pair = (
+            None
+            if isinstance(value, str | int | Fraction | Decimal | Exact | Approximate)
+            else mantissa_exponent(value)
+        )
         if pair is None or pair[0].bit_length() > self.bits or pair[0].bit_length() + pair[1] < self._lowest:
             number = exact(value)
             pair = number.rounded(self.bits)
@@ -200,10 +204,10 @@ class Precision:
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
-        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two parts,
+        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two,
         # each of which these bits hold.
         rest = exponent % (1 << 20)
-        powers = (self.type(2, self.bits) ** self.type(part, self.bits) for part in (exponent - rest, rest))
+        powers = (self.type(2, self.bits) ** self.type(power, self.bits) for power in (exponent - rest, rest))
         return self.type(mantissa, self.bits) * next(powers) * next(powers)
 
 
