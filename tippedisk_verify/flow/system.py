@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
@@ -16,7 +16,6 @@ __all__ = [
     "SMOOTH_PARAMETERS",
     "SWITCH",
     "TURN_OVER",
-    "System",
     "constants_of",
     "direction_of",
     "parameter_names",
@@ -43,17 +42,10 @@ def constants_of(pars: Any, friction: Friction) -> Constants:
     return Constants(**{name: rows.get(name) for name in Constants._fields})
 
 
-class System(NamedTuple):
-    """What to compile."""
-
-    equations: Any
-    crossings: dict[str, Any]  #: the event functions by name
-
-
 def system_of(
     variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, friction: Friction
-) -> System:
-    """The heyoka system with what is asked for.
+) -> tuple[Any, dict[str, Any]]:
+    """The heyoka system with what is asked for, and the expressions of the events by name.
 
     With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
     derivatives, row by row. Raises InputError for a derivative that the field does not have.
@@ -75,7 +67,7 @@ def system_of(
         if unknown:
             raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(variables)}")
         system = hy.var_ode_sys(system, [variables[name] for name in variations])
-    return System(system, {event.name: event.function(ops, constants, omega, *state) for event in events})
+    return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
 
 
 def direction_of(event: Event) -> Any:

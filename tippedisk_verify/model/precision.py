@@ -107,11 +107,6 @@ class Precision:
 
         return SimpleNamespace(**{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")})
 
-    @cached_property
-    def _lowest(self) -> int:
-        """Numbers below 2**(this - 1) are subnormal."""
-        return {"double": -1021, "extended": -16381, "quadruple": -16381}.get(self.kind, -(1 << 62))
-
     @property
     def context(self) -> Any:
         """An mpmath context of the same number of bits, private to this precision and to the thread.
@@ -128,24 +123,21 @@ class Precision:
     def number(self, value: object) -> Any:
         """``value`` (anything that `exact` takes) rounded once, to nearest, to this precision.
 
-        Raises InputError if it is not a finite number, or too large for the type.
+        An extended or quadruple number below 1e-4932, which has fewer bits, may be rounded once more. Raises InputError
+        if the value is not a finite number, or too large for the type.
         """
-        if self.kind == "double" and isinstance(value, float):
-            if not math.isfinite(value):
-                raise InputError(f"a finite number is needed, not {value}")
-            return float(value)
-        pair = (
-            None
-            if isinstance(value, str | int | Fraction | Decimal | Exact | Approximate)
-            else mantissa_exponent(value)
-        )
-        if pair is None or pair[0].bit_length() > self.bits or pair[0].bit_length() + pair[1] < self._lowest:
-            number = exact(value)
-            pair = number.rounded(self.bits)
-            if pair[0].bit_length() + pair[1] < self._lowest and not number.pi_multiple:
-                # Subnormal: whole multiples of the smallest number, rounded once and from the exact value.
-                unit = self._lowest - self.bits
-                pair = round(number.rational * (1 << -unit)), unit
+        if self.kind == "double":
+            try:
+                double = float(value if isinstance(value, float) else exact(value))
+            except OverflowError:
+                raise InputError(f"{shown(value)} is too large for double precision") from None
+            if not math.isfinite(double):
+                raise InputError(f"a finite number is needed, not {double}")
+            return double
+        rational = isinstance(value, str | int | Fraction | Decimal | Exact | Approximate)
+        pair = None if rational else mantissa_exponent(value)
+        if pair is None or pair[0].bit_length() > self.bits:
+            pair = exact(value).rounded(self.bits)
         return self._from_mantissa(*pair)
 
     def array(self, values: Sequence[object]) -> Any:
@@ -192,10 +184,8 @@ class Precision:
 
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
         size = mantissa.bit_length() + exponent
-        if mantissa and ((self.kind == "double" and size > 1024) or (self.kind != "real" and size > 16384)):
+        if mantissa and self.kind != "real" and size > 16384:
             raise InputError(f"a number of about 2^{size} is too large for {self.name} precision")
-        if self.kind == "double":
-            return math.ldexp(mantissa, exponent)
         if self.kind == "extended":
             import numpy
 
