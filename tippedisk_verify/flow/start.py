@@ -57,6 +57,11 @@ class Start(NamedTuple):
         """The field at a state."""
         return field(self.ops, self.constants, self.omega, self.friction)(*state)
 
+    def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
+        """The state a short time after this one, to second order."""
+        middle = [x + step / 2 * rate for x, rate in zip(state, self.rates(state), strict=True)]
+        return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
+
     def lies_on(self, event: Event, epsilon: float) -> bool:
         """Whether the event's function is zero at the start, up to the rounding of the start."""
         return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
@@ -67,13 +72,9 @@ class Start(NamedTuple):
         Until the function is no rounding any more: longer where the orbit only touches the surface. A crossing in that
         time is the start itself. The start is rounded by ``epsilon``.
         """
-        flow = field(self.ops, self.constants, self.omega, self.friction)
         window = value = 0.0
         for window in _WINDOWS:
-            step = window if self.forward else -window
-            middle = [x + step / 2 * rate for x, rate in zip(self.state, flow(*self.state), strict=True)]
-            ahead = [x + step * rate for x, rate in zip(self.state, flow(*middle), strict=True)]
-            value = float(self.value(event, ahead))
+            value = float(self.value(event, self.ahead(self.state, window if self.forward else -window)))
             if abs(value) > ROUNDINGS * epsilon:
                 break
         return window, value

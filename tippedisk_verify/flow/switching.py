@@ -22,6 +22,7 @@ from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
 
+_MOMENT = 2.0 ** (-52 / 3)  # s after a switch, in which the branches, apart by gamma_y squared, are the same in doubles
 _LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
 
 
@@ -34,7 +35,7 @@ class FrictionSign:
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
         # How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
-        self._moment = precision.number(float(precision.epsilon) ** (1 / 3))
+        self._moment = precision.number(self._epsilon ** (1 / 3))
         self.stepper: Any = None
         self.looks_ahead = False  #: whether the motion a moment later decides at each switch
 
@@ -74,10 +75,8 @@ class FrictionSign:
 
     def _side_ahead(self, state: Sequence[Any]) -> int:
         """The sign of gamma_y / sin(beta) a moment later, to second order, because the motion may touch the surface."""
-        rates, step = self._start.rates, self._moment if self._start.forward else -self._moment
-        middle = [x + step / 2 * rate for x, rate in zip(state, rates(state), strict=True)]
-        ahead = [x + step * rate for x, rate in zip(state, rates(middle), strict=True)]
-        return 1 if self._start.value(SLIDING_REVERSAL, ahead) >= 0 else -1
+        step = self._moment if self._start.forward else -self._moment
+        return 1 if self._start.value(SLIDING_REVERSAL, self._start.ahead(state, step)) >= 0 else -1
 
     def _reported(self, sign: int, time: Any) -> bool:
         """Record the crossing for the events that ask for it; whether one of them ends the run."""
@@ -108,9 +107,8 @@ class FrictionSigns:
         slip = start.value(SLIDING_REVERSAL)
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
-            rates = numpy.array(numpy.broadcast_arrays(*start.rates(start.state)))
-            step = numpy.where(start.forward, START_WINDOW, -START_WINDOW)
-            slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, start.state + step * rates), slip)
+            ahead = start.ahead(start.state, numpy.where(start.forward, _MOMENT, -_MOMENT))
+            slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, ahead), slip)
         self._start = start
         self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)
         self._upright = numpy.where(start.ops.sin(start.state[0]) >= 0, 1.0, -1.0)
