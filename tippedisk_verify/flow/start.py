@@ -108,11 +108,9 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
     epsilon = float(request.precision.epsilon)
     if any(type(x) is float for x in request.state):
         epsilon = max(epsilon, 2.0**-52)
-    on = [
-        event
-        for event in request.events
-        if start.lies_on(event, epsilon) and (event.name != FLAT.name or request.domain == "none")
-    ]
+    looked_at = [event for event in request.events if event.name != FLAT.name or request.domain == "none"]
+    values = [(event, start.value(event)) for event in looked_at]
+    on = [(event, value) for event, value in values if abs(value) <= ROUNDINGS * epsilon]
     if not on:
         return NO_SURFACES
     in_doubles = start._replace(
@@ -121,5 +119,5 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
         omega=float(start.omega),
         state=[float(x) for x in start.state],
     )
-    window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event in on)
-    return StartSurfaces(tuple(event.name for event in on), window, any(start.value(event) == 0 for event in on))
+    window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event, _ in on)
+    return StartSurfaces(tuple(event.name for event, _ in on), window, any(value == 0 for _, value in on))
