@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.parameters import PRINTED, disk_with_hole
+from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.bautin import bautin_points
 from tippedisk_verify.theory.hopf import criticality
 
@@ -142,6 +142,30 @@ def test_the_table_of_widths(taylor) -> None:
             assert (width, amplitude) == (f"{fold.omega - known.omega_crit:.4f}", f"{fold.start[0]:.3f}")
         else:
             assert (width[:4], amplitude) == ("none", "")
+
+
+def disk_with_hole(
+    mass: Fraction, radius: Fraction, thickness: Fraction, hole_radius: Fraction, hole_offset: Fraction
+) -> dict[str, Fraction]:
+    """r, e, m, A, B and C of a homogeneous sharp-edged disk of this mass with a through-hole beside its centre.
+
+    The inertia of the hole's material is taken from that of the full disk (elementary solids and Steiner's theorem).
+    """
+    full = mass * radius**2 / (radius**2 - hole_radius**2)
+    hole = full - mass
+
+    def across(body: Fraction, size: Fraction) -> Fraction:
+        return body * (size**2 / 4 + thickness**2 / 12)
+
+    A = across(full, radius) - across(hole, hole_radius)
+    return {
+        "r": radius,
+        "e": hole * hole_offset / mass,
+        "m": mass,
+        "A": A,
+        "B": A - hole * hole_offset**2,
+        "C": full * radius**2 / 2 - hole * (hole_radius**2 / 2 + hole_offset**2),
+    }
 
 
 def test_the_table_of_holes() -> None:

@@ -154,7 +154,7 @@ def test_integrals_of_the_basis_are_exact(nodes: int) -> None:
 def test_samples_cost_little_and_lie_at_the_times_asked_for() -> None:
     disk = Disk("printed")
     sol = disk.integrate("30.4", START, 1, t_eval=["0.25", "1/3", "0.5"], digits=20)
-    assert [str(time)[:6] for time in sol.t] == ["2.5000", "3.3333", "5.0000"]
+    assert [float(time) for time in sol.t] == [0.25, 1 / 3, 0.5]
     again = sol(sol.t)
     assert (abs((again - sol.y).astype(float)) < 1e-15).all()
     assert isinstance(disk.integrate("30.4", START, 1, digits=15).y, numpy.ndarray)

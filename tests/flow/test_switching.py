@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -86,8 +87,6 @@ def test_equilibria_stay_though_they_lie_on_the_surface(taylor, start) -> None:
 
 def test_a_start_on_the_surface(taylor) -> None:
     """gamma_y = 0 at the start, in both directions of time; against 200 bits and against SciPy."""
-    import math
-
     c = PRINTED.at(DOUBLE)
     for gamma in (0.3, 2.0, 4.0):
         v = c.e * 30.4 * math.sin(1.4) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
@@ -120,6 +119,19 @@ def test_careful_runs_give_the_same(taylor) -> None:
         assert numpy.abs(slow.state - fast.state).max() < 1e-11
         if needs:
             assert numpy.abs(slow.samples - fast.samples).max() < 1e-11
+
+
+@pytest.mark.parametrize(("beta", "gamma"), [(2.0, 0.5075683146572606), (1.2, 2.4962702039703113)])
+def test_motions_that_touch_the_surface(taylor, beta: float, gamma: float) -> None:
+    """Where gamma_y and its rate vanish together two switches come as close as one likes, or there is none."""
+    c, omega = PRINTED.at(DOUBLE), 30.4
+    touching = c.e * omega * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
+    for offset in (0.0, 1e-18, -1e-18, 1e-16, -1e-16, 1e-14, -1e-14, 1e-12, -1e-12):
+        before = taylor(smooth("30.4", (beta, gamma, touching + offset), "-0.003", precision=bits(200))).state
+        request = smooth("30.4", [float(x) for x in before], "0.1")
+        mine, truth = taylor(request), taylor(replace(request, precision=bits(200)))
+        # Some forty units in the last place, for ten steps.
+        assert max(abs(float(a) - float(b)) for a, b in zip(mine.state, truth.state, strict=True)) < 1e-14
 
 
 _REVERSES = Event("reverses", SLIDING_REVERSAL.function, terminal=False)

@@ -18,13 +18,13 @@ from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.flow import default_engine, default_lanes, one_at_a_time
+from tippedisk_verify.flow import compiled, default_engine, default_lanes
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
 from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import bits
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.sweep.plan import Plan, axis
 from tippedisk_verify.sweep.running import swept
@@ -91,7 +91,7 @@ def test_one_engine_in_eight_threads() -> None:
 
 def test_one_engine_that_keeps_little_in_eight_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """What leaves while another thread runs it ends its run, and is compiled again for the next."""
-    monkeypatch.setattr(one_at_a_time, "_MOST_KEPT", 2)
+    monkeypatch.setattr(compiled, "_MOST_KEPT", 2)
     requests, shared = _requests(24), Taylor()
     serial = [_bytes(Taylor()(request)) for request in requests]
     jobs = [lambda request=request: _bytes(shared(request)) for request in requests]
@@ -171,10 +171,9 @@ def test_the_baseline_in_threads(method: str) -> None:
 
 
 def test_contexts_keep_their_precision() -> None:
-    """Roots of polynomials and small linear systems raise their context's precision for a while."""
+    """Roots of polynomials raise their context's precision for a while."""
     jobs = [lambda n=n: str(equilibrium(PRINTED, f"30.{n}", "noninverted", 50).eigenvalues) for n in range(16)]
-    matrix = [[DOUBLE.number(1), 2.0], [3.0, 5.0]]
-    jobs += [lambda: str(bits(150).solve(matrix, [1.0, 2.0])), lambda: str(bits(150).eigenvalues(matrix))] * 8
+    jobs += [lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 8
     serial = [job() for job in jobs]
     for found in _in_threads(jobs):
         assert found == serial

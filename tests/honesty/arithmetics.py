@@ -22,7 +22,7 @@ from tippedisk_verify.model.precision import heyoka_module
 __all__ = ["DEFAULT", "MOVED_BITS", "OTHER_ORDER", "Arithmetic"]
 
 #: Integrators are built where these names are looked up.
-_BUILDERS = ("tippedisk_verify.flow.compiled.heyoka_module", "tippedisk_verify.flow.lanes.heyoka_module")
+_BUILDERS = ("tippedisk_verify.flow.integrator.heyoka_module", "tippedisk_verify.flow.lanes.heyoka_module")
 
 
 class Machine:

@@ -29,7 +29,7 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["DEFAULT_COUNT", "DEFAULT_ROTATIONS", "MANY", "Branch", "family", "paper_speeds", "rotating_branch"]
@@ -72,7 +72,7 @@ class Branch(Printable):
         return cls(kept, uncertainty=widths, **columns)
 
     def to_dict(self) -> dict[str, Any]:
-        return {"orbits": plain(self.cycles)}
+        return {"orbits": as_json(self.cycles)}
 
 
 def _in_double(number: Measured) -> float:

@@ -19,7 +19,7 @@ from tippedisk_verify.commands.common import (
     quantities_of,
 )
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.results import plain
+from tippedisk_verify.model.results import as_json
 from tippedisk_verify.reference_values.entries import trimmed
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def _as_json(found: Atlas) -> dict[str, Any]:
 
     def told(point: CurvePoint | SpecialPoint) -> dict[str, Any]:
         entries = vars(point).items()
-        return {name if key == "value" else key: plain(entry) for key, entry in entries if entry is not None}
+        return {name if key == "value" else key: as_json(entry) for key, entry in entries if entry is not None}
 
     return {
         "plane": [name, "Omega"],

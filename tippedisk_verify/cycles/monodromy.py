@@ -38,7 +38,7 @@ class Monodromy(Printable):
     [1.0135 0.4084 0.0088] -96.12968
     """
 
-    told = ("time", "matrix", "uncertainty", "log_multipliers")
+    listed = ("time", "matrix", "uncertainty", "log_multipliers")
 
     cycle: Any  #: the `Cycle`, whose file needs this one
     time: Any  #: [s] since the start of ``cycle.orbit()``

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from threading import local
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine
@@ -12,31 +11,22 @@ if TYPE_CHECKING:
 
 __all__ = ["default_engine", "default_lanes"]
 
-
-class _Own(local):
-    """What each thread has for itself, so that none waits for another one's run."""
-
-    @cached_property
-    def engine(self) -> Engine:
-        from tippedisk_verify.flow.taylor import Taylor
-
-        return Taylor()
-
-    @cached_property
-    def lanes(self) -> BatchTaylor:
-        from tippedisk_verify.flow.lanes import BatchTaylor
-
-        return BatchTaylor()
-
-
-_OWN = _Own()
+_OWN: Any = local()  # what each thread has for itself, so that none waits for another one's run
 
 
 def default_engine() -> Engine:
     """The thread's Taylor engine, kept so that it compiles once; it serves both friction laws."""
-    return _OWN.engine
+    if not hasattr(_OWN, "engine"):
+        from tippedisk_verify.flow.taylor import Taylor
+
+        _OWN.engine = Taylor()
+    return _OWN.engine  # type: ignore[no-any-return]
 
 
 def default_lanes() -> BatchTaylor:
     """The thread's engine for many runs at once, kept for the same reason."""
-    return _OWN.lanes
+    if not hasattr(_OWN, "lanes"):
+        from tippedisk_verify.flow.lanes import BatchTaylor
+
+        _OWN.lanes = BatchTaylor()
+    return _OWN.lanes  # type: ignore[no-any-return]

@@ -7,7 +7,6 @@ continuously differentiable but no more. Implicit methods and derivatives use th
 from __future__ import annotations
 
 import cmath
-import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -19,7 +18,6 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     FLAT,
-    SLIDING_REVERSAL,
     STATE_VARIATIONS,
     Build,
     Event,
@@ -28,11 +26,10 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
 )
-from tippedisk_verify.flow.start import at_rest, start_window, starts_on
+from tippedisk_verify.flow.start import Start, at_rest
 from tippedisk_verify.flow.system import parameter_names
-from tippedisk_verify.model.equations import Ops, field, jacobian, shifted
+from tippedisk_verify.model.equations import field, jacobian, shifted, terms
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["METHODS", "Baseline", "Method"]
@@ -42,7 +39,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
 TIGHTEST = 100 * 2.0**-52
-_DEFAULT_TOLERANCE = 1e-13  # near the tightest, and still rising to it smoothly for all methods
+_DEFAULT_TOLERANCE = 1e-13  # little above the tightest, and still rising to it smoothly for all methods
 
 # A complex step so small that its square vanishes beside 1: the derivative is exact to round-off.
 _COMPLEX_STEP = 1e-40
@@ -100,29 +97,26 @@ class Baseline:
             raise InputError("SciPy gives no error estimate that holds: ask the Taylor engine, or compare with it")
         if request.events and at_rest(request):
             return self(replace(request, events=()))
-        number = DOUBLE.number
-        start = [number(part) for part in request.state]
-        constants, omega = request.parameters.at(DOUBLE), number(request.omega)
-        ops = shifted(math) if request.shifted else math
-        if request.domain != "none" and ops.sin(start[0]) <= 0:
-            return Result(Status.FLAT, 0.0, numpy.array(start), 0)
-        duration = number(request.duration)
+        start = Start.of(request, DOUBLE)
+        initial, duration = numpy.array(start.state), DOUBLE.number(request.duration)
+        if request.domain != "none" and start.ops.sin(start.state[0]) <= 0:
+            return Result(Status.FLAT, 0.0, initial, 0)
         if not duration:
-            none = None if request.times is None else numpy.array([start] * len(request.times))
-            return Result(Status.REACHED, 0.0, numpy.array(start), 0, samples=none)
-        return self._integrate(request, ops, constants, omega, start, duration)
+            none = None if request.times is None else numpy.array([initial] * len(request.times))
+            return Result(Status.REACHED, 0.0, initial, 0, samples=none)
+        return self._integrate(request, start, initial, duration)
 
-    def _integrate(
-        self, request: Request, ops: Ops, constants: Constants, omega: float, start: list[float], duration: float
-    ) -> Result:
+    def _integrate(self, request: Request, start: Start, initial: Any, duration: float) -> Result:
         from scipy.integrate import solve_ivp
 
-        vector_field = field(ops, constants, omega, request.friction)
-        slope = jacobian(ops, constants, omega, request.friction)
-        initial, options = numpy.array(start), {}
+        law = start.ops, start.constants, start.omega, start.friction
+        options: dict[str, Any] = {}
         if request.variations:
-            rates, initial = _with_variations(request, constants, omega, vector_field, slope, initial)
+            rates = _with_variations(request, start)
+            identity = [[float(row == name) for name in request.variations] for row in STATE_VARIATIONS]
+            initial = numpy.concatenate((initial, numpy.ravel(identity)))
         else:
+            vector_field, slope = field(*law), jacobian(*law)
 
             def rates(t: float, y: Any) -> Any:
                 return vector_field(*y.tolist())  # Python floats: several times faster than numpy scalars
@@ -134,7 +128,7 @@ class Baseline:
             watched.append(FLAT)
         counted = _Counted(rates, initial, request.max_steps * _PER_STEP)
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
-        events = [_event(event, ops, constants, omega, start, vector_field, duration >= 0) for event in watched]
+        events = [_event(event, start) for event in watched]
         # SciPy's error norms overflow where a motion leaves the doubles, and a status says so.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
         try:
@@ -196,61 +190,45 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     )
 
 
-def _event(
-    event: Event, ops: Ops, constants: Constants, omega: float, start: list[float], vector_field: Any, forward: bool
-) -> Callable[[float, Any], float]:
+def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
     at_start: float | None = None
-    if event.name != FLAT.name and starts_on(event, ops, constants, omega, start, 2.0**-52):
+    if event.name != FLAT.name and start.lies_on(event, 2.0**-52):
         # Rounding decides the sign there; take the sign of what comes next, so that the start is no crossing.
-        _, at_start = start_window(event, ops, constants, omega, start, vector_field, forward)
+        _, at_start = start.window(event)
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:
             return at_start
-        return float(event.function(ops, constants, omega, *y[:3].tolist()))
+        return float(start.value(event, y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
     # SciPy means the order of its steps, the contract that of time.
-    crossing.direction = event.direction if forward else -event.direction  # type: ignore[attr-defined]
+    crossing.direction = event.direction if start.forward else -event.direction  # type: ignore[attr-defined]
     return crossing
 
 
-def _with_variations(
-    request: Request, constants: Constants, omega: float, vector_field: Any, slope: Any, initial: Any
-) -> tuple[Callable[[float, Any], Any], Any]:
-    """The first-order variational system beside the flow: Y' = (df/dx) Y + df/dp."""
-    names = request.variations
-    inputs = [name for name in names if name not in STATE_VARIATIONS]
-    forced: list[tuple[int, Any]] = [(names.index(name), _stepped(request, constants, omega, name)) for name in inputs]
-    first = numpy.zeros((3, len(names)))
-    for column, name in enumerate(names):
-        if name in STATE_VARIATIONS:
-            first[STATE_VARIATIONS.index(name), column] = 1.0
+def _with_variations(request: Request, start: Start) -> Callable[[float, Any], Any]:
+    """The flow and its first-order variations Y' = (df/dx) Y + df/dp, by an imaginary step along each of them."""
+    step, ops = complex(0.0, _COMPLEX_STEP), shifted(cmath) if request.shifted else cmath
+    constants, omega, friction = start.constants, start.omega, start.friction
+    names = parameter_names(friction)[:6] + ("k",) * (friction == "linear")
+    fields = []
+    for name in request.variations:
+        if name not in (*STATE_VARIATIONS, *names):
+            raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}")
+        moved = constants._replace(**{name: getattr(constants, name) + step}) if name in names[1:] else constants
+        speed = omega + step if name == "Omega" else omega
+        # The absolute value has no complex derivative: the sign of gamma_y does its work.
+        fields.append({side: field(ops, moved, speed, friction, side) for side in (1, -1)})
+    real_field = field(start.ops, constants, omega, friction)
 
     def rates(t: float, y: Any) -> Any:
-        state = y[:3].tolist()
-        change = numpy.array(slope(*state)) @ y[3:].reshape(3, -1)
-        for column, function in forced:
-            change[:, column] += [part.imag / _COMPLEX_STEP for part in map(complex, function(*state))]
-        return numpy.concatenate((vector_field(*state), change.ravel()))
+        state, columns = y[:3].tolist(), y[3:].reshape(3, -1).T.tolist()
+        side = 1 if terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
+        changes = []
+        for sides, column in zip(fields, columns, strict=True):
+            varied = [x + step * variation for x, variation in zip(state, column, strict=True)]
+            changes.append([complex(rate).imag / _COMPLEX_STEP for rate in sides[side](*varied)])
+        return numpy.concatenate((real_field(*state), numpy.transpose(changes).ravel()))
 
-    return rates, numpy.concatenate((initial, first.ravel()))
-
-
-def _stepped(request: Request, constants: Constants, omega: float, name: str) -> Any:
-    """The field with one parameter moved by an imaginary step; its imaginary part is the derivative."""
-    step = complex(0.0, _COMPLEX_STEP)
-    ops, real_ops = (shifted(cmath), shifted(math)) if request.shifted else (cmath, math)
-    names = parameter_names(request.friction)[:6] + ("k",) * (request.friction == "linear")
-    if name not in names:
-        raise InputError(f"no derivative with respect to '{name}': use beta, gamma, v, {', '.join(names)}")
-    moved = constants if name == "Omega" else constants._replace(**{name: getattr(constants, name) + step})
-    speed = omega + step if name == "Omega" else omega
-    sides = {side: field(ops, moved, speed, request.friction, side) for side in (1, -1)}
-
-    def on_side(beta: float, gamma: float, v: float) -> Any:
-        # The absolute value has no complex derivative: the sign of gamma_y does its work.
-        sliding = real_ops.sin(beta) * SLIDING_REVERSAL.function(real_ops, constants, omega, beta, gamma, v)
-        return sides[1 if sliding >= 0 else -1](beta, gamma, v)
-
-    return on_side
+    return rates

@@ -30,7 +30,7 @@ _TIGHTER = Fraction(1, 2**12)
 _LAST_PLACE = 1
 #: Angles [rad] and relative velocities that differ by more are no longer moved in proportion to a rounding.
 _IN_PROPORTION = 2.0**-6
-#: Roundings of the start that its rates [rad/s, rad/s^2] must exceed for the events of its motion to be told.
+#: Roundings of the start that its rates [rad/s, rad/s^2] must exceed for its motion to have events.
 _MOVES = 2**20
 
 
@@ -51,7 +51,7 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
     if not agreed and request.precision == DOUBLE and result.status.usable:
         # Where rounding has grown out of proportion a wider run may be as wrong, unless a third one agrees with it.
         before, wider = check, companion(wider)
-        # It has a higher order, so fewer steps, unless it runs away itself.
+        # It has a higher order, so fewer steps, unless it diverges itself.
         check = checked(wider, min(request.max_steps, 2 * result.steps))
         agreed = not _parted(before, check) and _moves(request, wider)
     error = _half_widths(request.precision, wider, result, check) if agreed else _undecided()

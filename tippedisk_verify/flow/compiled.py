@@ -1,114 +1,68 @@
-"""One stepper of heyoka: compiled for a kind of request, with the callbacks that record its events."""
+"""What compiled integrators need to be safe and few: one run at a time, whichever thread it comes from.
+
+heyoka's integrators hold the state of their run and let other threads go on meanwhile. Two runs of one integrator would
+mix their states, and nothing would show it.
+"""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from itertools import count
+from threading import RLock
 from typing import Any
-from weakref import proxy
 
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Build, Event, EventRecord, Request
-from tippedisk_verify.flow.start import START_WINDOW
-from tippedisk_verify.flow.switching import FrictionSign
-from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, parameter_names, system_of
-from tippedisk_verify.model.equations import shifted
-from tippedisk_verify.model.precision import heyoka_module
+from tippedisk_verify.model.code_cache import vouch
 
-__all__ = ["Compiled"]
+__all__ = ["CompiledRunners"]
+
+#: Integrators that an engine keeps, each of 1 to 4 MB; all commands one after the other need some 40, `stress` 110.
+_MOST_KEPT = 128
+_COMPILING = RLock()
+_CLOCK = count()
 
 
-class Compiled:
-    """One stepper of heyoka's, and what is known of it."""
+class CompiledRunners:
+    """What an engine has compiled, each with a method ``run``. Copies of the engine begin with nothing."""
 
-    def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
-        begin = time.perf_counter()
-        self.precision = precision = request.precision
-        number, smooth = precision.number, request.friction == "smooth"
-        self._ops = shifted(precision.ops) if request.shifted else precision.ops
-        self._events, self._smooth, self._divergence = events, smooth, request.divergence
-        watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
-        built = [event for event in events if event not in watched]
-        system, self._crossings, self._products = system_of(
-            request.variations,
-            request.divergence,
-            (*built, SWITCH, TURN_OVER) if smooth else built,
-            request.shifted,
-            smooth,
-        )
-        self._names = parameter_names(request.friction)
-        self._records: list[EventRecord] = []
-        self._terminal = [event for event in built if event.terminal]
-        count = len(self._names) + self._products
-        if smooth:
-            self._branch = FrictionSign(precision, self._ops, count, watched, self._records)
-        options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
-        if precision.kind == "real":
-            options["prec"] = precision.bits
-        if request.tolerance is not None:
-            options["tol"] = number(request.tolerance)
-        start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
-        self._size = len(start)
-        self._stepper: Any = heyoka_module().taylor_adaptive(
-            system,
-            start,
-            pars=[number(1)] * (count + smooth),
-            t_events=self._ending_events(),
-            nt_events=self._passing_events([event for event in built if not event.terminal]),
-            **options,
-        )
-        if smooth:
-            # heyoka holds its callbacks where the garbage collector does not see them.
-            self._branch.stepper = proxy(self._stepper)
-        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
-        extended = request.variations or request.divergence
-        self._identity = self._stepper.state[3:].copy() if extended else None
-        self.build = Build(
-            engine="taylor",
-            precision=precision.name,
-            friction=request.friction,
-            variations=request.variations,
-            divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
-            u_variables=len(self._stepper.decomposition) - self._stepper.dim,
-            seconds=time.perf_counter() - begin,
-        )
+    def __init__(self) -> None:
+        self._slots: dict[Any, _Slot] = {}
 
-    def _ending_events(self) -> list[Any]:
-        """The terminal events of heyoka: those of the request, then those that change the friction law's branch."""
-        hy, fp_type = heyoka_module(), self.precision.type
-        # An event that has fired is not seen again for as long as a start on its surface lasts. heyoka's own waiting
-        # time, made from the tolerance, is too short where the orbit only touches the surface, and too long after a
-        # switch of the branch at a loose tolerance: the state there is on the surface to rounding, whatever that is.
-        wait = self.precision.number(START_WINDOW)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return CompiledRunners, ()
 
-        def ending(name: str, **options: Any) -> Any:
-            return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
+    def kept(self) -> list[Any]:
+        """Everything that is still kept, in the order in which it was compiled."""
+        return [slot.runner for slot in list(self._slots.values())]
 
-        events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
-        if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
-            branch = self._branch  # in plain functions: heyoka copies whatever else it is given
-            events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
-            if FLAT not in self._terminal:
-                events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
-        return events
+    def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
+        """What the ``run`` of the runner for ``key`` returns; ``compiled`` makes the runner if none is kept.
 
-    def _passing_events(self, events: Sequence[Event]) -> list[Any]:
-        hy, fp_type = heyoka_module(), self.precision.type
-        return [
-            hy.nt_event(
-                self._crossings[event.name],
-                self._recorder(event.name),
-                direction=direction_of(event),
-                fp_type=fp_type,
-            )
-            for event in events
-        ]
+        One thread at a time compiles: another one that needs the same finds its machine code in memory. Raises
+        RuntimeError for a call from within a run of the same runner, which cannot wait. Only an event function that
+        asks the engine it is computed by can make one.
+        """
+        slot = self._slots.get(key)
+        if slot is None:
+            with _COMPILING:
+                slot = self._slots.get(key)
+                if slot is None:  # another thread may have been faster
+                    while len(self._slots) >= _MOST_KEPT:  # what has not run for longest leaves
+                        del self._slots[min(self._slots, key=lambda other: self._slots[other].used)]
+                    slot = self._slots[key] = _Slot(compiled())
+                vouch()  # what was compiled gets its checksum before anything can happen to it
+        with slot.lock:
+            if slot.running:
+                raise RuntimeError("a run asks for another one of the same kind: take another engine for it")
+            slot.running, slot.used = True, next(_CLOCK)
+            try:
+                return slot.runner.run(*arguments)
+            finally:
+                slot.running = False
 
-    def _recorder(self, name: str) -> Callable[[Any, Any, int], None]:
-        records, owned = self._records, self.precision.owned
 
-        def record(stepper: Any, when: Any, sign: int) -> None:
-            stepper.update_d_output(when)
-            records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
+class _Slot:
+    """A runner and whether it is on a run."""
 
-        return record
+    def __init__(self, runner: Any) -> None:
+        self.runner, self.lock, self.running = runner, RLock(), False
+        self.used = next(_CLOCK)  #: grows from run to run, of whatever runner

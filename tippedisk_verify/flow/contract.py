@@ -177,8 +177,6 @@ class EventRecord(NamedTuple):
 class Build(Printable):
     """One thing that was compiled (or taken from what was compiled before) for a request."""
 
-    untold = ("seconds",)  # it differs from run to run
-
     engine: str  #: e.g. ``taylor``
     precision: str  #: e.g. ``double``
     friction: str
@@ -186,7 +184,6 @@ class Build(Printable):
     divergence: bool
     events: tuple[str, ...]
     u_variables: int  #: elementary operations in the Taylor recurrences, the equations of motion not counted
-    seconds: float  #: spent building it, in this process
 
 
 @dataclass(frozen=True)
@@ -248,7 +245,7 @@ class Engine(Protocol):
         """What it has compiled and keeps."""
 
     def __hash__(self) -> int:
-        """Engines are told apart by identity."""
+        """Engines are distinguished by identity."""
 
     def __call__(self, request: Request) -> Result:
         """Compute what was asked for. Raises InputError for what this engine cannot do."""
@@ -269,7 +266,7 @@ def _check_state(state: Sequence[object]) -> None:
 def _check_times(times: Any, precision: Precision, duration: float) -> None:
     """Sample times must be strictly monotonic and lie between 0 and the duration."""
     if not len(times):
-        raise InputError("sample times are given but there are none: leave them out instead")
+        raise InputError("the list of sample times is empty: leave it out instead")
     native = hasattr(times, "dtype") and times.dtype.kind == "f"
     try:
         # Above double, times that a double cannot tell apart may well be meant.

@@ -31,8 +31,6 @@ __all__ = ["Defect"]
 _DRAWS = 16
 #: Terms of a polynomial, in parts of the state, that are summed in doubles where the wide arithmetic has 64 bits.
 _FEW_BITS = 2.0**-10
-#: How many of them where the sum is rounded to a double.
-_FOR_DOUBLES = 3
 #: Steps to both sides over which a distance between two numbers of nodes counts: at one it may be small by chance.
 _NEIGHBOURS = 8
 #: And shares of a step: inside one the errors are less exact than at its ends.
@@ -125,12 +123,8 @@ class Defect:
         """(n, k, 3): the errors at these shares of every step."""
         return self.errors[:-1, None] + self._steps[:, :, None] * (_integrals(shares, self._basis) @ self._rates)
 
-    def at(self, times: Any, roughly: bool = False) -> tuple[Any, Any, Any, Any]:
-        """At wide times (k,), along the run: polynomials, errors, carried roundings, and what is left out, (3, k).
-
-        That is what nodes leave out, and if only as many terms are summed in wide arithmetic as doubles need
-        (``roughly``), what that rounds.
-        """
+    def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
+        """At wide times (k,), along the run: polynomials, errors, carried roundings, what nodes leave out, (3, k)."""
         counts = numpy.bincount(self._series.step_of(times.astype(float)), minlength=len(self._steps))
         since = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
         lengths = numpy.repeat(self._steps[:, 0], counts)
@@ -138,13 +132,8 @@ class Defect:
         integrals = _integrals(since.astype(float) / lengths, self._basis).T * lengths
         for integral, rates in zip(integrals, self._rates.transpose(1, 2, 0), strict=True):
             errors += integral * numpy.repeat(rates, counts, axis=1)
-        roundings, left_out = self._margins()
-        leading = min(_FOR_DOUBLES, self._leading) if roughly else self._leading
-        if leading < self._leading:
-            roundings_each = numpy.arange(2 * leading + 1, 2 * len(self._terms) + 1, 2)  # by Horner's rule
-            left_out = left_out + 2.0**-53 * numpy.tensordot(roundings_each, self._terms[leading:], 1)
-        roundings, left_out = (numpy.repeat(of, counts, axis=1) for of in (roundings, left_out))
-        return self._polynomial(since, counts, leading=leading), errors, roundings, left_out
+        roundings, left_out = (numpy.repeat(of, counts, axis=1) for of in self._margins())
+        return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
         """Times (k,), and the same at them, at the nodes of all steps in their order."""
@@ -161,13 +150,13 @@ class Defect:
         """The field (3, k) at wide states (3, k)."""
         return numpy.stack(self._field(*states))
 
-    def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0, leading: int | None = None) -> Any:
+    def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:
         """The polynomials, or their derivatives, at wide times since the starts of their steps.
 
         (3, n, k) at times (n, k) of all steps, or (3, k) at times (k,), of which so many lie in each step.
         """
         terms = self._coefficients
-        first = terms[: (leading or self._leading) + derivative].astype(self._wide.type)
+        first = terms[: self._leading + derivative].astype(self._wide.type)
         if derivative:  # the products of the first terms would be rounded in doubles
             powers = numpy.arange(1, len(terms))[:, None, None]
             terms, first = terms[1:] * powers, first[1:] * powers[: len(first) - 1]

@@ -16,7 +16,7 @@ from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import ROUNDINGS
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.measured import DISTANCES
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, bits, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
 
 __all__ = ["CORRECTED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 
@@ -92,26 +92,8 @@ def from_defect(request: Request, result: Result) -> Result | None:
             if request.digits <= PLAIN_DIGITS:
                 return refined
             if _reached(request.digits, refined):
-                return refined._replace(precision=EXTENDED) if method.wide is EXTENDED else _as_mpfr(refined)
+                return refined._replace(precision=method.wide)
     return None
-
-
-def _as_mpfr(result: Result) -> Result:
-    """The result in numbers that users of the engine know: quadruple ones as MPFR's of as many bits."""
-    precision = bits(QUADRUPLE.bits)
-
-    def converted(values: Any) -> Any:
-        return None if values is None else precision.array(values.ravel().tolist()).reshape(values.shape)
-
-    return result._replace(
-        precision=precision,
-        time=precision.number(result.time),
-        state=converted(result.state),
-        samples=converted(result.samples),
-        events=tuple(
-            EventRecord(record.name, precision.number(record.time), converted(record.state)) for record in result.events
-        ),
-    )
 
 
 def _has(wide: Precision) -> bool:
@@ -166,7 +148,7 @@ class _Crossing(NamedTuple):
     time: Any  #: (1,) in wide arithmetic [s]
     width: float  #: of the time that the run has, or of this one beyond twelve digits [s]
     widths: Any  #: (3,) of the state, likewise
-    moves: Any  #: (3,) by how much the state moves in what is not known of the time
+    moves: Any  #: (3,) by how much the state moves in the half-width of the time
 
 
 class _Run:
@@ -227,7 +209,7 @@ class _Run:
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
         """Polynomials, errors, and what the errors may be off, (3, k) at wide times (k,)."""
-        places, errors, roundings, nodes = self._defect.at(times, self.uncorrected)
+        places, errors, roundings, nodes = self._defect.at(times)
         return places, errors, self._left(roundings, nodes)
 
     def _left(self, roundings: Any, nodes: Any) -> Any:

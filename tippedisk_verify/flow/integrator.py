@@ -1,15 +1,18 @@
-"""Runs of a compiled integrator: to the end, through sample times, past the start's own crossings."""
+"""One compiled stepper of heyoka's: built for a kind of request, and run past the start's own crossings to the end."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
+from weakref import proxy
 
-from tippedisk_verify.flow.compiled import Compiled
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, EventRecord, Request, Result, Status
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Build, Event, EventRecord, Request, Result, Status
 from tippedisk_verify.flow.rounding import nudged
-from tippedisk_verify.flow.start import LONGEST_WINDOW, NO_SURFACES, StartSurfaces, event_values, surfaces
+from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartSurfaces, surfaces
 from tippedisk_verify.flow.step_polynomials import Series
-from tippedisk_verify.model.equations import products
+from tippedisk_verify.flow.switching import FrictionSign
+from tippedisk_verify.flow.system import SWITCH, TURN_OVER, direction_of, parameter_names, system_of
+from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -18,64 +21,138 @@ __all__ = ["Integrator"]
 _MOST_PASSES = 64  # of events next to the start
 
 
-class Integrator(Compiled):
-    """A compiled integrator and how it is set off again."""
+class Integrator:
+    """A stepper of heyoka's, the callbacks that record its events, and how it is set off again."""
 
     def __init__(self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool) -> None:
-        super().__init__(request, events, chosen, compact)
-        self._zero = self.precision.number(0)
-        self._finished = heyoka_module().taylor_outcome.time_limit
+        self.precision = precision = request.precision
+        number, smooth = precision.number, request.friction == "smooth"
+        self._ops = shifted(precision.ops) if request.shifted else precision.ops
+        self._events, self._smooth, self._divergence = events, smooth, request.divergence
+        watched = [event for event in events if smooth and event.function is SLIDING_REVERSAL.function]
+        built = [event for event in events if event not in watched]
+        watching = (*built, SWITCH, TURN_OVER) if smooth else built
+        asked = request.variations, request.divergence, watching, request.shifted, request.friction
+        system, self._crossings = system_of(*asked)
+        self._names = parameter_names(request.friction)
+        self._records: list[EventRecord] = []
+        self._terminal = [event for event in built if event.terminal]
+        if smooth:
+            self._branch = FrictionSign(precision, watched, self._records)
+        options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
+        if precision.kind == "real":
+            options["prec"] = precision.bits
+        if request.tolerance is not None:
+            options["tol"] = number(request.tolerance)
+        start = [number(1), number(1), number(0)] + [number(0)] * request.divergence
+        self._size = len(start)
+        hy = heyoka_module()
+        self._stepper: Any = hy.taylor_adaptive(
+            system,
+            start,
+            pars=[number(1)] * (len(self._names) + smooth),
+            t_events=self._ending_events(),
+            nt_events=[self._passing_event(event) for event in built if not event.terminal],
+            **options,
+        )
+        if smooth:
+            # heyoka holds its callbacks where the garbage collector does not see them.
+            self._branch.stepper = proxy(self._stepper)
+        # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
+        extended = request.variations or request.divergence
+        self._identity = self._stepper.state[3:].copy() if extended else None
+        self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
         self._parameters: Parameters | None = None
         self._speed: Any = None
         self._kept: list[tuple[Any, Any]] | None = None  # of each step, its end and its series
+        self.build = Build(
+            engine="taylor",
+            precision=precision.name,
+            friction=request.friction,
+            variations=request.variations,
+            divergence=request.divergence,
+            events=(*(event.name for event in events), *((SWITCH.name,) if smooth else ())),
+            u_variables=len(self._stepper.decomposition) - self._stepper.dim,
+        )
         self._built = (self.build,)
 
-    def run(self, request: Request) -> Result:
-        state, duration, omega = self._inputs(request)
-        wanted = request.estimated_by_defect or request.dense or request.times is not None
-        self._kept = [] if wanted else None
-        self._reset(request, omega, state)
-        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
-            return self._ended(request, Status.FLAT, 0)
-        # Of an event function that is zero to the last bit heyoka sees no other crossing in its first step.
-        constants = request.parameters.at(self.precision)
-        if self._smooth or 0 in event_values(request.events, self._ops, constants, omega, state):
-            return self._run_careful(request, omega, state, duration)
-        return self._run_plain(request, omega, state, duration)
+    def _ending_events(self) -> list[Any]:
+        """The terminal events of heyoka: those of the request, then those that change the friction law's branch."""
+        hy, fp_type = heyoka_module(), self.precision.type
+        # An event that has fired is not seen again for as long as a start on its surface lasts. heyoka's own waiting
+        # time, made from the tolerance, is too short where the orbit only touches the surface, and too long after a
+        # switch of the branch at a loose tolerance: the state there is on the surface to rounding, whatever that is.
+        wait = self.precision.number(START_WINDOW)
 
-    def _inputs(self, request: Request) -> tuple[list[Any], Any, Any]:
-        """The start, the duration and the speed in this arithmetic. Raises InputError unless they are finite."""
+        def ending(name: str, **options: Any) -> Any:
+            return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
+
+        events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
+        if self._smooth:  # last, so that heyoka's numbers of the others stay; their callbacks let the run go on
+            branch = self._branch  # in bare functions: heyoka copies whatever else it is given
+            events.append(ending(SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)))
+            if FLAT not in self._terminal:
+                events.append(ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned()))
+        return events
+
+    def _passing_event(self, event: Event) -> Any:
+        """heyoka's event that records its crossings and ends nothing."""
+        name, records, owned = event.name, self._records, self.precision.owned
+
+        def record(stepper: Any, when: Any, sign: int) -> None:
+            stepper.update_d_output(when)
+            records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
+
+        crossing, direction = self._crossings[name], direction_of(event)
+        return heyoka_module().nt_event(crossing, record, direction=direction, fp_type=self.precision.type)
+
+    def run(self, request: Request) -> Result:
+        """Integrate. Raises InputError unless start, duration and speed are finite numbers."""
         number = self.precision.number
         state = [number(component) for component in request.state]
         duration, omega = number(request.duration), number(request.omega)
         if request.rounding is not None:
             *state, omega = nudged((*state, omega), request.rounding, self.precision)
-        return state, duration, omega
+        constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
+        start = Start(self._ops, constants, request.friction, omega, state, forward)
+        wanted = request.estimated_by_defect or request.dense or request.times is not None
+        self._kept = [] if wanted else None
+        self._set_parameters(request, omega)
+        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
+            self._rewind(state)
+            return self._result(request, Status.FLAT, 0)
+        on = surfaces(request, start) if request.events else NO_SURFACES
+        # Of an event function that is zero to the last bit heyoka sees no other crossing in its first step.
+        careful = self._smooth or on.exactly
+        outcome, low, steps = self._integrated(start, on if careful else NO_SURFACES, duration, request.max_steps)
+        if not careful and abs(self._stepper.time) <= on.window and self._passable(outcome, on):
+            outcome, low, steps = self._integrated(start, on, duration, request.max_steps)
+        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, low)
+        if on.names:  # what is the start itself is no crossing
+            self._records[:] = [
+                record for record in self._records if record.name not in on.names or abs(record.time) > on.window
+            ]
+        return self._result(request, status, steps)
 
-    def _reset(self, request: Request, omega: Any, state: list[Any]) -> None:
-        """Parameters that are not those of the run before, and the state and time at the start."""
-        stepper = self._stepper
+    def _set_parameters(self, request: Request, omega: Any) -> None:
+        """The runtime parameters, unless they are those of the run before."""
         if omega is not self._speed or request.parameters is not self._parameters or request.rounding is not None:
             constants = request.parameters.at(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
-            values += products(constants, omega)[: self._products]
             self._parameters, self._speed = request.parameters, omega
             if request.rounding is not None:
                 values = nudged(values, request.rounding + 1, self.precision)
                 self._parameters = None  # the next run must not take them over
-            stepper.pars[: 1 + len(values)] = [omega, *values]
-        self._rewind(state)
+            self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
-    def _rewind(self, state: list[Any]) -> None:
+    def _rewind(self, state: Sequence[Any]) -> None:
         """To the start, at time 0, with nothing recorded."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
             self._kept.clear()
-        if self._identity is None:
-            stepper.state[:] = state
-        else:
-            stepper.state[:3] = state
+        stepper.state[:3] = state
+        if self._identity is not None:
             stepper.state[3:] = self._identity
         if self._crossings:
             stepper.reset_cooldowns()
@@ -84,7 +161,7 @@ class Integrator(Compiled):
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """To a time or a terminal event: the outcome, the smallest step and the number of steps, whose series stay."""
         if self._kept is not None:
-            # In half the time of heyoka's continuous output. As a plain function: it copies whatever else it is given.
+            # In half the time of heyoka's continuous output. As a bare function: it copies whatever else it is given.
             options |= {"callback": lambda stepper: self._keep_step(), "write_tc": True}
         outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
         if self._kept is not None and steps:
@@ -99,103 +176,59 @@ class Integrator(Compiled):
             self._kept.append((end, self.precision.owned(self._stepper.tc[:3])))
         return True
 
-    def _run_careful(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
-        """A run that may start on a surface, or switch the friction law's branch."""
-        if self._smooth:
-            self._branch.begin(request, omega, state, duration)
-        left = self._leave_surfaces(request, omega, state, duration)
-        if left.ended is not None:
-            return self._result(request, *left.ended, 1, left)
-        outcome, low, steps = self._until(duration, max_steps=request.max_steps)
-        if self._smooth and self._branch.lost:
-            outcome, low, steps = self._run_switching(request, omega, state, duration)
-        return self._result(request, outcome, low, steps, left)
+    def _integrated(self, start: Start, on: StartSurfaces, duration: Any, max_steps: int) -> tuple[Any, Any, int]:
+        """To the end, or to what ends the run before, as `_until` says it."""
+        ended = self._set_off(start, on, duration)
+        ran = ended or self._until(duration, max_steps=max_steps)
+        if self._smooth and not ended and self._branch.lost:
+            # Two switches came closer than events can tell.
+            self._branch.looks_ahead = True
+            ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
+            self._branch.looks_ahead = False
+        return ran
 
-    def _run_plain(self, request: Request, omega: Any, state: list[Any], duration: Any) -> Result:
-        """Straight to the end. An event close to the start raises the question of surfaces."""
-        stepper = self._stepper
-        outcome, low, steps = self._until(duration, max_steps=request.max_steps)
-        left = NO_SURFACES
-        first = self._records[0].time if self._records else stepper.time
-        if self._crossings and abs(first) <= LONGEST_WINDOW:
-            left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
-            if abs(stepper.time) <= left.window and self._passable(outcome, left.names):
-                self._reset(request, omega, state)
-                return self._run_careful(request, omega, state, duration)
-        return self._result(request, outcome, low, steps, left)
-
-    def _run_switching(self, request: Request, omega: Any, state: list[Any], duration: Any) -> tuple[Any, Any, int]:
-        """The run again, looking at the branch after every switch: two of them came closer than events can tell."""
-        stepper, branch = self._stepper, self._branch
-        self._rewind(state)
-        branch.begin(request, omega, state, duration)
-        self._leave_surfaces(request, omega, state, duration)
-        total = 0
-        while True:
-            branch.stops = True
-            outcome, low, steps = self._until(duration, max_steps=request.max_steps - total)
-            branch.stops = False
-            total += steps
-            if branch.ended or not branch.stopped or total >= request.max_steps:
-                break
-            # A moment later the sign tells which branch it is; until then both are the same to rounding.
-            ahead = stepper.time + branch.moment if duration > 0 else stepper.time - branch.moment
-            if (ahead >= duration) == (duration > 0):
-                ahead = duration
-            branch.asleep = True
-            outcome, low, steps = self._until(ahead)
-            branch.asleep = False
-            total += steps + 1
-            if outcome != self._finished or stepper.time == duration or total >= request.max_steps:
-                break
-            branch.look()
-        if branch.stopped and not branch.ended and total >= request.max_steps:
-            outcome = heyoka_module().taylor_outcome.step_limit
-        return outcome, low, total
-
-    def _leave_surfaces(self, request: Request, omega: Any, state: list[Any], duration: Any) -> StartSurfaces:
-        """Away from the surfaces that the start lies on, past the crossings of them that are the start itself.
+    def _set_off(self, start: Start, on: StartSurfaces, duration: Any) -> tuple[Any, Any, int] | None:
+        """From the start off the surfaces that it lies on, past the crossings of them that are the start itself.
 
         Rounding decides whether heyoka sees a crossing at the start, so it must not decide what the run does; and where
-        a function is zero to the last bit, heyoka sees no other crossing of it in its first step.
+        a function is zero to the last bit, heyoka sees no other crossing of it in its first step. Returns what ended
+        the run on the way, as `_until` does; None if nothing did.
         """
-        left = surfaces(request, self._ops, omega, state, bool(duration >= 0))
-        if not left.names:
-            return left
+        self._rewind(start.state)
+        if self._smooth:
+            self._branch.begin(start)
+        if not on.names:
+            return None
         # At most half of the run, so that a rest is left to be recorded.
-        limit = min(self.precision.number(left.window), abs(duration) * self.precision.number(0.5))
-        limit = limit if duration > 0 else -limit
-        if self._jumped(request, omega, state, limit, left.names):
-            return left
+        limit = min(self.precision.number(on.window), abs(duration) * self.precision.number(0.5))
+        limit = limit if start.forward else -limit
+        if self._jumped(start, limit, on):
+            return None
         outcome, low = self._finished, self._zero
         for _ in range(_MOST_PASSES):
             # An event that fires starts its cooldown: the next call goes on.
             outcome, low, _ = self._until(limit)
-            if not self._passable(outcome, left.names):
+            if not self._passable(outcome, on):
                 break
-        ended = self._index(outcome) is not None and not self._passable(outcome, left.names)
-        if ended or (self._smooth and self._branch.ended):
-            return left._replace(ended=(outcome, low))
-        return left
+        ended = self._index(outcome) is not None and not self._passable(outcome, on)
+        return (outcome, low, 1) if ended or (self._smooth and self._branch.ended) else None
 
-    def _jumped(self, request: Request, omega: Any, state: list[Any], target: Any, names: tuple[str, ...]) -> bool:
+    def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
         """To a time close to the start by the first step's series, whatever events are there.
 
-        False, and back at the start, if an event of another name is there too. (Many steps from event to event would
+        False, and back at the start, if an event of another surface is there too. (Many steps from event to event would
         not do: what they move an angle by is lost to its rounding.)
         """
         stepper = self._stepper
         stepper.step(target, write_tc=True)
         stepper.update_d_output(target)
         ahead, terms = stepper.d_output.tolist(), self.precision.owned(stepper.tc[:3])
-        self._reset(request, omega, state)
-        watched = [event for event in self._events if event.name not in names]
+        self._rewind(start.state)
+        watched = [event for event in self._events if event.name not in on.names]
         if self._smooth:  # its branch too must be the same all the way, and not in doubt at the start
-            self._branch.begin(request, omega, state, target)
+            self._branch.begin(start)
             watched += SLIDING_REVERSAL, FLAT
-        constants = request.parameters.at(self.precision)
-        begins, ends = (event_values(watched, self._ops, constants, omega, place) for place in (state, ahead[:3]))
-        if any(begin * end <= 0 for begin, end in zip(begins, ends, strict=True)):
+        if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
             return False
         stepper.time = target
         stepper.state[:] = ahead
@@ -208,18 +241,10 @@ class Integrator(Compiled):
         index = -int(outcome.value) - 1
         return index if 0 <= index < len(self._terminal) else None
 
-    def _passable(self, outcome: Any, names: tuple[str, ...]) -> bool:
-        """Whether what ended the run is an event of these."""
+    def _passable(self, outcome: Any, on: StartSurfaces) -> bool:
+        """Whether what ended the run is an event on whose surface it started."""
         index = self._index(outcome)
-        return index is not None and self._terminal[index].name in names
-
-    def _result(self, request: Request, outcome: Any, smallest_step: Any, steps: int, left: StartSurfaces) -> Result:
-        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, smallest_step)
-        if left.names:  # what is the start itself is no crossing
-            self._records[:] = [
-                record for record in self._records if record.name not in left.names or abs(record.time) > left.window
-            ]
-        return self._ended(request, status, steps)
+        return index is not None and self._terminal[index].name in on.names
 
     def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
         """Why a run did not reach its end; a terminal event is recorded."""
@@ -235,7 +260,7 @@ class Integrator(Compiled):
         self._records.append(EventRecord(event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])))
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
-    def _ended(self, request: Request, status: Status, steps: int) -> Result:
+    def _result(self, request: Request, status: Status, steps: int) -> Result:
         final, derivatives, divergence = self.precision.owned(self._stepper.state), None, None
         if self._identity is not None:
             if self._divergence:

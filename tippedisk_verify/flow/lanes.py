@@ -14,9 +14,9 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
-from tippedisk_verify.flow.one_at_a_time import CompiledRunners
-from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, event_values, start_window, starts_on
+from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, Start
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
     SWITCH,
@@ -27,7 +27,7 @@ from tippedisk_verify.flow.system import (
     system_of,
 )
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import field, products, shifted
+from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import Friction, Parameters, checked_friction
 from tippedisk_verify.model.precision import DOUBLE, heyoka_module
@@ -118,25 +118,19 @@ class BatchTaylor:
         if not result.crossings:
             return result
         by_name = {event.name: event for event in events}
+        ops = _shifted(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
+            """Whether a crossing is only the start: the run starts on the surface, or rests on it for ever."""
             if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
                 return False
-            pars, start = [omegas[run].item(), *constants[run].tolist()], states[run].tolist()
-            return _is_start(by_name[name], when, pars, start, shifted, friction)
+            pars = [omegas[run].item(), *constants[run].tolist()]
+            start = Start(ops, constants_of(pars, friction), friction, pars[0], states[run].tolist(), when >= 0)
+            if not start.lies_on(by_name[name], 2.0**-52):
+                return False
+            return not any(start.rates(start.state)) or abs(when) <= start.window(by_name[name])[0]
 
         return replace(result, crossings=tuple(one for one in result.crossings if not is_start(*one)))
-
-
-def _is_start(
-    event: Event, when: float, pars: list[float], start: list[float], shift: bool, friction: Friction
-) -> bool:
-    """Whether a crossing is only the start: the run starts on the surface, or rests on it for ever."""
-    ops, constants, omega = shifted(math) if shift else math, constants_of(pars, friction), pars[0]
-    if not starts_on(event, ops, constants, omega, start, 2.0**-52):
-        return False
-    flow = field(ops, constants, omega, friction)
-    return not any(flow(*start)) or abs(when) <= start_window(event, ops, constants, omega, start, flow, when >= 0)[0]
 
 
 class _Batch:
@@ -160,11 +154,11 @@ class _Batch:
             for own in (SWITCH, TURN_OVER)
         }
         self._events = [event for event in events if all(event not in some for some in asking.values())]
-        self._ops, self._friction = shifted(numpy) if shift else numpy, friction
+        self._ops, self._friction = _shifted(numpy) if shift else numpy, friction
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
         watched = (*self._events, SWITCH, TURN_OVER) if smooth else self._events
-        system, functions, self._products = system_of(variations, divergence, watched, shift, smooth)
+        system, functions = system_of(variations, divergence, watched, shift, friction)
         options: dict[str, Any] = {}
         if self._events:
             options["nt_events"] = [
@@ -175,7 +169,7 @@ class _Batch:
                 )
                 for event in self._events
             ]
-        self._signs = FrictionSigns(friction, self._ops) if smooth else None
+        self._signs = FrictionSigns() if smooth else None
         if self._signs is not None:
             changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
             options["t_events"] = [
@@ -184,7 +178,7 @@ class _Batch:
             ]
         start = numpy.zeros((3 + divergence, width))
         start[0] = start[1] = 1.0
-        pars = numpy.ones((len(parameter_names(friction)) + self._products + smooth, width))
+        pars = numpy.ones((len(parameter_names(friction)) + smooth, width))
         self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
         # What follows the state: the integral of the divergence starts at 0, the derivatives at the identity.
         self._rest = self._stepper.state[3:].copy()
@@ -193,8 +187,6 @@ class _Batch:
     def run(self, pars: Array, states: Array, durations: Array, max_steps: int) -> BatchResult:
         """``pars`` (m, n) are the speeds and the constants, in the order of `parameter_names`."""
         count, width = len(durations), self._rest.shape[1]
-        extra = products(constants_of(pars, self._friction), pars[0])[: self._products]
-        pars = numpy.vstack((pars, *(numpy.broadcast_to(product, count) for product in extra)))
         final = numpy.full((3 + len(self._rest), count), numpy.nan)
         finished = numpy.zeros(count, dtype=bool)
         crossings: list[_Crossing] = []
@@ -234,13 +226,14 @@ class _Batch:
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
         stepper.state[:3], stepper.state[3:] = states, self._rest
+        constants = constants_of(pars, self._friction)
+        start = Start(self._ops, constants, self._friction, pars[0], states, durations >= 0)
         if self._signs is not None:
-            self._signs.begin(stepper, durations)
+            self._signs.begin(stepper, start)
         if stepper.with_events:
             stepper.reset_cooldowns()
         self._crossings.clear()
-        constants = constants_of(pars, self._friction)
-        if any((value == 0).any() for value in event_values(self._events, self._ops, constants, pars[0], states)):
+        if any((start.value(event) == 0).any() for event in self._events):
             # Of an event function that is zero to the last bit heyoka sees no other crossing in the first step.
             stepper.propagate_until(numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations))
         stepper.propagate_until(durations, max_steps=max_steps)
@@ -256,7 +249,7 @@ class _Batch:
         return record
 
     def _changer(self, change: Callable[[Any, int, int], None], asking: Sequence[Event]) -> Any:
-        """For heyoka, which copies whatever is no plain function: changes the sign, and records for those who ask."""
+        """For heyoka, which copies whatever is no bare function: changes the sign, and records for those who ask."""
         crossings = self._crossings
 
         def changed(stepper: Any, sign: int, lane: int) -> bool:

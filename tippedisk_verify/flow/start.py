@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.equations import Ops, field, shifted
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.model.parameters import Constants, Friction
+from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
     "LONGEST_WINDOW",
     "NO_SURFACES",
     "ROUNDINGS",
     "START_WINDOW",
+    "Start",
     "StartSurfaces",
     "at_rest",
-    "event_values",
-    "start_window",
-    "starts_on",
     "surfaces",
 ]
 
@@ -33,12 +31,61 @@ LONGEST_WINDOW = _WINDOWS[-1]
 ROUNDINGS = 64
 
 
+class Start(NamedTuple):
+    """The start of a run in one arithmetic (or of many runs, as arrays), and what it moves by."""
+
+    ops: Ops
+    constants: Constants
+    friction: Friction
+    omega: Any  #: [rad/s]
+    state: Sequence[Any]
+    forward: Any  #: whether time rises
+
+    @classmethod
+    def of(cls, request: Request, precision: Precision) -> Start:
+        """That of a request, in an arithmetic with functions for single numbers."""
+        number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
+        state = [number(x) for x in request.state]
+        constants, forward = request.parameters.at(precision), number(request.duration) >= 0
+        return cls(ops, constants, request.friction, number(request.omega), state, bool(forward))
+
+    def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
+        """The event's function at the start, or at another state."""
+        return event.function(self.ops, self.constants, self.omega, *(self.state if state is None else state))
+
+    def rates(self, state: Sequence[Any]) -> Sequence[Any]:
+        """The field at a state."""
+        return field(self.ops, self.constants, self.omega, self.friction)(*state)
+
+    def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
+        """The state a short time after this one, to second order."""
+        middle = [x + step / 2 * rate for x, rate in zip(state, self.rates(state), strict=True)]
+        return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
+
+    def lies_on(self, event: Event, epsilon: float) -> bool:
+        """Whether the event's function is zero at the start, up to the rounding of the start."""
+        return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
+
+    def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
+        """For how long [s] a start on the event's surface lasts, in doubles, and the function's value then.
+
+        Until the function is no rounding any more: longer where the orbit only touches the surface. A crossing in that
+        time is the start itself. The start is rounded by ``epsilon``.
+        """
+        window = value = 0.0
+        for window in _WINDOWS:
+            value = float(self.value(event, self.ahead(self.state, window if self.forward else -window)))
+            if abs(value) > ROUNDINGS * epsilon:
+                break
+        return window, value
+
+
 class StartSurfaces(NamedTuple):
-    """The surfaces that a start lies on, and what happened on the way off them."""
+    """The surfaces that a start lies on."""
 
     names: tuple[str, ...]
     window: float = 0.0  #: for how long it lies there [s]
-    ended: tuple[Any, Any] | None = None  #: outcome and smallest step of a run that another event ended on the way
+    exactly: bool = False  #: whether one of the functions is zero to the last bit
 
 
 NO_SURFACES = StartSurfaces(())
@@ -46,75 +93,31 @@ NO_SURFACES = StartSurfaces(())
 
 def at_rest(request: Request) -> bool:
     """Whether the start is an equilibrium to the last bit. Its event functions may vanish, but it crosses nothing."""
-    precision = request.precision
-    number = precision.number
-    if number(request.state[2]) != 0:
+    if request.precision.number(request.state[2]) != 0:
         return False
-    ops = shifted(precision.ops) if request.shifted else precision.ops
-    flow = field(ops, request.parameters.at(precision), number(request.omega), request.friction)
-    return not any(flow(*map(number, request.state)))
+    start = Start.of(request, request.precision)
+    return not any(start.rates(start.state))
 
 
-def starts_on(event: Event, ops: Ops, constants: Constants, omega: Any, state: Sequence[Any], epsilon: float) -> bool:
-    """Whether the event function is zero at the start, up to the rounding of the start."""
-    return bool(abs(event.function(ops, constants, omega, *state)) <= ROUNDINGS * epsilon)
-
-
-def start_window(
-    event: Event,
-    ops: Ops,
-    constants: Constants,
-    omega: float,
-    state: Sequence[float],
-    flow: Callable[..., Sequence[float]],
-    forward: bool,
-    epsilon: float = 2.0**-52,
-) -> tuple[float, float]:
-    """For how long [s] a start on the event's surface lasts, in doubles, and the function's value then.
-
-    Until the function is no rounding any more: longer where the orbit only touches the surface. A crossing in that time
-    is the start itself. ``flow`` gives the rates at a state; the start is rounded by ``epsilon``.
-    """
-    window = value = 0.0
-    for window in _WINDOWS:
-        step = window if forward else -window
-        middle = [part + step / 2 * rate for part, rate in zip(state, flow(*state), strict=True)]
-        ahead = [part + step * rate for part, rate in zip(state, flow(*middle), strict=True)]
-        value = float(event.function(ops, constants, omega, *ahead))
-        if abs(value) > ROUNDINGS * epsilon:
-            break
-    return window, value
-
-
-def event_values(
-    events: Sequence[Event], ops: Ops, constants: Constants, omega: Any, state: Sequence[Any]
-) -> list[Any]:
-    """The event functions at a state (or at many, as arrays)."""
-    return [event.function(ops, constants, omega, *state) for event in events]
-
-
-def surfaces(request: Request, ops: Ops, omega: Any, state: Sequence[Any], forward: bool) -> StartSurfaces:
+def surfaces(request: Request, start: Start) -> StartSurfaces:
     """The surfaces that the start of a run lies on.
 
     A start that floats give is rounded to a double, whatever the arithmetic. As the edge of the domain, sin(beta) = 0
     is always the end of a run.
     """
     epsilon = float(request.precision.epsilon)
-    if any(type(part) is float for part in request.state):
+    if any(type(x) is float for x in request.state):
         epsilon = max(epsilon, 2.0**-52)
-    constants = request.parameters.at(request.precision)
-    on = [
-        event
-        for event in request.events
-        if starts_on(event, ops, constants, omega, state, epsilon)
-        and (event.name != FLAT.name or request.domain == "none")
-    ]
+    looked_at = [event for event in request.events if event.name != FLAT.name or request.domain == "none"]
+    values = [(event, start.value(event)) for event in looked_at]
+    on = [(event, value) for event, value in values if abs(value) <= ROUNDINGS * epsilon]
     if not on:
         return NO_SURFACES
-    ops, constants = shifted(math) if request.shifted else math, request.parameters.at(DOUBLE)
-    start, speed = [float(part) for part in state], float(omega)
-    flow = field(ops, constants, speed, request.friction)
-    windows = (
-        start_window(event, ops, constants, speed, start, flow, forward, max(epsilon, 2.0**-52))[0] for event in on
+    in_doubles = start._replace(
+        ops=shifted(math) if request.shifted else math,
+        constants=request.parameters.at(DOUBLE),
+        omega=float(start.omega),
+        state=[float(x) for x in start.state],
     )
-    return StartSurfaces(tuple(event.name for event in on), max(windows))
+    window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event, _ in on)
+    return StartSurfaces(tuple(event.name for event, _ in on), window, any(value == 0 for _, value in on))

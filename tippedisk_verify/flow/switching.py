@@ -5,7 +5,8 @@ unchanged (the saltation matrix is the identity). gamma_y is sin(beta) times the
 event, so that lying flat and switching never coincide. A request's own events of sliding reversal do coincide with the
 switch: of two events at the same time an integrator reports one and may lose the other, so the switch reports them. A
 switch sets the branch from the direction of the crossing, not by flipping it: one that was missed, because two
-crossings lay closer than events can tell apart, shows at the next.
+crossings lay closer than events can tell apart, shows at the next. Then the run is repeated, and at each of its
+crossings the motion a moment later sets the branch.
 """
 
 from __future__ import annotations
@@ -15,56 +16,40 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord, Request
-from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW
-from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.equations import Ops, field
-from tippedisk_verify.model.parameters import Friction
+from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord
+from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW, Start
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
 
+_MOMENT = 2.0 ** (-52 / 3)  # s after a switch, in which the branches, apart by gamma_y squared, are the same in doubles
 _LEFT_OVER = 1000  # roundings of the state: what may be left of the slip at a switch
-_MOST_SWITCHES = 1_000_000  # in one run; ordinary motion has some ten a second
 
 
 class FrictionSign:
     """The sign of gamma_y that an integrator computes with, which is its last parameter."""
 
-    def __init__(
-        self, precision: Precision, ops: Ops, place: int, watched: Sequence[Event], records: list[EventRecord]
-    ) -> None:
-        self._ops, self._place = ops, place
+    def __init__(self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]) -> None:
         self._watched, self._records = watched, records
-        self.ended = False  #: by a terminal event of sliding reversal
         self._one, self._owned = precision.number(1), precision.owned
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(START_WINDOW)
-        #: How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
-        self.moment = precision.number(float(precision.epsilon) ** (1 / 3))
+        # How long after a switch the branches, which differ by gamma_y squared, are the same to rounding [s].
+        self._moment = precision.number(self._epsilon ** (1 / 3))
         self.stepper: Any = None
-        self.side = 1  #: the sign of gamma_y / sin(beta)
-        self._upright = 1  # the sign of sin(beta)
-        self.stops = self.stopped = self.asleep = False
-        self._forward = True
-        self._contradicted = self._from_surface = False
-        self._switches = 0
+        self.looks_ahead = False  #: whether the motion a moment later decides at each switch
 
-    def begin(self, request: Request, omega: Any, state: Sequence[Any], duration: Any) -> None:
-        """Set the branch for a run. On the surface the sign a moment later decides."""
-        self._constants, self._omega = request.parameters.at(request.precision), omega
-        self._forward = bool(duration >= 0)
-        self._contradicted = self.stopped = self.ended = self.stops = self.asleep = False
-        self._switches = 0
-        self._upright = 1 if self._ops.sin(state[0]) >= 0 else -1
-        slip = self._slip(state)
-        self._from_surface = abs(float(slip)) <= ROUNDINGS * self._epsilon
+    def begin(self, start: Start) -> None:
+        """Set the branch for a run. On the surface the motion a moment later decides."""
+        self._start = start
+        self._contradicted = self.ended = self._rests = False
+        self._upright = 1 if start.ops.sin(start.state[0]) >= 0 else -1  # the sign of sin(beta)
+        self._from_surface = start.lies_on(SLIDING_REVERSAL, self._epsilon)
         if self._from_surface:
-            rates = field(self._ops, self._constants, omega, "smooth", self._one)(*state)
-            step = self._window if self._forward else -self._window
-            slip = self._slip([part + step * rate for part, rate in zip(state, rates, strict=True)])
-            self.asleep = not any(rates)  # at rest gamma_y is zero for ever: no switch, whatever heyoka sees
-        self._set(1 if slip >= 0 else -1)
+            self._rests = not any(start.rates(start.state))  # gamma_y is zero for ever: no switch, whatever heyoka sees
+            self._set(self._side_ahead(start.state))
+        else:
+            self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
 
     def turned(self) -> bool:
         """At sin(beta) = 0, where nobody asked for the end of the run."""
@@ -74,18 +59,24 @@ class FrictionSign:
 
     def switched(self, sign: int, time: Any) -> bool:
         """At a crossing of gamma_y / sin(beta) = 0; whether the run goes on."""
-        if self.asleep:
+        if self._rests:
             return True
-        self._switches += 1
-        side = self.side if sign == 0 else sign if self._forward else -sign
-        if side == self.side and abs(time) > self._window:
-            # On this branch already: the crossing before was missed (or this one touches the surface only). At the very
-            # beginning it is the start itself, on the surface.
-            self._contradicted = True
-        self._set(side)
-        self.stopped = self.stops
+        if self.looks_ahead:
+            self._set(self._side_ahead(self._owned(self.stepper.state[:3])))
+        else:
+            side = self.side if sign == 0 else sign if self._start.forward else -sign
+            if side == self.side and abs(time) > self._window:
+                # On this branch already: the crossing before was missed (or this one touches the surface only). At the
+                # very beginning it is the start itself, on the surface.
+                self._contradicted = True
+            self._set(side)
         self.ended = self._reported(sign, time)
-        return not self.stops and not self.ended and self._switches < _MOST_SWITCHES
+        return not self.ended
+
+    def _side_ahead(self, state: Sequence[Any]) -> int:
+        """The sign of gamma_y / sin(beta) a moment later, to second order, because the motion may touch the surface."""
+        step = self._moment if self._start.forward else -self._moment
+        return 1 if self._start.value(SLIDING_REVERSAL, self._start.ahead(state, step)) >= 0 else -1
 
     def _reported(self, sign: int, time: Any) -> bool:
         """Record the crossing for the events that ask for it; whether one of them ends the run."""
@@ -96,51 +87,37 @@ class FrictionSign:
             self._records.append(EventRecord(event.name, time, self._owned(self.stepper.state[:3])))
         return any(event.terminal for event in asking)
 
-    def look(self) -> None:
-        """Take the branch of the present state."""
-        self.stopped = False
-        self._set(1 if self._slip(self.stepper.state[:3]) >= 0 else -1)
-
     @property
     def lost(self) -> bool:
         """Whether the run was on the wrong branch for a while: by its switches, or by where it ended."""
         # NaN is lost too.
-        slip = float(self._slip(self.stepper.state[:3]))
+        slip = float(self._start.value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_LEFT_OVER * self._epsilon
 
-    def _slip(self, state: Sequence[Any]) -> Any:
-        return SLIDING_REVERSAL.function(self._ops, self._constants, self._omega, *state)
-
     def _set(self, side: int) -> None:
-        self.side = side
-        self.stepper.pars[self._place] = self._one if side * self._upright > 0 else -self._one
+        self.side = side  #: the sign of gamma_y / sin(beta)
+        self.stepper.pars[-1] = self._one if side * self._upright > 0 else -self._one
 
 
 class FrictionSigns:
     """The same for every run of a batch, in the last row of the parameters."""
 
-    def __init__(self, friction: Friction, ops: Ops) -> None:
-        self._friction, self._ops = friction, ops
-
-    def begin(self, stepper: Any, durations: Any) -> None:
+    def begin(self, stepper: Any, start: Start) -> None:
         """On the surface the sign a moment later decides."""
-        states = stepper.state[:3].copy()
-        slip = self._slip(stepper, states)
+        slip = start.value(SLIDING_REVERSAL)
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
-            constants = constants_of(stepper.pars, self._friction)
-            rates = numpy.broadcast_arrays(*field(self._ops, constants, stepper.pars[0], "smooth")(*states))
-            later = self._slip(stepper, states + numpy.copysign(START_WINDOW, durations) * numpy.array(rates))
-            slip = numpy.where(on_surface, later, slip)
+            ahead = start.ahead(start.state, numpy.where(start.forward, _MOMENT, -_MOMENT))
+            slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, ahead), slip)
+        self._start = start
         self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)
-        self._upright = numpy.where(self._ops.sin(states[0]) >= 0, 1.0, -1.0)
-        self._forward = durations >= 0
+        self._upright = numpy.where(start.ops.sin(start.state[0]) >= 0, 1.0, -1.0)
         self._doubtful = numpy.zeros(len(slip), dtype=bool)
         stepper.pars[-1] = self._sides * self._upright
 
     def switched(self, stepper: Any, sign: int, lane: int) -> None:
         """gamma_y / sin(beta) has changed its sign."""
-        side = float(sign if self._forward[lane] else -sign) or self._sides[lane]
+        side = float(sign if self._start.forward[lane] else -sign) or self._sides[lane]
         if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
             self._doubtful[lane] = True
         self._sides[lane] = side
@@ -153,9 +130,5 @@ class FrictionSigns:
 
     def kept(self, stepper: Any) -> Any:
         """Which runs were on the right branch all the time."""
-        right = self._slip(stepper, stepper.state[:3]) * self._sides >= -_LEFT_OVER * 2.0**-52
-        return right & ~self._doubtful
-
-    def _slip(self, stepper: Any, states: Any) -> Any:
-        constants = constants_of(stepper.pars, self._friction)
-        return SLIDING_REVERSAL.function(self._ops, constants, stepper.pars[0], *states)
+        slip = self._start.value(SLIDING_REVERSAL, stepper.state[:3])
+        return (slip * self._sides >= -_LEFT_OVER * 2.0**-52) & ~self._doubtful

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, STATE_VARIATIONS, Event, Variation
-from tippedisk_verify.model.equations import Products, field, jacobian, products, shifted
+from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import Constants, Friction
 from tippedisk_verify.model.precision import heyoka_module
 
@@ -16,21 +16,19 @@ __all__ = [
     "SMOOTH_PARAMETERS",
     "SWITCH",
     "TURN_OVER",
-    "System",
     "constants_of",
     "direction_of",
     "parameter_names",
     "system_of",
 ]
 
-#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k. After them
-#: come products of them, and last the branch that the smooth law is on.
+#: Runtime parameters of the compiled field, in this order; the smooth law has two of its own instead of k, and last the
+#: branch that it is on.
 PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "k")
 SMOOTH_PARAMETERS = ("Omega", "r", "e", "a", "b", "g", "traction", "epsilon")
 #: The smooth law's own events, where its branch changes, under names that requests cannot have.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
-_WITHOUT_OMEGA = Products._fields.index("omega_squared")
 
 
 def parameter_names(friction: Friction) -> tuple[str, ...]:
@@ -44,37 +42,24 @@ def constants_of(pars: Any, friction: Friction) -> Constants:
     return Constants(**{name: rows.get(name) for name in Constants._fields})
 
 
-class System(NamedTuple):
-    """What to compile."""
-
-    equations: Any
-    crossings: dict[str, Any]  #: the event functions by name
-    products: int  #: how many of `model.equations.products` it takes as runtime parameters
-
-
 def system_of(
-    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, smooth: bool = False
-) -> System:
-    """The heyoka system with what is asked for.
+    variations: Sequence[Variation], divergence: bool, events: Sequence[Event], shift: bool, friction: Friction
+) -> tuple[Any, dict[str, Any]]:
+    """The heyoka system with what is asked for, and the expressions of the events by name.
 
     With ``shift`` angles are measured from pi/2. After the state comes the integral of the divergence, then the
     derivatives, row by row. Raises InputError for a derivative that the field does not have.
     """
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
-    state = hy.make_vars("beta", "gamma", "v")
-    friction: Friction = "smooth" if smooth else "linear"
-    names = parameter_names(friction)
+    state, names = hy.make_vars("beta", "gamma", "v"), parameter_names(friction)
     pars = [hy.par[index] for index in range(len(names))]
     constants, omega = constants_of(pars, friction), pars[0]
-    count = _products_given(variations, smooth)
-    as_numbers = [hy.par[len(names) + n] for n in range(count)]
-    given = Products(*as_numbers, *products(constants, omega)[count:])
-    law: tuple[Any, ...] = (friction, hy.par[len(names) + count] if smooth else None, given)
-    rates = field(ops, constants, omega, *law)(*state)
+    side = hy.par[len(names)] if friction == "smooth" else None
+    rates = field(ops, constants, omega, friction, side)(*state)
     system: Any = list(zip(state, rates, strict=True))
     if divergence:
-        slope = jacobian(ops, constants, omega, *law)(*state)[2][2]
+        slope = jacobian(ops, constants, omega, friction, side)(*state)[2][2]
         system.append((hy.make_vars("divergence"), slope))
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
@@ -82,21 +67,7 @@ def system_of(
         if unknown:
             raise InputError(f"no derivative with respect to '{unknown[0]}': use {', '.join(variables)}")
         system = hy.var_ode_sys(system, [variables[name] for name in variations])
-    crossings = {event.name: event.function(ops, constants, omega, *state) for event in events}
-    return System(system, crossings, count)
-
-
-def _products_given(variations: Sequence[Variation], smooth: bool) -> int:
-    """How many products can be numbers: in heyoka's recurrences each that is not is a series like any other.
-
-    A derivative with respect to a parameter must see the products that it is in.
-    """
-    if any(name not in (*STATE_VARIATIONS, "Omega") for name in variations):
-        return 0
-    if "Omega" in variations:
-        return _WITHOUT_OMEGA
-    # The smooth law's event has e Omega in it, too, and is computed together with the field.
-    return len(Products._fields) - smooth
+    return system, {event.name: event.function(ops, constants, omega, *state) for event in events}
 
 
 def direction_of(event: Event) -> Any:

@@ -1,6 +1,6 @@
 """heyoka's Taylor integrator behind the contract, one run at a time in any precision.
 
-What a request needs is compiled once and kept, until a hundred others have been used since: the plain field, the field
+What a request needs is compiled once and kept, until a hundred others have been used since: the bare field, the field
 with the events asked for, the variational system for the derivatives asked for, each in the arithmetic asked for. All
 parameters are runtime values, so one build serves every parameter set and speed. `Taylor.builds` tells what is kept.
 """
@@ -15,10 +15,10 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.comparison import compared
+from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import Integrator
-from tippedisk_verify.flow.one_at_a_time import CompiledRunners
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 

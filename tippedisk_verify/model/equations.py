@@ -6,7 +6,7 @@ mpmath context, ``heyoka``, ``sympy``), and work on whatever it works on: floats
 expressions.
 
 `terms` holds the paper's own quantities. `field` is what gets integrated: the same acceleration with its common factors
-taken out (45 instead of 67 operations in a Taylor recurrence) and with products instead of powers, because a general
+taken out (51 instead of 75 operations in a Taylor recurrence) and with products instead of powers, because a general
 power divides by its base and cos(beta) vanishes at every equilibrium and section. A test proves the two equal.
 """
 
@@ -22,7 +22,6 @@ from tippedisk_verify.model.parameters import Constants, Friction
 
 __all__ = [
     "Ops",
-    "Products",
     "Terms",
     "checked_speed",
     "checked_speeds",
@@ -30,7 +29,6 @@ __all__ = [
     "friction_force",
     "jacobian",
     "normal_force_over_weight",
-    "products",
     "shifted",
     "terms",
 ]
@@ -122,36 +120,18 @@ def friction_force(constants: Constants, sliding_velocity: Any, friction: Fricti
     return -weight * sliding_velocity / (abs(sliding_velocity) + constants.epsilon)
 
 
-class Products(NamedTuple):
-    """What the field makes of the constants and the speed alone. Who compiles the field hands them in as numbers."""
-
-    asymmetry: Any  #: (A - Bbar) / m [m^2]
-    twice_asymmetry: Any
-    three_e: Any  #: 3 e [m]
-    omega_squared: Any  #: [rad^2/s^2]
-    e_omega: Any  #: e Omega [m/s]
-
-
-def products(constants: Constants, omega: Any) -> Products:
-    """Those products, in whatever arithmetic the constants and the speed are in."""
-    asymmetry, e = constants.a - constants.b, constants.e
-    # Sums, because an integer factor would widen numbers of fewer bits than it has.
-    return Products(asymmetry, asymmetry + asymmetry, e + e + e, omega * omega, e * omega)
-
-
-def field(
-    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
-) -> Field:
+def field(ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None) -> Field:
     """The vector field ``(beta, gamma, v) -> (beta', gamma', v')`` [rad/s, rad/s, rad/s^2] (Eq. 3DOF).
 
     What does not depend on the state is computed here, once; the function returned has only the rest to do.
     Only ``r, e, a, b, g`` and ``k`` (linear) or ``traction, epsilon`` (smooth) of ``constants`` are used. ``side`` (1
-    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is. ``given`` takes the
-    place of `products`.
+    or -1) takes the smooth law's analytic branch for gamma_y of that sign, wherever the state is.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
-    asymmetry, twice_asymmetry, three_e, omega_squared, e_omega = given or products(constants, omega)
+    # Sums, because an integer factor would widen numbers of fewer bits than it has.
+    asymmetry, three_e, omega_squared, e_omega = constants.a - b, e + e + e, omega * omega, e * omega
+    twice_asymmetry = asymmetry + asymmetry
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
 
@@ -182,17 +162,17 @@ def field(
 
 
 def jacobian(
-    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None, given: Products | None = None
+    ops: Ops, constants: Constants, omega: Any, friction: Friction, side: Any = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
     """The function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``, differentiated by hand.
 
-    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side`` and
-    ``given`` as in `field`. It is one piece, so that each line can be held against the line of `field` that it
-    differentiates.
+    Where gamma_y = 0 the smooth law is continuously differentiable, with the linear law's derivative. ``side``
+    as in `field`. It is one piece, so that each line can be held against the line of `field` that it differentiates.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
-    asymmetry, twice_asymmetry, three_e, omega_squared, e_omega = given or products(constants, omega)
+    asymmetry, three_e, omega_squared, e_omega = constants.a - b, e + e + e, omega * omega, e * omega
+    twice_asymmetry = asymmetry + asymmetry
     linear = friction == "linear"
     k, traction, epsilon = constants.k, constants.traction, constants.epsilon
 

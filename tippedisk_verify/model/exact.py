@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.errors import InputError
 
-__all__ = ["PI", "Exact", "Known", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
+__all__ = ["PI", "Approximate", "Exact", "exact", "fraction", "mantissa_exponent", "quotient", "shown"]
 
 # A decimal exponent beyond this is a mistake, not a physical quantity, and would cost memory without bound.
 _LARGEST_DECIMAL_EXPONENT = 10_000
@@ -82,8 +82,8 @@ class Exact:
         return math.ldexp(mantissa, exponent)
 
 
-class Known:
-    """A number that is known to a half-width (`model.measured`). Wherever a number goes in, it stands for its value."""
+class Approximate:
+    """A number with a half-width (`model.measured`). Wherever a number goes in, it stands for its value."""
 
     __slots__ = ()
 
@@ -117,7 +117,7 @@ def exact(value: object) -> Exact:
         return Exact(Fraction(value))
     if isinstance(value, Decimal):
         return _parse(str(value))
-    if isinstance(value, Known):
+    if isinstance(value, Approximate):
         return Exact(value.value)
     pair = mantissa_exponent(value)
     if pair is None:
@@ -222,8 +222,8 @@ def mantissa_exponent(value: Any) -> tuple[int, int] | None:
 
         if not numpy.isfinite(value):
             return None
-        part, exponent = numpy.frexp(value)
-        return int(numpy.ldexp(part, 64)), int(exponent) - 64
+        mantissa, exponent = numpy.frexp(value)
+        return int(numpy.ldexp(mantissa, 64)), int(exponent) - 64
     if kind in ("real", "real128"):
         return _heyoka_mantissa(value, getattr(value, "prec", 113))
     if getattr(value, "shape", None) == () and getattr(value, "dtype", "object") != "object":

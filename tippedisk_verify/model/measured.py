@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import partialmethod
-from typing import Any, TypeVar
+from typing import Any
 
 from tippedisk_verify.errors import InputError, Shortfall
 from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals, rounded_up
-from tippedisk_verify.model.exact import Known, fraction, quotient, shown
+from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
 __all__ = ["DISTANCES", "Bounded", "Measured"]
 
@@ -24,36 +24,22 @@ __all__ = ["DISTANCES", "Bounded", "Measured"]
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
-T = TypeVar("T")
-
 _LARGEST_POWER = 1000  # that is taken by multiplication
 _LARGEST_EXPONENT = 100_000  # beyond it an exponential is a mistake, and would cost memory without bound
 _SPARE_BITS = 8  # that mpmath's last place, which is right to one or two units, is not relied upon
 
 
-def _of_two(act: Callable[[Bounded, Measured], T]) -> Callable[[Bounded, object], T]:
+def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, object], Measured]:
     """An operation with whatever is a number."""
 
-    def operation(self: Bounded, other: object) -> T:
+    def operation(self: Bounded, other: object) -> Measured:
         theirs = _operand(other)
         return NotImplemented if theirs is None else act(self, theirs)
 
     return operation
 
 
-def _compared(mine: Bounded, theirs: Measured, compare: Callable[[Fraction, int], bool]) -> bool:
-    """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
-    difference = mine - theirs if mine is not theirs else Measured(Fraction(0), Fraction(0))
-    low, high = (compare(end, 0) for end in difference._ends())
-    if low != high:
-        raise Shortfall(
-            f"{mine} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
-            " sorted(xs, key=float) does"
-        )
-    return low
-
-
-class Bounded(Known):
+class Bounded(Approximate):
     """Whatever has a value and the absolute half-width that is claimed to hold the true value: it behaves as a number.
 
     Sums, differences, products, quotients, powers, `abs`, `round` to decimals and the functions sqrt, log, exp, sin,
@@ -112,12 +98,12 @@ class Bounded(Known):
         if function in (numpy.isfinite, numpy.isinf, numpy.isnan):
             return function(numpy.asarray(inputs[0], dtype=float))
 
-        def exactly(part: Any) -> Any:
-            if isinstance(part, Bounded):
-                return numpy.asarray(part, object)
+        def exactly(operand: Any) -> Any:
+            if isinstance(operand, Bounded):
+                return numpy.asarray(operand, object)
             # NumPy makes no other objects of these, so that they would ask here again.
-            extended = getattr(part, "dtype", None) == numpy.longdouble
-            return numpy.frompyfunc(fraction, 1, 1)(part) if extended else part
+            extended = getattr(operand, "dtype", None) == numpy.longdouble
+            return numpy.frompyfunc(fraction, 1, 1)(operand) if extended else operand
 
         return getattr(function, method)(*map(exactly, inputs), **options)
 
@@ -125,10 +111,24 @@ class Bounded(Known):
         """The least and the greatest that the true value may be."""
         return self.value - self.uncertainty, self.value + self.uncertainty
 
-    __lt__ = _of_two(lambda mine, other: _compared(mine, other, operator.lt))
-    __le__ = _of_two(lambda mine, other: _compared(mine, other, operator.le))
-    __gt__ = _of_two(lambda mine, other: _compared(mine, other, operator.gt))
-    __ge__ = _of_two(lambda mine, other: _compared(mine, other, operator.ge))
+    def _compared(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
+        """A comparison, if it comes out alike wherever in their half-widths the true values lie."""
+        theirs = _operand(other)
+        if theirs is None:
+            return NotImplemented  # type: ignore[no-any-return]
+        difference = self - theirs if self is not theirs else Measured(Fraction(0), Fraction(0))
+        low, high = (compare(end, 0) for end in difference._ends())
+        if low != high:
+            raise Shortfall(
+                f"{self} and {theirs} cannot be told apart: ask for more digits, or compare the values by float(), as"
+                " sorted(xs, key=float) does"
+            )
+        return low
+
+    __lt__ = partialmethod(_compared, operator.lt)
+    __le__ = partialmethod(_compared, operator.le)
+    __gt__ = partialmethod(_compared, operator.gt)
+    __ge__ = partialmethod(_compared, operator.ge)
 
     def _integer(self, rounding: Callable[[Fraction], int]) -> int:
         """The integer that a number is rounded to, if it is the same wherever in the half-width the true value lies."""
@@ -185,7 +185,7 @@ class Bounded(Known):
         if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
             return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
-        # Away from 0 a power changes by more than towards it, or to the other side.
+        # Beyond the value a power changes by more than towards it, or to the other side.
         return Measured(base.value**size, max(map(abs, base._ends())) ** size - abs(base.value) ** size)
 
     def __rpow__(self, other: object) -> Measured:

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import PI, Exact, Known, exact, mantissa_exponent, shown
+from tippedisk_verify.model.exact import PI, Approximate, Exact, exact, mantissa_exponent, shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,7 +93,7 @@ class Precision:
     def _mpfr_functions(self) -> Any:
         """Of heyoka's MPFR numbers, by mpmath: numpy's would go through arrays, which lose memory.
 
-        What is no finite real number, given or found, becomes NaN.
+        Whatever is no finite real number becomes NaN.
         """
 
         def function(name: str, value: Any) -> Any:
@@ -106,11 +106,6 @@ class Precision:
             return zero / 0
 
         return SimpleNamespace(**{name: partial(function, name) for name in ("sin", "cos", "exp", "log", "sqrt")})
-
-    @cached_property
-    def _lowest(self) -> int:
-        """Numbers below 2**(this - 1) are subnormal."""
-        return {"double": -1021, "extended": -16381, "quadruple": -16381}.get(self.kind, -(1 << 62))
 
     @property
     def context(self) -> Any:
@@ -128,20 +123,21 @@ class Precision:
     def number(self, value: object) -> Any:
         """``value`` (anything that `exact` takes) rounded once, to nearest, to this precision.
 
-        Raises InputError if it is not a finite number, or too large for the type.
+        An extended or quadruple number below 1e-4932, which has fewer bits, may be rounded once more. Raises InputError
+        if the value is not a finite number, or too large for the type.
         """
-        if self.kind == "double" and isinstance(value, float):
-            if not math.isfinite(value):
-                raise InputError(f"a finite number is needed, not {value}")
-            return float(value)
-        pair = None if isinstance(value, str | int | Fraction | Decimal | Exact | Known) else mantissa_exponent(value)
-        if pair is None or pair[0].bit_length() > self.bits or pair[0].bit_length() + pair[1] < self._lowest:
-            number = exact(value)
-            pair = number.rounded(self.bits)
-            if pair[0].bit_length() + pair[1] < self._lowest and not number.pi_multiple:
-                # Subnormal: whole multiples of the smallest number, rounded once and from the exact value.
-                unit = self._lowest - self.bits
-                pair = round(number.rational * (1 << -unit)), unit
+        if self.kind == "double":
+            try:
+                double = float(value if isinstance(value, float) else exact(value))
+            except OverflowError:
+                raise InputError(f"{shown(value)} is too large for double precision") from None
+            if not math.isfinite(double):
+                raise InputError(f"a finite number is needed, not {double}")
+            return double
+        rational = isinstance(value, str | int | Fraction | Decimal | Exact | Approximate)
+        pair = None if rational else mantissa_exponent(value)
+        if pair is None or pair[0].bit_length() > self.bits:
+            pair = exact(value).rounded(self.bits)
         return self._from_mantissa(*pair)
 
     def array(self, values: Sequence[object]) -> Any:
@@ -186,33 +182,10 @@ class Precision:
             raise InputError(f"a finite number is needed, not {shown(value)}")
         return self.context.make_mpf(from_man_exp(*pair))
 
-    def solve(self, matrix: Any, right: Any) -> Any:
-        """Solution of a small dense linear system: numpy in double, mpmath above (numpy has no LAPACK there)."""
-        import numpy
-
-        if self.kind == "double":
-            return numpy.linalg.solve(matrix, right)
-        solution = self.context.lu_solve(self._matrix(matrix), self._matrix([[entry] for entry in right]))
-        return numpy.array([self.number(entry) for entry in solution], dtype=self._element)
-
-    def eigenvalues(self, matrix: Any) -> list[Any]:
-        """Eigenvalues of a small dense matrix: Python complex in double, mpmath mpc above."""
-        import numpy
-
-        if self.kind == "double":
-            return [complex(value) for value in numpy.linalg.eigvals(matrix)]
-        ctx = self.context
-        return [ctx.mpc(value) for value in ctx.eig(self._matrix(matrix), left=False, right=False)]
-
-    def _matrix(self, rows: Any) -> Any:
-        return self.context.matrix([[self.mpf(entry) for entry in row] for row in rows])
-
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
         size = mantissa.bit_length() + exponent
-        if mantissa and ((self.kind == "double" and size > 1024) or (self.kind != "real" and size > 16384)):
+        if mantissa and self.kind != "real" and size > 16384:
             raise InputError(f"a number of about 2^{size} is too large for {self.name} precision")
-        if self.kind == "double":
-            return math.ldexp(mantissa, exponent)
         if self.kind == "extended":
             import numpy
 
@@ -221,10 +194,10 @@ class Precision:
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
             return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
-        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two parts,
+        # The exponent too as a number of these bits (heyoka would take a plain integer for one of 64), in two,
         # each of which these bits hold.
         rest = exponent % (1 << 20)
-        powers = (self.type(2, self.bits) ** self.type(part, self.bits) for part in (exponent - rest, rest))
+        powers = (self.type(2, self.bits) ** self.type(power, self.bits) for power in (exponent - rest, rest))
         return self.type(mantissa, self.bits) * next(powers) * next(powers)
 
 

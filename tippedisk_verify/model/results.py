@@ -1,4 +1,4 @@
-"""Results as they are shown: as plain data, which the commands print as JSON, in lines with units, and as a table."""
+"""Results as they are shown: as data for JSON, which the commands print, in lines with units, and as a table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from tippedisk_verify.model.measured import Measured
 
-__all__ = ["QUANTITIES", "Printable", "heading", "plain", "result_lines"]
+__all__ = ["QUANTITIES", "Printable", "as_json", "heading", "result_lines"]
 
 _MOST_LINES, _WIDEST = 10, 100
 _LONGEST = 24  # of an exact number
@@ -85,21 +85,21 @@ class Printable:
 
     __slots__ = ()
 
-    #: What is told, and what of it first; if empty, all fields but those untold: whose it is, and how it was found.
-    told: ClassVar[tuple[str, ...]] = ()
+    #: The entries, and which come first; if empty, all fields but those untold: whose it is, and how it was computed.
+    listed: ClassVar[tuple[str, ...]] = ()
     first: ClassVar[tuple[str, ...]] = ()
     untold: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
     def to_dict(self) -> dict[str, Any]:
         """As plain data for JSON. A number with a half-width is a value and an uncertainty, both decimals as texts."""
-        names = self.told or [item.name for item in fields(self) if item.name[0] != "_"]  # type: ignore[arg-type]
+        names = self.listed or [item.name for item in fields(self) if item.name[0] != "_"]  # type: ignore[arg-type]
         ordered = dict.fromkeys((*self.first, *names))
-        return {name: plain(getattr(self, name)) for name in ordered if name not in self.untold}
+        return {name: as_json(getattr(self, name)) for name in ordered if name not in self.untold}
 
     def _title(self) -> str:
         disk = getattr(self, "parameters", getattr(self, "disk", None))
-        parts = (getattr(self, name) for name in ("engine", "precision") if hasattr(self, name))
-        made = [getattr(part, "name", part) for part in parts]
+        tools = (getattr(self, name) for name in ("engine", "precision") if hasattr(self, name))
+        made = [getattr(tool, "name", tool) for tool in tools]
         whose = "" if disk is None else f" of {disk.name} ({', '.join([disk.friction, *made])})"
         return type(self).__name__ + whose
 
@@ -112,29 +112,29 @@ class Printable:
 
     def _repr_html_(self) -> str:
         """A table, for notebooks."""
-        told = ((heading(name), _said(entry)) for name, entry in _brief(self.to_dict()).items())
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in told)
+        cells = ((heading(name), _said(entry)) for name, entry in _brief(self.to_dict()).items())
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells)
         return f"<table><caption>{escape(self._title())}</caption>{rows}</table>"
 
 
-def plain(value: Any) -> Any:
-    """Any part of a result as data for JSON: no finite number is None, one that is wider than a double is a text."""
+def as_json(value: Any) -> Any:
+    """A result, or an entry of one, for JSON: no finite number is None, one that is wider than a double is a text."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
-        return {str(name): plain(part) for name, part in value.items()}
+        return {str(name): as_json(entry) for name, entry in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(part) for part in value]
+        return [as_json(entry) for entry in value]
     if isinstance(value, Fraction):
         return Measured(value, Fraction(0)).to_dict()
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, int | str | None):
         return value
-    listed = value.tolist() if hasattr(value, "tolist") else value.value if isinstance(value, Enum) else value
-    return str(value) if type(listed) is type(value) else plain(listed)  # NumPy has no other name for a long double
+    bare = value.tolist() if hasattr(value, "tolist") else value.value if isinstance(value, Enum) else value
+    return str(value) if type(bare) is type(value) else as_json(bare)  # NumPy has no other name for a long double
 
 
 def heading(name: str) -> str:
@@ -144,7 +144,7 @@ def heading(name: str) -> str:
 
 
 def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
-    """A line for each number and sentence of plain data; what consists of several goes below its name."""
+    """A line for each number and sentence of data for JSON; what consists of several goes below its name."""
     for name, value in entries.items():
         if value in (None, [], {}):
             continue
@@ -176,16 +176,16 @@ def _said(value: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Plain data with its long lists cut down to their ends, and rows of a matrix beside each other."""
+    """Data for JSON with its long lists cut down to their ends, and rows of a matrix beside each other."""
     if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _LONGEST:
         return f"{value['value'][:_LONGEST]}…"  # a double has up to 50 digits
     if isinstance(value, dict):
-        return {name: _brief(part) for name, part in value.items()}
+        return {name: _brief(entry) for name, entry in value.items()}
     if not isinstance(value, list):
         return value
     if len(value) > _MOST_ENTRIES:
         return f"{len(value)}, from {_said(_brief(value[0]))} to {_said(_brief(value[-1]))}"
-    shorter = [_brief(part) for part in value]
-    if not any(isinstance(part, list) for part in shorter):
+    shorter = [_brief(entry) for entry in value]
+    if not any(isinstance(entry, list) for entry in shorter):
         return shorter
-    return "; ".join(", ".join(map(_said, part)) if isinstance(part, list) else _said(part) for part in shorter)
+    return "; ".join(", ".join(map(_said, entry)) if isinstance(entry, list) else _said(entry) for entry in shorter)

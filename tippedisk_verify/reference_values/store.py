@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Bounded, Measured
-from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.reference_values.manifest import sound_files
 
 __all__ = ["Quantity", "Reading", "Store", "data_folder", "stored"]
@@ -102,7 +102,7 @@ class Quantity(Printable, Bounded):
         if "doubles" in self.values:
             entry["from_doubles"] = dict(zip(("value", "uncertainty"), self.values["doubles"], strict=True))
         names = ("grade", "methods", "condition", "inputs", *["proof"] * (self.proof is not None))
-        return entry | {name: plain(getattr(self, name)) for name in names}
+        return entry | {name: as_json(getattr(self, name)) for name in names}
 
 
 numbers.Real.register(Quantity)  # pytest.approx compares what is a number by this name, inside lists too

@@ -14,7 +14,7 @@ from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import plain
+from tippedisk_verify.model.results import as_json
 from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.work import AuditJob
@@ -34,7 +34,7 @@ def shown(value: Measured | str) -> str:
 
 def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
     """One entry of ``claims`` in the promised shape, with the value for every audited set beside it."""
-    by_set = plain(finding.computed)
+    by_set = as_json(finding.computed)
     agreed = {
         name: digits
         for name, value in by_set.items()

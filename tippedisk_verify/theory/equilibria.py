@@ -19,7 +19,7 @@ from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable, plain
+from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [
@@ -73,7 +73,7 @@ class Equilibrium(Printable):
     def to_dict(self) -> dict[str, object]:
         return {
             "state": {"beta": "pi/2", "gamma": "pi/2" if self.name == "inverted" else "-pi/2", "v": "0"},
-            "eigenvalues": plain(self.eigenvalues),
+            "eigenvalues": as_json(self.eigenvalues),
             "stable": self.stable,
         }
 
