@@ -70,8 +70,8 @@ def _require_rounding_to_nearest() -> None:
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if this
-    process does not round to nearest.
+    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if
+    this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
