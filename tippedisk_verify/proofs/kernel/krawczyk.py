@@ -68,8 +68,7 @@ class FixedPoints:
 
 
 def krawczyk_test(
-    disk: Mapping[str, str],
-    friction: str,
+    claim: Mapping[str, Any],
     section: Section,
     middle: Pair,
     away: Pair,
@@ -79,10 +78,11 @@ def krawczyk_test(
 ) -> FixedPoints | Return:
     """Krawczyk's test about three points ``middle``, on the box of these plus ``away``, three balls about zero.
 
-    ``unknown`` says which two of the three numbers are. Returns the flight that did not return, if one did not. Who has
-    the map at the middle already passes it as ``centre``.
+    It is for the disk and the law of the claim (``parameters``, ``friction``); ``unknown`` says which two of the three
+    numbers are. Returns the flight that did not return, if one did not. Who has the map at the middle already passes it
+    as ``centre``.
     """
-    numbers = constants(disk)
+    numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
         centre = returned(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
     if centre.status is not Status.RETURNED:

@@ -24,7 +24,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import cycle
 from tippedisk_verify.proofs.kernel.flow import Model, magnitude
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
@@ -211,14 +211,15 @@ class Attempt:
                 sizes = [(abs(part) * arb(2) ** -self.box_bits).mid() for part in middle]
                 radii = [arb(0, size) for size in sizes]
                 choices = SearchedTest()
-                fixed = cycle.cycle_test(self.setting, self.section, middle, radii, choices)
+                at, drift = cycle.place(self.setting, middle)
+                fixed = krawczyk_test(self.setting, self.section, at, [*radii, drift], (0, 1), choices)
                 if isinstance(fixed, Return):
                     outcome, wanted = self.not_followed(fixed), self.bits + 64
                 elif fixed.included:
                     proof = self.concluded(fixed, radii)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, sizes, choices)
+                        return self.neighbourhood(proof, fixed, sizes, drift, choices)
                     outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
@@ -273,7 +274,7 @@ class Attempt:
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
     def neighbourhood(
-        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], choices: SearchedTest
+        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], drift: Any, choices: SearchedTest
     ) -> OrbitProof:
         """The proof with the widest box that passes the test, and with its evidence."""
         evidence = {
@@ -288,7 +289,8 @@ class Attempt:
                     continue
                 sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
                 wide, search = [arb(0, part) for part in sizes], SearchedTest()
-                remote = cycle.cycle_test(self.setting, self.section, fixed.middle[:2], wide, search, fixed.centre)
+                away = [*wide, drift]
+                remote = krawczyk_test(self.setting, self.section, fixed.middle, away, (0, 1), search, fixed.centre)
                 if isinstance(remote, FixedPoints) and remote.included:
                     evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
                     radii = wide

@@ -20,7 +20,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_const
 from tippedisk_verify.proofs.kernel.claims import fold
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.flow import Model, Status
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.numbers import measured, widened
@@ -185,8 +185,8 @@ class _Attempt:
         choices, flight = SearchedTest(), None
         if centre is not None:
             choices.centre, flight = centre
-        radii = [arb(0, size) for size in sizes]
-        fixed = fold.fold_test(self.setting, self.section, p, m, radii, choices, flight)
+        away = [p - p.mid(), *(arb(0, size) for size in sizes)]
+        fixed = krawczyk_test(self.setting, self.section, [p.mid(), *m], away, (1, 2), choices, flight)
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
         self.evidence[name] = {
