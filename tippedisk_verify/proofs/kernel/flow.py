@@ -252,8 +252,8 @@ class Trial:
     def verdict(self, length: float) -> Verdict | None:
         """What the test says of a length; None if a remainder is infinite."""
         with working_precision(_REMAINDER_BITS):
-            found = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
-        return found if all(part.is_finite() for part in (*found.fine, *found.rough)) else None
+            said = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
+        return said if all(x.is_finite() for x in (*said.fine, *said.rough)) else None
 
     def step(self, length: float, verdict: Verdict | None = None) -> Step:
         """The proved step of that length. Raises Unproved if the test does not prove it."""

@@ -243,9 +243,9 @@ class Attempt:
         if not scale > 0:
             return self.ended(Status.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
-        known, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
+        correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
-            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * known + 64))):
+            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
                 if flight.status is not FlowStatus.RETURNED:
                     return self.not_followed(flight)
@@ -261,15 +261,15 @@ class Attempt:
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
                 return self.ended(Status.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
-            previous, known = known, -size
-            if known < 20:  # far away: a fresh derivative for the next step
+            previous, correct = correct, -size
+            if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
                 continue
-            gain = gain or known
+            gain = gain or correct
             # Within the box's radius, or within what this precision can tell.
-            if known + min(gain, known) > min(self.box_bits + 4, self.bits - 16):
+            if correct + min(gain, correct) > min(self.box_bits + 4, self.bits - 16):
                 return state
-            if known <= previous:  # a stale derivative
+            if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
@@ -289,8 +289,10 @@ class Attempt:
                     continue
                 sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
                 wide, search = [arb(0, part) for part in sizes], SearchedTest()
-                away = [*wide, drift]
-                remote = krawczyk_test(self.setting, self.section, fixed.middle, away, (0, 1), search, fixed.centre)
+                deviations = [*wide, drift]
+                remote = krawczyk_test(
+                    self.setting, self.section, fixed.middle, deviations, (0, 1), search, fixed.centre
+                )
                 if isinstance(remote, FixedPoints) and remote.included:
                     evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
                     radii = wide

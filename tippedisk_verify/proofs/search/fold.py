@@ -171,8 +171,8 @@ class _Attempt:
         (f, *first), (g, *second) = whole.slopes
         inverse = midpoint_inverse((first, second))
         along = [-factor for factor in product(inverse, (f, g))]  # d(v, Omega)/dp
-        away = end.mid() - whole.middle[0]
-        m = [(part + slope * away).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
+        distance = end.mid() - whole.middle[0]
+        m = [(part + slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
         fixed = self.test(name, end, *self.sharpened(end, m, sizes, inverse))
         if not fixed.included:
             raise Unproved("at an end of the arc, Krawczyk's image does not lie inside the box")
@@ -185,8 +185,8 @@ class _Attempt:
         choices, flight = SearchedTest(), None
         if centre is not None:
             choices.centre, flight = centre
-        away = [p - p.mid(), *(arb(0, size) for size in sizes)]
-        fixed = krawczyk_test(self.setting, self.section, [p.mid(), *m], away, (1, 2), choices, flight)
+        deviations = [p - p.mid(), *(arb(0, size) for size in sizes)]
+        fixed = krawczyk_test(self.setting, self.section, [p.mid(), *m], deviations, (1, 2), choices, flight)
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
         self.evidence[name] = {

@@ -144,7 +144,7 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 def sentence(claim: Mapping[str, Any]) -> str:
     """What is claimed, in one sentence."""
-    section, n, near = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
+    section, n, room = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
     if claim["friction"] == "smooth":
@@ -156,8 +156,8 @@ def sentence(claim: Mapping[str, Any]) -> str:
             f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
             "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
-            f"and v_0 = {n[second]} rad/s, and no other with gamma within {near[first]} rad and v within "
-            f"{near[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
+            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
             f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} rad, less than "
             f"1.5707{sliding}; its period is T = {n['period']} s, its larger Floquet multiplier other than 1 is "
             f"{n['multiplier_slow']} with the logarithm {n['log_multiplier_slow']}, the logarithm of the smaller one "
@@ -167,8 +167,8 @@ def sentence(claim: Mapping[str, Any]) -> str:
     return (
         f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
-        f"rad and v_top = {n[second]} rad/s, and no other with beta within {near[first]} rad and v within "
-        f"{near[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
+        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
         f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet multiplier other than "
         f"1 of larger absolute value is {n['multiplier_slow']}, the logarithms of the absolute values of both are "
         f"{n['log_multiplier_slow']} and {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, "

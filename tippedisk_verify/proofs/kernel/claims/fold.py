@@ -61,8 +61,8 @@ def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoin
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
-        away = zip(point.image[1:], whole.middle[1:], radii, strict=True)
-        need(all(inside(x - y, r) for x, y, r in away), f"{name}: the cycle is not shown to be the arc's")
+        deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
+        need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
     need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
     for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
@@ -96,8 +96,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]
         choices = ReplayedTest(point["centre"], point["box"], name)
-        middle, away = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
-        points.append(choices.passed(krawczyk_test(claim, section, middle, away, (1, 2), choices)))
+        middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
+        points.append(choices.passed(krawczyk_test(claim, section, middle, deviations, (1, 2), choices)))
     judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
