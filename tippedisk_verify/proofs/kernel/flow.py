@@ -151,10 +151,6 @@ class Model:
         #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
-    def at_middle(self) -> Model:
-        """The model at the midpoint of the speeds."""
-        return Model(self.constants, self.omega.mid(), self.law)
-
     def orbit_at(self, omega: Any) -> System:
         """The states alone, without derivatives, at another speed."""
         graph = Graph()
@@ -279,19 +275,11 @@ class Path:
     they are computed roughly, for the mean-value form only.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        start: Sequence[Any],
-        proposer: Proposer,
-        *,
-        derivatives: bool = False,
-        along: Sequence[Any] = (0, 0, 0),
-    ) -> None:
+    def __init__(self, model: Model, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> None:
         if len(start) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
         self.model, self.proposer, self.time, self.sharp = model, proposer, ball(0), derivatives
-        self.frame = Frame([ball(part) for part in start], model.omega, along)
+        self.frame = Frame([ball(part) for part in start], model.omega)
         self.box = self.frame.box()
         self.divergence = ball(0)
         self.steps = 0
