@@ -27,6 +27,7 @@ from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, SYM
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel import flow, krawczyk, sliding
+from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.kernel.claims import FORMAT, proved
 from tippedisk_verify.proofs.kernel.reading import decimal, dyadic, dyadic_text
 from tippedisk_verify.proofs.kernel.series import System
@@ -160,6 +161,11 @@ def times(number: str, power: int) -> str:
     return f"{mantissa}p{int(exponent) + power}"
 
 
+def further(number: str) -> str:
+    with working_precision(2000):
+        return dyadic_text(dyadic(number) + dyadic("1p-16"))
+
+
 def put(path: tuple[Any, ...], value: Any) -> Callable[[Any], None]:
     def act(content: Any) -> None:
         part = at(content, path[:-1])
@@ -219,7 +225,6 @@ def other_boxes(content: Any) -> Iterator[Change]:
         if names[-1] == "centre":
             for index in (0, 1):
                 middle = (*names[:-1], "middle", index)
-                further = lambda m: dyadic_text(dyadic(m) + dyadic("1p-16"))  # noqa: E731
                 yield f"{middle} elsewhere", put(middle, further)
             continue
         for index in (0, 1):
