@@ -37,8 +37,7 @@ from typing import Any
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import positive
-from tippedisk_verify.proofs.kernel.curve_axes import Matrix
-from tippedisk_verify.proofs.kernel.curve_flow import Curve
+from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
@@ -162,13 +161,14 @@ class ScaledCurve(Curve):
         return (*super().numbers, self.gamma_bar)
 
     def trace(self, matrix: Matrix) -> Jet:
-        fixed = self.v + self.deviation[1]
-        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (self.gamma_bar * matrix[0][0]) + matrix[1][1]
+        degree = matrix[0][0].degree
+        fixed, square = (self.v + self.deviation[1]).cut(degree), self.gamma_bar.cut(degree)
+        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
         return trace
 
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
-        rise: Jet = 2 * (self.gamma_bar * slope) + beta_bar
+        rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
         return rise
 
     def __post_init__(self) -> None:

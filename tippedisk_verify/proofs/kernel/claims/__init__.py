@@ -1,0 +1,1 @@
+"""The claims that certificates make, and whether the evidence in a file proves them."""
