@@ -30,8 +30,8 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.checker.passage import F, Passage, S, Saddle, U, ask, cones, hull, most, products
-from tippedisk_verify.proofs.checker.reading import MEASURED, count, decimal, dyadic, order
 from tippedisk_verify.proofs.checker.steps import Flow, Piece, States, Unproved, column, exact_ball, need, positive
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, order
 
 __all__ = ["CHOICES", "END", "FLIGHT", "End", "ReturnMap", "end_shown", "flown", "seen"]
 

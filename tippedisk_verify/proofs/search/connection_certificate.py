@@ -24,19 +24,20 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker.connection import END, FLIGHT, ReturnMap, flown, seen
 from tippedisk_verify.proofs.checker.passage import Passage, Saddle, most
-from tippedisk_verify.proofs.checker.reading import parsed
 from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball,
     ball_constants,
     hull,
-    measured,
     series_length,
     working_bits,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.search.certificate import certificate_text, dyadic
+from tippedisk_verify.proofs.kernel.reading import dyadic_text as dyadic
+from tippedisk_verify.proofs.kernel.reading import parsed
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.certificate import checked_text
 from tippedisk_verify.proofs.search.connection_flight import fly_over
 from tippedisk_verify.proofs.search.local_manifolds import Frame
 from tippedisk_verify.proofs.search.passage import EXTENTS, RETURN, STEEP, THIN
@@ -70,7 +71,7 @@ def end_certificate(end: ProvedEnd) -> str:
             entry = end_entry(end)
             claim = {name: entry.pop(name) for name in ("low", "high", "gamma", "v")}
             claim |= {"kind": "cycles next to the connection", "parameters": _disk(end)}
-            return certificate_text(claim | {"numbers": {"omega_h": entry.pop("omega_h")}}, bits, entry)
+            return checked_text(claim | {"numbers": {"omega_h": entry.pop("omega_h")}}, bits, entry)
         except (checker.Unproved, checker.Refused) as fault:
             raise Shortfall(f"no certificate that the checker accepts could be made: {fault}") from None
 

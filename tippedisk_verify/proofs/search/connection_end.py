@@ -83,8 +83,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, hull, measured, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, hull, positive, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.connection_flight import Landing, fly_over, joined
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 from tippedisk_verify.proofs.search.local_manifolds import FAST, SLOW, UNSTABLE, Frame

@@ -30,6 +30,7 @@ from tippedisk_verify.proofs.kernel.flow import Model, Path, Step
 from tippedisk_verify.proofs.kernel.frame import Frame as Box
 from tippedisk_verify.proofs.kernel.section import UPRIGHT, enclosed_moment
 from tippedisk_verify.proofs.search.local_manifolds import FAST, SLOW, UNSTABLE, Frame
+from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["Landing", "fly_over", "joined"]
 
@@ -77,7 +78,7 @@ def fly_over(frame: Frame, model: Model, extents: Sequence[Any], slow: Any, fast
         step = path.step(longest)
         if step is None or not _climbs(model, step, tops):
             return None
-        level = seen(frame, step.carried())[SLOW] + s
+        level = seen(frame, path.carried(step))[SLOW] + s
         z, rising = _overall(frame, model, step)
         if negative(level) and (rising or negative(z[SLOW] + s)):
             path.take(step)
@@ -93,7 +94,7 @@ def fly_over(frame: Frame, model: Model, extents: Sequence[Any], slow: Any, fast
 
 def _departing(frame: Frame, model: Model, z: Sequence[Any]) -> Path:
     """The path of a box of z about the first saddle."""
-    path = model.path((arb(0), arb(0), arb(0)), derivatives=True)
+    path = model.path((arb(0), arb(0), arb(0)), Steps(), derivatives=True)
     box: Box = path.frame
     beta, gamma, v = frame.offset([part.mid() for part in z])
     start = (beta, gamma - arb.pi(), v)
@@ -145,10 +146,10 @@ def _landed(
     """The arrival on z_s = -s in a step that ends after it, where the path is taken; None if it is not proved."""
 
     def level(time: Any) -> Any:
-        return seen(frame, step.carried(time))[SLOW] + s
+        return seen(frame, path.carried(step, time))[SLOW] + s
 
     def slope(time: Any) -> Any:
-        return frame.rates(model.omega, seen(frame, step.carried(time)))[SLOW]
+        return frame.rates(model.omega, seen(frame, path.carried(step, time)))[SLOW]
 
     if not (negative(level(arb(0))) and tops):
         return None

@@ -68,10 +68,11 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
 from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, real_root
-from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, measured, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.flow import Step, carry
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.local_manifolds import (
     FAST,
     SLOW,
@@ -82,6 +83,7 @@ from tippedisk_verify.proofs.search.local_manifolds import (
     rates_of_cones,
     smallest_weights,
 )
+from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "not_proved", "prove_connection"]
 
@@ -299,7 +301,7 @@ class _Pass:
         start = self.leaving.unstable_point(self.theta_0)
         if start is None:
             return Status.UNSTABLE_BRANCH
-        path = model_of(self.parameters, self.thin).path(self._departing(start[0]))
+        path = model_of(self.parameters, self.thin).path(self._departing(start[0]), Steps())
         # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
         # in a box that is wider than N by the ratio of the eigenvectors' components.
         reach, small = self.arriving.share_of_reach() / 16, ball(resolved)
@@ -340,7 +342,7 @@ class _Pass:
             pieces.extend(step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES))
 
         model = model_of(self.parameters, self.interval)
-        flight = carry(model, self._departing(box), time, derivatives=True, watch=note)
+        flight = carry(model.path(self._departing(box), Steps(), derivatives=True), time, watch=note)
         if flight.status is not FlowStatus.REACHED or flight.matrix is None:
             return Status.FLOW
         moved = self.frame.offset([arb(0), arb(0, weights[SLOW]), arb(0, weights[FAST])])
