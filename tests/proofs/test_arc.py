@@ -12,6 +12,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+from tippedisk_verify.proofs.search.cycle_interval import IntervalProof, Status, failed_interval, prove_interval
 
 from tests.proofs.cases import carry, half_flight, speed_below
 from tippedisk_verify.cli import main
@@ -24,7 +25,6 @@ from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.search import arc as arcs
 from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
-from tippedisk_verify.proofs.search.cycle_interval import IntervalProof, Status, failed_interval, prove_interval
 from tippedisk_verify.theory.codimension_two import bautin_points
 
 OMEGA = speed_below(PRINTED, "0.5")

@@ -15,6 +15,9 @@ from unittest.mock import Mock
 
 import mpmath
 import pytest
+from tippedisk_verify.proofs.kernel.curve_flow import fly
+from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
+from tippedisk_verify.proofs.search.pieces import Piece, Status, joined, on_curve, prove_piece
 
 from tests.proofs.cases import half_flight, speed_below
 from tippedisk_verify.atlas.branch import family
@@ -31,17 +34,14 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.curve_flow import fly
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.search import connection_end, cover, family_certificate, pieces
-from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.proofs.search.branch import BranchProof, hopf_closed
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
-from tippedisk_verify.proofs.search.pieces import Piece, Status, joined, on_curve, prove_piece
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference

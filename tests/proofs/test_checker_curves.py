@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 from flint import arb, arb_mat, ctx
+from tippedisk_verify.proofs.checker.curves import Arc, Curve, Flight, Step, Tube
+from tippedisk_verify.proofs.checker.jets import Jet, sines, small_sines
 
 from tests.proofs.test_family_certificate import DISK, value
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import curves, steps
-from tippedisk_verify.proofs.checker.curves import Arc, Curve, Flight, Step, Tube
-from tippedisk_verify.proofs.checker.jets import Jet, sines, small_sines
 from tippedisk_verify.proofs.kernel.balls import working_precision
 
 UNIT = [[int(row == column) for column in range(3)] for row in range(3)]

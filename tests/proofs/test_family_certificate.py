@@ -21,18 +21,18 @@ from flint import arb, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp
+from tippedisk_verify.proofs.checker.family import family_shown
+from tippedisk_verify.proofs.checker.jets import Dual, Jet, at, polynomial, sines, small_sines
+from tippedisk_verify.proofs.search.family_certificate import chebyshev, family_certificate
+from tippedisk_verify.proofs.search.pieces import Piece
 
 from tests.proofs.test_branch import SUBCRITICAL, first, quick, second  # noqa: F401
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import curves, steps
-from tippedisk_verify.proofs.checker.family import family_shown
-from tippedisk_verify.proofs.checker.jets import Dual, Jet, at, polynomial, sines, small_sines
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.family_certificate import chebyshev, family_certificate
-from tippedisk_verify.proofs.search.pieces import Piece
 
 DISK = parameter_texts(PRINTED)
 SHARES = st.floats(-1, 1)

@@ -10,20 +10,17 @@ Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certif
 from __future__ import annotations
 
 from tippedisk_verify.proofs.checker.claims import FORMAT, proved
-from tippedisk_verify.proofs.checker.family import Mapped, Shown, arc_shown
 from tippedisk_verify.proofs.checker.steps import Flow, Piece, States, Unproved
+from tippedisk_verify.proofs.kernel.claims.family import Mapped
 from tippedisk_verify.proofs.kernel.reading import Refused, content_of, digest
 
 __all__ = [
     "FORMAT",
     "Flow",
-    "Mapped",
     "Piece",
     "Refused",
-    "Shown",
     "States",
     "Unproved",
-    "arc_shown",
     "check",
     "digest",
     "proved",

@@ -1,6 +1,6 @@
-"""The connection and the family: what a certificate claims, and whether its evidence shows it.
+"""The cycles next to the connection: what a certificate claims, and whether its evidence shows it.
 
-Limit cycles and their folds: `kernel.claims`.
+All other claims: `kernel.claims`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import tomllib
 from typing import Any
 
 from tippedisk_verify.proofs.checker.connection import CHOICES, end_shown
-from tippedisk_verify.proofs.checker.family import CLAIM, EVIDENCE, Mapped, family_shown
 from tippedisk_verify.proofs.checker.steps import UNITS, context
 from tippedisk_verify.proofs.kernel import claims as kernel
 from tippedisk_verify.proofs.kernel.balls import need
@@ -23,14 +22,6 @@ __all__ = ["FORMAT", "proved"]
 def _end(claim: dict[str, Any], evidence: dict[str, Any]) -> None:
     """The cycles next to the connection of saddles."""
     end_shown(claim["parameters"], {**claim, **claim["numbers"], **evidence})
-
-
-def _family(claim: dict[str, Any], evidence: dict[str, Any], mapped: Mapped) -> None:
-    """The family of limit cycles, and that it runs into the cycles next to the connection, if that is claimed."""
-    last = family_shown(claim, evidence["arcs"], mapped)
-    if "end" in evidence:
-        end = end_shown(claim["parameters"], {**claim, **claim["numbers"], **evidence["end"]})
-        need(end.meets(*last), "the last arc is not shown to run into the cycles next to the connection")
 
 
 with open(os.path.join(os.path.dirname(__file__), "claims.toml"), "rb") as _stream:
@@ -47,33 +38,25 @@ def _shapes(kind: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         "numbers": dict.fromkeys(kind["numbers"], MEASURED),
     }
     room = dict.fromkeys(("low", "high", "gamma", "v"), decimal)
-    if kind["proof"] == "end":
-        return claim | room, CHOICES
-    if kind["proof"] == "family":
-        return claim | CLAIM, EVIDENCE
-    return claim | CLAIM | room, {**EVIDENCE, "end": CHOICES}
+    return claim | room, CHOICES
 
 
-def proved(content: Any, mapped: Mapped = map) -> str:
+def proved(content: Any, mapped: kernel.family.Mapped = map) -> str:
     """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not.
 
     ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and are shown one by one.
     """
     name, bits = kernel.opened(content, kernel.KINDS | _KINDS)
     if name in kernel.KINDS:
-        return kernel.proved(content)
+        return kernel.proved(content, mapped)
     kind = _KINDS[name]
     claim, evidence = _shapes(kind)
     shape = {"format": str, "claim": claim, "bits": count, "evidence": evidence, "sha256": str}
     with context(bits):
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
-        if kind["proof"].endswith("family"):
-            _family(file["claim"], file["evidence"], mapped)
-        else:
-            _end(file["claim"], file["evidence"])
+        _end(file["claim"], file["evidence"])
     words = {name: value for name, value in file["claim"].items() if isinstance(value, str)}
-    words |= {f"near_{name}": value for name, value in file["claim"].get("unique_within", {}).items()}
     words |= {name: f"{n['value']} ± {n['uncertainty']}" for name, n in file["claim"]["numbers"].items()}
     disk = ", ".join(f"{name} = {file['claim']['parameters'][name]}{unit}" for name, unit in UNITS.items())
     return str(kind["sentence"].format(disk=disk, **words))

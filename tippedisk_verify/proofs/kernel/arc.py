@@ -40,9 +40,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
 from tippedisk_verify.proofs.kernel.curves import Choices, Curve, CurveFlight, fly
+from tippedisk_verify.proofs.kernel.field import Constants
 from tippedisk_verify.proofs.kernel.jets import Jet
 
 __all__ = ["GAMMA_BAR", "OMEGA", "UNKNOWNS", "Arc", "arc_test", "inverse"]

@@ -43,9 +43,8 @@ from dataclasses import dataclass
 from operator import mul
 from typing import Any, ClassVar, Protocol
 
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.proofs.checker.steps import Unproved, need
-from tippedisk_verify.proofs.kernel.balls import arb, inside, negative, positive
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need, negative, positive
+from tippedisk_verify.proofs.kernel.field import Constants
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
 from tippedisk_verify.proofs.kernel.section import UPRIGHT

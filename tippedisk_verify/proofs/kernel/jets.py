@@ -4,7 +4,8 @@ A `Jet` c_0, …, c_D stands for every function f on [-1, 1] for which, *for eac
 the balls c_i with f(s) = x_0 + x_1 s + … + x_D s^D. The numbers may differ from one s to the other, so there is no
 separate remainder: what an operation leaves over goes into a ball. A product has terms up to s^(2 D); the sum t(s) of
 those beyond s^D is s^D times something of size at most the sum of their coefficients, because |s| <= 1, and this is
-added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. A quotient's and a sine's remainders are written where they are computed.
+added to c_D on both sides. Sums are exact, and jets of unlike degrees may be added. A quotient's and a sine's
+remainders are written where they are computed.
 
 The coefficients are Arb's balls. For D = 0 this is plain ball arithmetic. What is smooth in s on the scale
 of the whole interval has coefficients that fall geometrically, and then the balls' radii are of the size of the first
@@ -201,9 +202,10 @@ class JetSeries(Sequence[Jet]):
         """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
         if not len(self):
             return 0
+        # Row i, column j: the sum for s^i of one and s^(D - j) of the other.
         turned = [row[::-1] for row in other.rows[::-1]]
-        # All sums of products of a power of s in one with one in the other.
         products = (arb_mat(self.rows) * arb_mat(turned).transpose()).tolist()
         top = len(self.rows) - 1
-        diagonals = ([products[i][top - k + i] for i in range(max(0, k - top), min(k, top) + 1)] for k in range(2 * top + 1))
+        diagonals = [[products[i][top - k + i] for i in range(*over.indices(top + 1))] for k, (over, _) in
+                     enumerate(_overlaps(top))]  # fmt: skip
         return Jet([sum(entries[1:], entries[0]) for entries in diagonals]).cut(top)

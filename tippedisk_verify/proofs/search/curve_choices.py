@@ -9,14 +9,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.arc import UNKNOWNS, inverse
-from tippedisk_verify.proofs.kernel.balls import arb
+from tippedisk_verify.proofs.kernel.balls import arb, need
 from tippedisk_verify.proofs.kernel.curves import ORDER, ROUGH_ORDER, Beginning, Curve, Matrix, Step, horner
+from tippedisk_verify.proofs.kernel.field import Constants
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.search.axes import axes_of_balls
 
 __all__ = ["StepSearch", "duration", "family_polynomials"]
 
@@ -41,8 +40,7 @@ class StepSearch:
 
     def step(self, beginning: Beginning) -> tuple[Step, bool]:
         """One with small remainders, and whether the return lies in it."""
-        if len(self.log) >= _MOST_STEPS:
-            raise ArithmeticError("the flight takes too many steps")
+        need(len(self.log) < _MOST_STEPS, "the flight takes too many steps")
         for _ in range(_MOST_TRIALS):
             text, last = self._next()
             share = float(text)
@@ -66,23 +64,15 @@ class StepSearch:
         return f"{min(self._share, 0.6 * left):.4g}", False
 
     def axes(self, step: Step, turned: Matrix) -> Matrix:
-        """Orthogonal ones, once velocities are divided by the stiffness, but for the rounding.
-
-        The first is along what is largest of the ``turned`` columns, each times its coordinate's size (Lohner's method).
-        """
+        """Those of `axes`, rounded."""
         states = step.states
         stiffness = max(1.0, abs(float(step.derivatives[8][1].range().mid())))  # the rate of d(v)/d(v)
-        columns = np.array([[float(entry.mid()) for entry in row] for row in turned])
-        columns[2] /= stiffness
         sizes = [
-            sum(float(part.abs_upper()) for part in (rest, *row))
+            sum(float(x.abs_upper()) for x in (rest, *row))
             for rest, row in zip(states.rest, states.spread, strict=True)
         ]
-        order = np.argsort(-np.linalg.norm(columns, axis=0) * np.array(sizes), kind="stable")
-        usable = np.isfinite(columns).all() and (np.abs(columns) < 1e30).all()
-        basis = np.linalg.qr(columns[:, order] if usable else np.eye(3))[0]
-        basis[2] *= stiffness
-        texts = [[f"{entry:.4g}" for entry in row] for row in basis.tolist()]
+        axes = axes_of_balls(turned, sizes, stiffness)
+        texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
         return [[arb(float(text)) for text in row] for row in texts]
 
@@ -136,7 +126,7 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
     sizes = [(float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDER - 1, ORDER)]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
-    return min(1.0, *((2.0**_TOLERANCE / size) ** (1 / n) for size, n in sizes if size))
+    return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
 
 
 def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:

@@ -16,21 +16,20 @@ The numbers of a `Piece` are exact. Where a ball becomes a point: they are, outw
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.proofs.checker.reading import count, decimal, parsed
-from tippedisk_verify.proofs.checker.steps import UNITS, Unproved, need
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, Arc, arc_test
-from tippedisk_verify.proofs.kernel.balls import arb, ball, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, midpoint_and_radius, need, working_precision
 from tippedisk_verify.proofs.kernel.curves import Choices, Curve, Replay
+from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.reading import count, decimal, parsed
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
-__all__ = ["ARC", "BOX", "Job", "Piece", "Status", "box_test", "disk_constants", "piece_shown", "polynomial", "signs",
+__all__ = ["ARC", "BOX", "Job", "Piece", "Status", "box_test", "piece_shown", "polynomial", "signs",
            "upper_bound"]  # fmt: skip
 
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
@@ -73,6 +72,7 @@ class Piece:
     curve: Rows
     unique_within: Pair  #: of the polynomials
     within: Pair  #: of the polynomials lie the true values
+    evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)  #: of the shape `ARC`
 
     @property
     def scaled(self) -> bool:
@@ -96,15 +96,6 @@ class Piece:
         return middle - self.within[1], middle + self.within[1]
 
 
-def disk_constants(disk: Mapping[str, str]) -> Constants:
-    """Balls that hold the constants of a disk of eight exact numbers. Raises Unproved if they are no disk's."""
-    r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
-    bar = B - m * e * e
-    need(0 < e < r and 0 < bar and B <= A and min(m, g, mu, epsilon) > 0, "the parameters are no disk's")
-    exact = (r, e, m, A, B, bar, g, mu, epsilon, A / m, bar / m, mu * g / epsilon, mu * g)
-    return Constants(*map(ball, exact))
-
-
 def polynomial(texts: Sequence[str]) -> Jet:
     """Decimals, as exact as balls hold them."""
     return Jet([ball(Fraction(text)) for text in texts])
@@ -112,8 +103,8 @@ def polynomial(texts: Sequence[str]) -> Jet:
 
 def upper_bound(x: Any) -> Fraction:
     """A number that no absolute value in the finite ball exceeds."""
-    enclosure = measured(x)
-    return abs(enclosure.value) + enclosure.uncertainty
+    middle, radius = midpoint_and_radius(x)
+    return abs(middle) + radius
 
 
 def box_test(
@@ -129,7 +120,7 @@ def box_test(
     parameter = Jet([ball((first + last) / 2), ball((last - first) / 2), *[arb(0)] * (half.degree - 1)])
     deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
     kind = Curve if low else ScaledCurve
-    return arc_test(disk_constants(disk), kind(parameter, v, omega, deviation, half.mid()), GAMMA_BAR, choices)
+    return arc_test(constants(disk), kind(parameter, v, omega, deviation, half.mid()), GAMMA_BAR, choices)
 
 
 def signs(arc: Arc) -> Status | None:
@@ -164,4 +155,4 @@ def piece_shown(job: Job) -> Piece:
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
     need(all(a <= b for a, b in zip(*boxes, strict=True)), f"arc {number}: the wide box does not hold the other one")
     v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
-    return Piece(low, Fraction(arc["end"]), (v, omega), (boxes[1][0], boxes[1][1]), (within[0], within[1]))
+    return Piece(low, Fraction(arc["end"]), (v, omega), (boxes[1][0], boxes[1][1]), (within[0], within[1]), content)

@@ -31,13 +31,13 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.proofs.checker.connection import CHOICES, end_shown
-from tippedisk_verify.proofs.checker.reading import MEASURED, decimal
-from tippedisk_verify.proofs.checker.steps import UNITS, need
-from tippedisk_verify.proofs.kernel.balls import arb, ball
-from tippedisk_verify.proofs.kernel.claims.arcs import ARC, Job, Piece, disk_constants, piece_shown
+from tippedisk_verify.proofs.kernel.balls import arb, ball, need
+from tippedisk_verify.proofs.kernel.claims.arcs import ARC, Job, Piece, piece_shown
+from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
+from tippedisk_verify.proofs.kernel.field import constants
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, one_of
 
-__all__ = ["KINDS", "curve_fault", "disk_words", "joined", "last_cycle", "omega_crit", "sentence", "shape", "show",
+__all__ = ["KINDS", "curve_fault", "joined", "last_cycle", "omega_crit", "sentence", "shape", "show",
            "unique_within"]  # fmt: skip
 
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}  #: whether up to the connection
@@ -67,7 +67,7 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 def omega_crit(disk: Mapping[str, str]) -> Any:
     """A ball that holds it [rad/s]."""
-    c = disk_constants(disk)
+    c = constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
@@ -106,13 +106,13 @@ def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a claim and its evidence have."""
     numbers = dict.fromkeys(("omega_crit", "omega_h") if KINDS[kind] else ("omega_crit",), MEASURED)
     claim = {
-        "kind": str, "parameters": dict.fromkeys(UNITS, decimal), "numbers": numbers,
+        **DISK, "kind": str, "friction": one_of("linear"), "numbers": numbers,
         **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
         "unique_within": dict.fromkeys(_ROOMS, decimal),
     }  # fmt: skip
     evidence: dict[str, Any] = {"arcs": [ARC, None]}
     if KINDS[kind]:
-        return claim | dict.fromkeys(("low", "high", "gamma", "v"), decimal), evidence | {"end": CHOICES}
+        return claim | dict.fromkeys(("low", "high", "gamma", "v"), decimal), evidence | {"end": _end().CHOICES}
     return claim, evidence
 
 
@@ -120,40 +120,40 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
     """Raises Unproved if the evidence does not prove the claim. ``mapped`` shows the arcs, which are independent."""
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
-    pieces = list(mapped(piece_shown, [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs), 1)]))
+    jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
+    pieces = list(mapped(piece_shown, jobs))
     fault = curve_fault(disk, pieces)
     need(not fault, fault)
     for name, amplitude in (("amplitude_first", pieces[0].high), ("amplitude_end", pieces[-1].high)):
         need(Fraction(claim[name]) == amplitude, f"claim: {name} is not the amplitude at which an arc ends")
     highest = pieces[-1].speeds(pieces[-1].high)[1]
     need(highest <= Fraction(claim["omega_end"]), "claim: omega_end is not shown to lie above the last cycle's speed")
-    number = claim["numbers"]["omega_crit"]
-    held = abs(omega_crit(disk) - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
-    need(bool(held), "claim: omega_crit is not shown to lie within its uncertainty")
+    held(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
     for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
         need(room >= Fraction(claim["unique_within"][name]) > 0, f"claim: no other {name} is so near, is not shown")
     if KINDS[claim["kind"]]:
-        end = end_shown(disk, {**claim, **claim["numbers"], **evidence["end"]})
+        end = _end().end_shown(disk, {**claim, **claim["numbers"], **evidence["end"]})
         meets = end.meets(*last_cycle(pieces))
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
-def disk_words(claim: Mapping[str, Any]) -> str:
-    """Which disk and which law a sentence is about."""
-    disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
-    return f"for the tippedisk with {disk} under the linear friction law"
+def _end() -> Any:
+    """What shows the cycles next to the connection."""
+    from tippedisk_verify.proofs.checker import connection
+
+    return connection
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
     """What is claimed, in some sentences."""
     last, room, whole = f"{claim['amplitude_end']} rad", claim["unique_within"], KINDS[claim["kind"]]
-    crit, *rest = (f"{number['value']} ± {number['uncertainty']} rad/s" for number in claim["numbers"].values())
+    numbers = number_words(claim)
     if whole:
         amplitudes = "(0, pi)"
         speeds = (
-            f"as a tends to pi Omega tends to Omega_h = {rest[0]}, at which (pi/2, -pi/2, 0) and (pi/2, 3 pi/2, 0) are "
-            "connected by a heteroclinic orbit, and by its image under S; the period tends to infinity, and v_0 to 0; "
-            "each Omega with Omega_h < Omega < Omega_crit"
+            f"as a tends to pi Omega tends to Omega_h = {numbers['omega_h']} rad/s, at which (pi/2, -pi/2, 0) and "
+            "(pi/2, 3 pi/2, 0) are connected by a heteroclinic orbit, and by its image under S; the period tends to "
+            "infinity, and v_0 to 0; each Omega with Omega_h < Omega < Omega_crit"
         )
         low, high = claim["low"], claim["high"]
         beyond = (
@@ -175,8 +175,9 @@ def sentence(claim: Mapping[str, Any]) -> str:
         "with beta' = v_0(a) is an asymptotically stable limit cycle, which S, (beta, gamma, v) -> (pi - beta, pi - "
         "gamma, -v), maps to itself, which crosses beta = pi/2 exactly twice a period, and on which |beta - pi/2| is "
         "less than pi/2; as a grows Omega falls strictly, and the period and the largest |beta - pi/2| grow strictly; "
-        f"as a tends to 0 the cycle shrinks to inverted spinning, Omega tends to Omega_crit = {crit}, where a pair of "
-        "eigenvalues crosses the imaginary axis, and the period tends to 2 pi over their imaginary part; "
+        "as a tends to 0 the cycle shrinks to inverted spinning, Omega tends to Omega_crit = "
+        f"{numbers['omega_crit']} rad/s, where a pair of eigenvalues crosses the imaginary axis, and the period tends "
+        "to 2 pi over their imaginary part; "
         f"{speeds} is the speed of exactly one of these cycles. Let P be the half-period map, along the flow at the "
         "speed Omega from beta = pi/2, v < 0 to the next crossing of beta = pi/2, with |beta - pi/2| < pi/2 between, "
         f"and then by S. For no a with 0 < a <= {last} there is another (v, Omega), v < 0, for which P has the fixed "

@@ -12,15 +12,14 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.proofs.checker.reading import MEASURED, decimal, one_of
-from tippedisk_verify.proofs.checker.steps import UNITS, need
 from tippedisk_verify.proofs.kernel.arc import OMEGA, Arc, arc_test
-from tippedisk_verify.proofs.kernel.balls import arb, ball
-from tippedisk_verify.proofs.kernel.claims.arcs import STEPS, disk_constants, polynomial, upper_bound
-from tippedisk_verify.proofs.kernel.claims.family import disk_words
+from tippedisk_verify.proofs.kernel.balls import arb, ball, need
+from tippedisk_verify.proofs.kernel.claims.arcs import STEPS, polynomial, upper_bound
+from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
 from tippedisk_verify.proofs.kernel.curves import Choices, Curve, Replay
+from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, one_of
 
 __all__ = ["KINDS", "UNKNOWNS", "beta_bound", "interval_numbers", "interval_test", "sentence", "shape", "show"]
 
@@ -28,11 +27,7 @@ KINDS = ("limit cycles of an interval of speeds",)
 UNKNOWNS = ("gamma_bar_0", "v_0")
 _NUMBERS = ("period", *UNKNOWNS, "multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega",
             "dgamma_bar_0_domega", "dv_0_domega")  # fmt: skip
-_MANNERS = {
-    True: "a limit cycle, asymptotically stable",
-    False: "a limit cycle, unstable",
-    None: "a periodic orbit, of undecided stability",
-}
+_UPRIGHT = Fraction(15707, 10000)  # rad: the flights prove that much in any case
 
 
 def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Choices) -> Arc:
@@ -51,7 +46,7 @@ def interval_test(claim: Mapping[str, Any], half: Sequence[str], choices: Choice
     speeds = Jet([middle, radius, *[arb(0)] * (degree - 1)])
     deviation = [*(arb(0, ball(room)) for room in rooms), arb(0)]
     curve = Curve(gamma_bar, v, speeds, deviation, total.mid())
-    return arc_test(disk_constants(claim["parameters"]), curve, OMEGA, choices)
+    return arc_test(constants(claim["parameters"]), curve, OMEGA, choices)
 
 
 def interval_numbers(arc: Arc) -> dict[str, Any]:
@@ -68,16 +63,16 @@ def interval_numbers(arc: Arc) -> dict[str, Any]:
 
 def beta_bound(arc: Arc) -> Fraction:
     """|beta_bar| is less than this on all cycles [rad]."""
-    return min(upper_bound(arc.flight.beta_least), Fraction(UPRIGHT))
+    return min(upper_bound(arc.flight.beta_least), _UPRIGHT)
 
 
 def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a claim and its evidence have."""
     claim = {
-        "kind": str, "parameters": dict.fromkeys(UNITS, decimal), "numbers": dict.fromkeys(_NUMBERS, MEASURED),
+        **DISK, "kind": str, "friction": one_of("linear"), "numbers": dict.fromkeys(_NUMBERS, MEASURED),
         **dict.fromkeys(("omega", "radius", "low", "high", "beta_below"), decimal),
         **dict.fromkeys(("unique_within", "enclosed_within"), dict.fromkeys(UNKNOWNS, decimal)),
-        "curve": dict.fromkeys(UNKNOWNS, [decimal, None]), "stable": one_of(True, False, None),
+        "curve": {name: [decimal, None] for name in UNKNOWNS}, "stable": one_of(True, False, None),
     }  # fmt: skip
     return claim, {"half": [decimal, None], "steps": STEPS}
 
@@ -90,25 +85,24 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         near = Fraction(claim["enclosed_within"][name])
         need(upper_bound(off) <= near, f"claim: {name} is not shown to be so near to its polynomial")
     for name, x in interval_numbers(arc).items():
-        number = claim["numbers"][name]
-        held = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(Fraction(number["uncertainty"]))
-        need(bool(held), f"claim: {name} is not shown to lie within its uncertainty")
+        held(claim["numbers"][name], x, name)
     need(beta_bound(arc) <= Fraction(claim["beta_below"]), "claim: beta is not shown to stay so near to upright")
     need(claim["stable"] in (None, arc.stable()), "claim: the stability is not shown")
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
     """What is claimed, in one sentence."""
-    numbers = {name: f"{number['value']} ± {number['uncertainty']}" for name, number in claim["numbers"].items()}
+    numbers = number_words(claim)
     (p, q), radius = (_text(claim["curve"][name]) for name in UNKNOWNS), claim["radius"]
     room, near = ([claim[which][name] for name in UNKNOWNS] for which in ("unique_within", "enclosed_within"))
     return (
-        f"{disk_words(claim)} and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - {claim['omega']} rad/s)"
-        f" / ({radius} rad/s), the half-period map, along the flow from beta = pi/2, v < 0 to the next crossing of "
-        "beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has exactly one fixed point "
+        f"{disk_words(claim)} and for every Omega from {claim['low']} to {claim['high']} rad/s, with s = (Omega - "
+        f"{claim['omega']} rad/s) / ({radius} rad/s), the half-period map, along the flow from beta = pi/2, v < 0 to "
+        "the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - gamma, -v), has exactly "
+        "one fixed point "
         f"(gamma - pi/2, v) = (gamma_bar_0, v_0) with |gamma_bar_0 - p(s)| <= {room[0]} rad and |v_0 - q(s)| <= "
         f"{room[1]} rad/s, where p(s) = {p} and q(s) = {q}; it depends analytically on Omega, and the two distances "
-        f"are at most {near[0]} rad and {near[1]} rad/s; through it runs {_MANNERS[claim['stable']]}, which S maps to "
+        f"are at most {near[0]} rad and {near[1]} rad/s; through it runs {MANNERS[claim['stable']]}, which S maps to "
         "itself, which crosses beta = pi/2 exactly twice a period and on which |beta - pi/2| is less than "
         f"{claim['beta_below']} rad; for all these speeds its period is within {numbers['period']} s, its larger "
         f"Floquet multiplier other than 1 within {numbers['multiplier_slow']}, the logarithm of the smaller one within "
@@ -120,4 +114,3 @@ def _text(coefficients: Sequence[str]) -> str:
     """A polynomial of s in words."""
     terms = [text + ("" if not k else " s" if k == 1 else f" s^{k}") for k, text in enumerate(coefficients)]
     return " + ".join(terms).replace("+ -", "- ")
-
