@@ -53,7 +53,7 @@ __all__ = ["ORDER", "ROUGH_ORDER", "Beginning", "Choices", "Curve", "CurveFlight
            "horner"]  # fmt: skip
 
 ORDER, ROUGH_ORDER = 20, 12  #: of the series of the states, and of those of derivatives
-_DEGREE = 2  # in s of derivatives at most: more tightens nothing, and 1 is too low
+_DEGREE = 3  # in s of derivatives at most: 2 is too low at both ends of the family, and 4 tightens little
 _FINEST = 2.0**-7  # part of a step in which an orbit turns
 _ALL, _BETA, _V = slice(3), slice(1), slice(2, 3)  # components of a state
 _PAD = arb(2) ** -40
