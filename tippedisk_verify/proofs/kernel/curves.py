@@ -19,9 +19,8 @@ theorem from middle(s) to any state of the set, at the speeds Omega(s) to Omega(
 
     state(h) in  image of middle(s)  +  (M lead + by Omega) d  +  M axes q.
 
-New points are chosen and the difference goes into ``rest``. ``own`` is the part of ``rest`` for d = 0: it follows the
-curve's own orbits, whose images Krawczyk's operator needs (`arc`). Derivatives by the start and Omega are lead(s) +
-axes spread.
+New points are chosen and the difference goes into ``rest``; ``own`` is the part of it for d = 0, for the curve's own
+orbits, whose images Krawczyk's operator needs (`arc`). Derivatives by the start and Omega are lead(s) + axes spread.
 
 **The first return** to beta = pi/2. beta_bar is 0 at the start. Of every step but the last one of these is proved, from
 its E: v < 0 throughout, or beta_bar < 0 throughout. As beta_bar' = v, beta_bar < 0 from the start on. In the last step
@@ -49,8 +48,7 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
 from tippedisk_verify.proofs.kernel.section import UPRIGHT
 
-__all__ = ["ORDER", "ROUGH_ORDER", "Beginning", "Choices", "Curve", "CurveFlight", "Matrix", "Replay", "Step", "fly",
-           "horner"]  # fmt: skip
+__all__ = ["Beginning", "Choices", "Curve", "CurveFlight", "Matrix", "Replay", "Step", "fly", "horner"]
 
 ORDER, ROUGH_ORDER = 20, 12  #: of the series of the states, and of those of derivatives
 _DEGREE = 3  # in s of derivatives at most: 2 is too low at both ends of the family, and 4 tightens little
@@ -97,9 +95,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class CurveFlight:
-    """What is proved of the orbits from a curve of starts.
-
-    Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
+    """What is proved of the orbits from a curve of starts. Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
     others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three
     numbers.
     """
@@ -131,7 +127,7 @@ class Replay:
         self.log, self.number = log, 0
 
     def step(self, beginning: Beginning) -> tuple[Step, bool]:
-        need(self.number < len(self.log), "there are no steps")
+        need(bool(self.log), "there are no steps")
         self.number += 1
         return beginning.step(float(self.log[self.number - 1]["share"])), self.number == len(self.log)
 
