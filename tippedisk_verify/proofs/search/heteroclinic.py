@@ -69,8 +69,9 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
 from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, real_root
 from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.flight import carry
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.flow import Step, carry
+from tippedisk_verify.proofs.kernel.flow import Step
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.local_manifolds import (
