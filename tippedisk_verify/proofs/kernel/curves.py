@@ -95,9 +95,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class CurveFlight:
-    """What is proved of the orbits from a curve of starts. Jets, for each s: ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the
-    others hold for all orbits from the curve and the deviations about it. Derivatives are by the curve's three
-    numbers.
+    """What is proved of the orbits from a curve of starts, as jets, for each s.
+
+    ``image`` is S of where the curve's own orbits return, (gamma_bar, v), after ``own_time``; the others hold for all
+    orbits from the curve and the deviations about it. Derivatives are by the curve's three numbers.
     """
 
     image: Sequence[Jet]
