@@ -38,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import inside, negative, positive
@@ -103,7 +104,7 @@ class Arc:
 
     def widening(self) -> bool:
         """Whether beta_max grows with gamma_bar_0 all along an arc over it (not at the Hopf point, where it is 0)."""
-        for beta_bar, row in self.flight.turning:
+        for beta_bar, row in chain.from_iterable(step.turning() for step in self.flight.turning):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.rise(beta_bar, slope).range()):
                 return False

@@ -107,8 +107,7 @@ class CurveFlight:
     time_by: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball below whose lowest number beta_bar never is [rad]
-    #: beta_bar, and its derivatives by the three numbers at a fixed time, in times that hold all moments with v = 0
-    turning: Sequence[tuple[Any, Sequence[Jet]]]
+    turning: Sequence[Step]  #: those that hold all moments with v = 0
 
 
 class Choices(Protocol):
@@ -307,7 +306,7 @@ def fly(constants: Constants, curve: Curve, choices: Choices) -> CurveFlight:
     need(negative(states.box()[2].range()), "v is not shown to be negative at the start")
     divergence = 0 * curve.total.cut(_DEGREE)
     time, least, number, last = 0 * curve.total, 0 * curve.total.c[0], 0, False
-    turning: list[tuple[Any, Sequence[Jet]]] = []
+    turning: list[Step] = []
     try:
         while not last:
             number += 1
@@ -319,7 +318,7 @@ def fly(constants: Constants, curve: Curve, choices: Choices) -> CurveFlight:
             need(signs, "beta is not shown to move as it must")
             least = least.union(beta_bar)
             if not (negative(v) or positive(v)):
-                turning += step.turning()
+                turning.append(step)
             if not last:
                 divergence, time = divergence + step.divergence(step.length), time + step.length
                 states = step.carried(choices)

@@ -16,13 +16,13 @@ Where a ball becomes a point: `mid` takes the coefficients' midpoints, and who c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from itertools import zip_longest
 from operator import mul
 from typing import Any
 
-from flint import arb_mat
+from flint import arb_poly
 
 from tippedisk_verify.proofs.kernel.balls import arb
 
@@ -171,41 +171,34 @@ class Jet:
 
     def series(self, old: object = None) -> JetSeries:
         """An empty sequence of jets like this one."""
-        return JetSeries([[] for _ in self.c])
+        return JetSeries([], [])
 
 
 class JetSeries(Sequence[Jet]):
-    """Coefficients of a power series in time that are jets, kept as one sequence of balls for each power of s."""
+    """Coefficients of a power series in time that are jets."""
 
-    __slots__ = ("rows",)
+    __slots__ = ("_polynomials", "jets")
 
-    def __init__(self, rows: list[Any]) -> None:
-        self.rows = rows
+    def __init__(self, jets: list[Jet], polynomials: list[Any]) -> None:
+        self.jets, self._polynomials = jets, polynomials
 
     def append(self, jet: Jet | None) -> None:
         """Behind the last one."""
         assert jet is not None
-        for row, part in zip(self.rows, jet.c, strict=True):
-            row.append(part)
+        self.jets.append(jet)
+        self._polynomials.append(arb_poly(list(jet.c)))
 
     def __len__(self) -> int:
-        return len(self.rows[0])
+        return len(self.jets)
 
     def __getitem__(self, index: Any) -> Any:
-        parts = [row[index] for row in self.rows]
-        return JetSeries(parts) if isinstance(index, slice) else Jet(parts)
-
-    def __iter__(self) -> Iterator[Jet]:
-        return (self[index] for index in range(len(self)))
+        if isinstance(index, slice):
+            return JetSeries(self.jets[index], self._polynomials[index])
+        return self.jets[index]
 
     def convolution(self, other: JetSeries) -> Jet | int:
         """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
         if not len(self):
             return 0
-        # Row i, column j: the sum for s^i of one and s^(D - j) of the other.
-        turned = [row[::-1] for row in other.rows[::-1]]
-        products = (arb_mat(self.rows) * arb_mat(turned).transpose()).tolist()
-        top = len(self.rows) - 1
-        diagonals = [[products[i][top - k + i] for i in range(*over.indices(top + 1))] for k, (over, _) in
-                     enumerate(_overlaps(top))]  # fmt: skip
-        return Jet([sum(entries[1:], entries[0]) for entries in diagonals]).cut(top)
+        total, top = sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree
+        return Jet([total[k] for k in range(2 * top + 1)]).cut(top)
