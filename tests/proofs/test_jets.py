@@ -116,7 +116,6 @@ FAULTS = {
         "return Jet(self.c[: degree + 1])"),
     "a tail keeps its sign": ("sum(map(symmetric, self.c[degree + 1 :]))", "sum(self.c[degree + 1 :])"),
     "a ball is its own mirror image": ("return x * _BOTH", "return x"),
-    "a product's terms are taken from the wrong end": ("slice(off + first, off + end)", "slice(first, end)"),
     "a sum of products is not turned round": ("reversed(other._polynomials)", "other._polynomials"),
     "a quotient's remainder is dropped": ("        if top:\n            over", "        if False:\n            over"),
     "the sine's remainder is dropped": ("result._wider(symmetric(last", "result._wider(0 * symmetric(last"),

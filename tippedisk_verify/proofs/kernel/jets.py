@@ -17,7 +17,6 @@ Where a ball becomes a point: `mid` takes the coefficients' midpoints, and who c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 from itertools import zip_longest
 from operator import mul
 from typing import Any
@@ -35,13 +34,6 @@ _BOTH = arb(0, 1)
 def symmetric(x: Any) -> Any:
     """A ball about zero that holds the ball and its mirror image."""
     return x * _BOTH
-
-
-@cache
-def _overlaps(top: int) -> list[tuple[slice, slice]]:
-    """For each k of 0 … 2 D the i with 0 <= i, k - i <= D: as a slice, and as that of a sequence turned round."""
-    ranges = [(max(0, k - top), min(k, top) + 1, top - k) for k in range(2 * top + 1)]
-    return [(slice(first, end), slice(off + first, off + end)) for first, end, off in ranges]
 
 
 class Jet:
@@ -83,11 +75,9 @@ class Jet:
 
     def __mul__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            a, b, top = self.c, other.c, len(self.c) - 1
-            if len(b) != len(a):
-                raise ValueError(f"jets of degree {top} and {len(b) - 1} do not go together")
-            b = b[::-1]
-            return Jet([sum(map(mul, a[i], b[j])) for i, j in _overlaps(top)]).cut(top)
+            if len(self.c) != len(other.c):
+                raise ValueError(f"jets of degree {self.degree} and {other.degree} do not go together")
+            return _multiplied(_polynomial(self) * _polynomial(other), len(self.c) - 1)
         return Jet([x * other for x in self.c])
 
     __rmul__ = __mul__
@@ -186,7 +176,7 @@ class JetSeries(Sequence[Jet]):
         """Behind the last one."""
         assert jet is not None
         self.jets.append(jet)
-        self._polynomials.append(arb_poly(list(jet.c)))
+        self._polynomials.append(_polynomial(jet))
 
     def __len__(self) -> int:
         return len(self.jets)
@@ -200,5 +190,13 @@ class JetSeries(Sequence[Jet]):
         """a_0 b_(k-1) + … + a_(k-1) b_0 of two series of the same length k (the integer 0 for none)."""
         if not len(self):
             return 0
-        total, top = sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree
-        return Jet([total[k] for k in range(2 * top + 1)]).cut(top)
+        return _multiplied(sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree)
+
+
+def _polynomial(jet: Jet) -> Any:
+    return arb_poly(list(jet.c))
+
+
+def _multiplied(product: Any, degree: int) -> Jet:
+    """A polynomial of twice the degree as a jet."""
+    return Jet([product[k] for k in range(2 * degree + 1)]).cut(degree)
