@@ -40,7 +40,6 @@ class Jet:
     """Coefficients of 1, s, …, s^D. Factors are of the same degree, or balls or integers."""
 
     __slots__ = ("c",)
-    of_balls = True  #: operations with a ball are this class's, whichever comes first
 
     def __init__(self, coefficients: Sequence[Any]) -> None:
         self.c = tuple(coefficients)
