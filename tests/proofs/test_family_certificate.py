@@ -34,7 +34,8 @@ def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
     first = {"end": "0.5", "curve": [["-2", "-1/10"], [str(middle - Fraction(1, 2)), "-1/2"]], "wide box": wide}
     second = {"end": "1", "curve": [["-3/2", "-9/20"], [str(middle - Fraction(3, 2)), "-1/2"]], "wide box": wide}
     claim = {
-        "kind": "family of limit cycles", "parameters": DISK, "friction": "linear", "amplitude_first": "0.5", "amplitude_end": "1",
+        "kind": "family of limit cycles", "parameters": DISK, "friction": "linear",
+        "amplitude_first": "0.5", "amplitude_end": "1",
         "omega_end": str(middle - 2 + Fraction(1, 50)),
         "numbers": {"omega_crit": {"value": str(middle), "uncertainty": "0.0001"}},
         "unique_within": {"v_0_per_gamma_bar_0": "0.09", "v_0": "0.09", "omega": "0.18"},
