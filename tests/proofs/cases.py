@@ -1,16 +1,22 @@
-"""What the tests of proofs share: the numbers of a cycle, exact speeds, and proved states."""
+"""What the tests of proofs share: the numbers of a cycle, exact speeds, and flights with the search's steps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
+from typing import Any
 
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.kernel.balls import ball, measured, working_precision
-from tippedisk_verify.proofs.kernel.flow import Status, carry
+from tippedisk_verify.proofs.kernel import flow
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.flow import Flight, Model, Status, Step
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 from tippedisk_verify.theory.hopf import omega_crit
 
 NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow", "log_multiplier_slow",
@@ -33,3 +39,44 @@ def proved_state(
         assert flight.status is Status.REACHED
         assert flight.upright
         return [measured(part) for part in flight.state]
+
+
+def carry(
+    model: Model,
+    start: Sequence[Any],
+    duration: object,
+    *,
+    derivatives: bool = False,
+    watch: Callable[[Step], None] | None = None,
+) -> Flight:
+    """The flow for a time from a box of states."""
+    return flow.carry(model.path(start, Steps(), derivatives=derivatives), duration, watch)
+
+
+def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
+    """The half map over a box."""
+    return returned(model, HALF, (gamma_bar, v), Steps(), **options)
+
+
+def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
+    """The turn map over a box."""
+    return returned(model, TURN, (beta_bar, v), Steps(), **options)
+
+
+def fixed_in(model: Model, middle: Sequence[Any], radii: Sequence[Any], section: Section = HALF) -> FixedPoints | None:
+    """Krawczyk's test for all speeds of the model at once; None if the map could not be followed."""
+    middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
+    box = [point + part for point, part in zip(middle, away, strict=True)]
+    centre = returned(model, section, middle, Steps())
+    over = returned(model, section, box, Steps(), derivatives=True)
+    if not centre.status is over.status is Status.RETURNED:
+        return None
+    (a, b), (c, d) = over.matrix
+    inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))
+    return fixed_points([*middle, arb(0)], [*away, arb(0)], (0, 1), inverse, centre, over)
+
+
+def included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+    """Whether the box passes the test."""
+    fixed = fixed_in(model, middle, radii)
+    return fixed is not None and fixed.included

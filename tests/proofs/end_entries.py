@@ -15,8 +15,8 @@ from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import connection as module
 from tippedisk_verify.proofs.checker.connection import ReturnMap
 from tippedisk_verify.proofs.checker.passage import Passage
-from tippedisk_verify.proofs.checker.reading import parsed
 from tippedisk_verify.proofs.kernel.balls import hull, working_precision
+from tippedisk_verify.proofs.kernel.reading import parsed
 from tippedisk_verify.proofs.search.certificate import dyadic
 from tippedisk_verify.proofs.search.local_manifolds import Frame
 

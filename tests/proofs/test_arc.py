@@ -13,18 +13,17 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import speed_below
+from tests.proofs.cases import carry, half_flight, speed_below
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import curve_flow
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, carry
+from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.section import half_flight
 from tippedisk_verify.proofs.search import arc as arcs
-from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
+from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
 from tippedisk_verify.proofs.search.cycle_interval import IntervalProof, Status, failed_interval, prove_interval
 from tippedisk_verify.theory.codimension_two import bautin_points
 
@@ -41,7 +40,7 @@ def proved() -> IntervalProof:
 
 
 @lru_cache(maxsize=4)
-def cycle(s: Fraction) -> CycleProof:
+def cycle(s: Fraction) -> OrbitProof:
     return prove_cycle(PRINTED, OMEGA + s * Fraction(RADIUS), GUESS, digits=40)
 
 

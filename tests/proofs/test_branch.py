@@ -16,7 +16,7 @@ from unittest.mock import Mock
 import mpmath
 import pytest
 
-from tests.proofs.cases import speed_below
+from tests.proofs.cases import half_flight, speed_below
 from tippedisk_verify.atlas.branch import family
 from tippedisk_verify.atlas.cycles_at_speed import cycle_at
 from tippedisk_verify.cli import main
@@ -36,7 +36,6 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
-from tippedisk_verify.proofs.kernel.section import half_flight
 from tippedisk_verify.proofs.search import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.proofs.search.branch import BranchProof, hopf_closed

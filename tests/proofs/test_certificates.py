@@ -26,13 +26,12 @@ from tippedisk_verify.model.equations import jacobian, shifted
 from tippedisk_verify.model.parameters import CALIBRATED, GEOMETRY, PRINTED, SYMBOLS, Parameters
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import claims
-from tippedisk_verify.proofs.checker.reading import decimal
 from tippedisk_verify.proofs.kernel.balls import BallOps, ball_constants, series_length, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.reading import decimal
 from tippedisk_verify.proofs.search.certificate import cycle_certificate, fold_certificate
-from tippedisk_verify.proofs.search.cycle import prove_cycle
+from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import LibrationFoldProof, prove_fold
-from tippedisk_verify.proofs.search.rotation import prove_rotation
 
 ROOM = Path(checker.__file__).parent
 FLIGHTS = (("centre",), ("box", "flight"), ("wide box", "flight"))
@@ -122,7 +121,9 @@ def test_a_certificate_of_a_rotating_cycle_is_accepted(taylor) -> None:
     from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 
     cycle = rotating_cycle(PRINTED, "31.386592688643567", taylor, stable=False)
-    proof = prove_rotation(PRINTED, "31.386592688643567", (cycle.beta_bar_top.value, cycle.v_top.value), digits=6)
+    proof = prove_cycle(
+        PRINTED, "31.386592688643567", (cycle.beta_bar_top.value, cycle.v_top.value), digits=6, section=TURN
+    )
     assert checker.proved(json.loads(cycle_certificate(proof))) == proof.statement
 
 

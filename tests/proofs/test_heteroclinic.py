@@ -13,6 +13,7 @@ import numpy
 import pytest
 from flint import arb, arb_mat, ctx
 
+from tests.proofs.cases import carry
 from tippedisk_verify.connection.heteroclinic import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import Request
@@ -21,7 +22,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.angles import rates
 from tippedisk_verify.proofs.kernel.balls import ball, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, carry
+from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.search import heteroclinic as certified
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection

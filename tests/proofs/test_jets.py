@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 from tippedisk_verify.proofs.kernel import jets
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.numbers import measured
 
 SOURCE = Path(jets.__file__).read_text(encoding="utf-8")
 OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {

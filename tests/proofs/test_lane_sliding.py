@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.proofs.cases import carry, half_flight
 from tests.proofs.test_sliding import GUESS, OMEGA, SMOOTH
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import Flight, carry
+from tippedisk_verify.proofs.kernel.flow import Flight
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
-from tippedisk_verify.proofs.kernel.section import Status, half_flight
+from tippedisk_verify.proofs.kernel.section import Status
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.search import lane_sliding
 from tippedisk_verify.proofs.search.lane_flight import half_flights, lane_of

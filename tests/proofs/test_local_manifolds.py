@@ -9,12 +9,13 @@ import mpmath
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import carry
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import NONINVERTED, OPS, Turned, linearization, rates
 from tippedisk_verify.proofs.kernel.balls import ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Model, Status, carry
+from tippedisk_verify.proofs.kernel.flow import Model, Status
 from tippedisk_verify.proofs.search.local_manifolds import (
     FAST,
     SLOW,

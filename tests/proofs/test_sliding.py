@@ -10,7 +10,7 @@ from fractions import Fraction
 import mpmath
 import pytest
 
-from tests.proofs.cases import NUMBERS, speed_below
+from tests.proofs.cases import NUMBERS, carry, half_flight, included, speed_below
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
@@ -18,17 +18,16 @@ from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, positive, working_precision
-from tippedisk_verify.proofs.kernel.flow import Flight, Path, Step, carry
+from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Flight, Path, Step
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.krawczyk import inclusion
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
-from tippedisk_verify.proofs.kernel.section import half_flight
-from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of, sliding_velocity
-from tippedisk_verify.proofs.search.cycle import Status, prove_cycle
+from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of
+from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
 from tippedisk_verify.proofs.search.local_manifolds import SLOW, UNSTABLE, Block, Curve, Frame
-from tippedisk_verify.proofs.search.rotation import prove_rotation
+from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -53,6 +52,10 @@ def flown(start=START, omega=OMEGA, **options) -> Flight:
     return flight
 
 
+def gamma_y(constants, omega, state):
+    return sliding_motion(sliding.BallOps, constants, omega, state)[0]
+
+
 def moved(column: int, step: object) -> tuple[list, object]:
     """Start and speed, one of the four moved."""
     values = [ball(part) for part in (*START, OMEGA)]
@@ -66,7 +69,7 @@ def test_the_rate_of_the_sliding_velocity_by_hand() -> None:
     constants, omega = ball_constants(SMOOTH), ball(OMEGA)
     state = beta, gamma, v = tuple(map(ball, ("0.2", "1.1", "-1.3")))
     for side in (1, -1):
-        rates = sliding.one_sided(side)(sliding.BallOps, constants, omega)(*state)
+        rates = one_sided(side)(sliding.BallOps, constants, omega)(*state)
         # In shifted angles sin(beta) is cos(beta_bar), cos(beta) is -sin(beta_bar), and so on.
         sb, cb, sg, cg = beta.cos(), -beta.sin(), gamma.cos(), -gamma.sin()
         rho = constants.r + constants.e * sg
@@ -76,15 +79,15 @@ def test_the_rate_of_the_sliding_velocity_by_hand() -> None:
             rho * sb,
         )
         by_hand = sum((slope * rate for slope, rate in zip(slopes, rates, strict=True)), arb(0))
-        assert sliding.sliding_rate(constants, omega, state, side).overlaps(by_hand)
+        assert sliding_motion(sliding.BallOps, constants, omega, state, rates[2])[1].overlaps(by_hand)
         step = arb(2) ** -40
         ahead = [part + step * rate for part, rate in zip(state, rates, strict=True)]
-        quotient = (sliding_velocity(constants, omega, ahead) - sliding_velocity(constants, omega, state)) / step
+        quotient = (gamma_y(constants, omega, ahead) - gamma_y(constants, omega, state)) / step
         assert abs(quotient - by_hand) < arb(2) ** -25  # step times a second derivative of some thousands
 
 
 def test_the_reversal_is_proved_and_counted() -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in START])
+    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in START], Steps())
     assert isinstance(path, SlidingPath)
     sides, crossings = [path.side], 0
     while path.time < ball(SPAN):
@@ -92,7 +95,7 @@ def test_the_reversal_is_proved_and_counted() -> None:
         assert step is not None
         crossings += isinstance(step, Crossing)
         path.take(step)
-        now = sliding_velocity(path.smooth.constants, path.smooth.omega, path.box)
+        now = gamma_y(path.smooth.constants, path.smooth.omega, path.box)
         assert positive(path.side * now)
         sides.append(path.side)
     assert (crossings, path.reversals, sides[0], sides[-1]) == (1, 1, -1, 1)
@@ -193,8 +196,8 @@ def time_of_the_reversal_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
         if time <= self.tau.lower():
             return rows
         state, constants = self.first.at(self.tau), ball_constants(SMOOTH)
-        rates = sliding.one_sided(-1)(sliding.BallOps, constants, ball(OMEGA))(*state)
-        slope = sliding.sliding_rate(constants, ball(OMEGA), state, -1)
+        rates = one_sided(-1)(sliding.BallOps, constants, ball(OMEGA))(*state)
+        slope = sliding_motion(sliding.BallOps, constants, ball(OMEGA), state, rates[2])[1]
         shift = [-constants.r * row / slope for row in self.first.rows_at(self.tau)[2]]  # d(gamma_y) is about r d(v)
         return tuple(
             tuple(entry + rate * dt for entry, dt in zip(row, shift, strict=True))
@@ -224,7 +227,7 @@ def reversal_without_the_speeds_part(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def rate_of_the_wrong_sign(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(SlidingPath, "_rate", lambda self, state, law=1: -RATE(self, state, law))
+    monkeypatch.setattr(SlidingPath, "_rate", lambda self, state, model=None: -RATE(self, state, model))
 
 
 def no_rate_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,7 +244,7 @@ def reversal_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SlidingPath, "take", Path.take)
 
 
-ONE_SIDED, MIDDLE, ROWS_AT, RATE = sliding.one_sided, SmoothModel.middle, Crossing.rows_at, SlidingPath._rate
+ONE_SIDED, MIDDLE, ROWS_AT, RATE = one_sided, SmoothModel.middle, Crossing.rows_at, SlidingPath._rate
 FAULTS = (
     wrong_law,
     same_law_after_the_reversal,
@@ -278,7 +281,7 @@ def complaint(truths: tuple[list, list]) -> str | None:
     if again.status is not FlowStatus.REACHED or not again.state[2].overlaps(grazing[0].state[2]):
         return "two reversals in a short time are wrong"
     start = [ball(part) for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start)
+    path = model_of(SMOOTH, ball(OMEGA)).path(start, Steps())
     while path.time < ball(SPAN):
         step = path.step()
         if step is None:
@@ -313,7 +316,7 @@ def test_further_planted_faults_are_noticed(fault: Callable, truths: tuple, monk
 # ---------------------------------------------------------------------------------------------- what must not be proved
 @pytest.mark.parametrize(("by", "reversals"), [("-0.001", 0), ("0.001", 2)])
 def test_on_either_side_of_a_grazing_orbit_reversals_are_counted(by: str, reversals: int) -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([*map(ball, GRAZING[:2]), ball(GRAZING[2]) + ball(by)])
+    path = model_of(SMOOTH, ball(OMEGA)).path([*map(ball, GRAZING[:2]), ball(GRAZING[2]) + ball(by)], Steps())
     while path.time < ball(LATER):
         step = path.step()
         assert step is not None
@@ -341,7 +344,7 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start, derivatives=True)
+    path = model_of(SMOOTH, ball(OMEGA)).path(start, Steps(), derivatives=True)
     step = path.step()
     while not isinstance(step, Crossing):
         assert step is not None
@@ -359,7 +362,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
 def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
     middle = [ball(reference(f"printed/linear/limit-cycle/crit-0.5/{n}").measured().value) for n in NUMBERS[1:3]]
     own = [ball(reference(f"{PLACE}/{name}").measured().value) for name in NUMBERS[1:3]]
-    for law, point, included in (
+    for law, point, passes in (
         ("smooth", own, True),
         ("linear", own, False),
         ("smooth", middle, False),
@@ -367,7 +370,7 @@ def test_the_linear_laws_cycle_is_none_of_the_smooth_law() -> None:
     ):
         with working_precision(64):
             model = model_of(PRINTED.with_friction(law), ball(OMEGA))
-            assert inclusion(model, point, [abs(part) * ball("1e-9") for part in point]).included is included
+            assert included(model, point, [abs(part) * ball("1e-9") for part in point]) is passes
 
 
 # --------------------------------------------------------------------------------------------------------- limit cycles
@@ -414,7 +417,7 @@ def test_the_third_disk_against_the_ordinary_road(taylor, distance: str) -> None
 @pytest.mark.slow
 def test_a_rotating_cycle_against_the_ordinary_road(taylor) -> None:
     cycle = rotating_cycle(SMOOTH, "30.079", taylor)
-    proof = prove_rotation(SMOOTH, "30.079", (cycle.beta_bar_top.value, cycle.v_top.value), digits=12)
+    proof = prove_cycle(SMOOTH, "30.079", (cycle.beta_bar_top.value, cycle.v_top.value), digits=12, section=TURN)
     assert proof.proved, proof.statement
     assert (proof.stable, proof.reversals) == (True, 2)
     assert "gamma_y changes its sign exactly 2 times a period and is 0 nowhere else" in proof.statement

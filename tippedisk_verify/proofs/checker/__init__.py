@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from tippedisk_verify.proofs.checker.claims import FORMAT, proved
 from tippedisk_verify.proofs.checker.family import Mapped, Shown, arc_shown
-from tippedisk_verify.proofs.checker.reading import Refused, content_of, digest
 from tippedisk_verify.proofs.checker.steps import Flow, Piece, States, Unproved
+from tippedisk_verify.proofs.kernel.reading import Refused, content_of, digest
 
 __all__ = [
     "FORMAT",

@@ -17,8 +17,8 @@ from flint import arb
 
 from tippedisk_verify.proofs.checker.curves import Arc, Curve
 from tippedisk_verify.proofs.checker.jets import Jet
-from tippedisk_verify.proofs.checker.reading import count, decimal, dyadic, parsed
 from tippedisk_verify.proofs.checker.steps import Flow, context, exact_ball, need
+from tippedisk_verify.proofs.kernel.reading import count, decimal, dyadic, parsed
 
 __all__ = ["CLAIM", "EVIDENCE", "Job", "Mapped", "Shown", "arc_shown", "family_shown"]
 

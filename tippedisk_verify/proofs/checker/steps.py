@@ -22,6 +22,9 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_series, ctx, fmpq
 
+from tippedisk_verify.proofs.kernel.balls import Unproved, need
+from tippedisk_verify.proofs.kernel.field import UNITS
+
 __all__ = [
     "UNITS",
     "Flow",
@@ -37,17 +40,6 @@ __all__ = [
     "need",
     "positive",
 ]
-
-UNITS = {"r": " m", "e": " m", "m": " kg", "A": " kg m^2", "B": " kg m^2", "g": " m/s^2", "mu": "", "epsilon": " m/s"}
-
-
-class Unproved(Exception):
-    """The certificate does not prove its claim; the message says which line fails."""
-
-
-def need(shown: object, what: str) -> None:
-    if shown is not True:
-        raise Unproved(what)
 
 
 def exact_ball(value: str | Fraction) -> Any:

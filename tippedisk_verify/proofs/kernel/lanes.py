@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.proofs.kernel.balls import arb, measured
+from tippedisk_verify.proofs.kernel.balls import arb, midpoint_and_radius
 from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
 
 __all__ = ["LaneSeries", "Lanes"]
@@ -470,8 +470,8 @@ def _outward(value: Any) -> tuple[float, float]:
             return 0.0, np.inf
         # Exponents may be beyond all reason; what is smaller than any normal number becomes a radius.
         small = arb(2) ** -1022
-        centre = Fraction(0) if abs(value.mid()) < small else measured(value.mid()).value
-        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else measured(value.rad()).value
+        centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
+        rad = Fraction(_NORMAL) if value.rad() < small and not value.is_exact() else midpoint_and_radius(value.rad())[0]
         spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
     elif isinstance(value, float):
         return value, 0.0

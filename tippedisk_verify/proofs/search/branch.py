@@ -30,7 +30,8 @@ from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 from tippedisk_verify.proofs.search.pieces import Piece, Status, joined
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd

@@ -22,19 +22,18 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.proofs.checker.steps import Unproved
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
-from tippedisk_verify.proofs.kernel.balls import ball, measured
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, ReturnMap, cycles_shown
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import most
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
 from tippedisk_verify.proofs.search.proposals import Proposer
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 
 __all__ = ["checked_distance", "prove_end"]
 
-_BITS = 64
 #: u, s, t: |z_f| has room for starts on the section beta = pi/2 that are off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS = (32, 6)  # along half of z_u and z_s, and of z_f
@@ -78,7 +77,8 @@ def prove_end(
     for attempt in range(_ATTEMPTS):
         search = _Search(connection, low, high, _ROOM**attempt)
         try:
-            end = cycles_shown(connection.shown, low, high, search, watch)
+            with working_precision(connection.bits):
+                end = cycles_shown(connection.shown, low, high, search, watch)
         except Unproved as fault:
             failed = ProvedEnd(search.stopped(str(fault)), connection, low, high, detail=str(fault))
             if not str(fault).startswith(LID):
@@ -115,9 +115,6 @@ class _Search(Proposer):
         if "connection" in refusal:
             return Status.APART
         return Status.FLIGHT if refusal.startswith("flight") else Status.INEQUALITY
-
-    def bits(self) -> int:
-        return _BITS
 
     def box(self) -> dict[str, Any]:
         omega_h, parameters = self.connection.omega_h, self.connection.parameters
@@ -187,7 +184,9 @@ class _Search(Proposer):
         """The times of single flights from z_u = u to z_s = -s, and z_u there, by the classical Runge-Kutta method."""
         assert self.connection.parameters is not None
         constants = Constants(*map(float, self.connection.parameters.rational()))
-        to_y, to_z = (np.array([[float(x) for x in row] for row in m.tolist()]) for m in (n.saddle.directions, n.saddle.inverse))
+        to_y, to_z = (
+            np.array([[float(x) for x in row] for row in m.tolist()]) for m in (n.saddle.directions, n.saddle.inverse)
+        )
         rates = field(shifted(np), constants, speeds, "linear")
         u, s, _ = map(float, n.extents)
         turn = np.array([[0.0], [math.pi], [0.0]])

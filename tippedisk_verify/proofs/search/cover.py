@@ -17,7 +17,8 @@ from fractions import Fraction
 
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
-from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.pieces import Guess, Piece, Status, joined, prove_piece
 
 __all__ = [

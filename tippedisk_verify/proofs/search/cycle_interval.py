@@ -19,12 +19,13 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, measured, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.claims.words import MANNERS
 from tippedisk_verify.proofs.kernel.curve_flow import Curve, duration
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.arc import Arc, family_polynomials, krawczyk_test
-from tippedisk_verify.proofs.search.cycle import MANNERS
 
 __all__ = [
     "IntervalProof",
@@ -71,7 +72,7 @@ class IntervalProof:
     curve: tuple[tuple[Fraction, ...], tuple[Fraction, ...]] = ((), ())  #: [rad], [rad/s]
     unique_within: tuple[Fraction, Fraction] = (Fraction(0), Fraction(0))  #: [rad], [rad/s]
     enclosed_within: tuple[Fraction, Fraction] = (Fraction(0), Fraction(0))
-    numbers: tuple[tuple[str, Measured], ...] = ()  #: names as of `cycle.CycleProof`
+    numbers: tuple[tuple[str, Measured], ...] = ()  #: names as of `cycle.OrbitProof`
     beta_below: Fraction | None = None  #: |beta - pi/2| is less than this [rad]
     stable: bool | None = None  #: all of them (True) or none (False), proved; None if not decided
 

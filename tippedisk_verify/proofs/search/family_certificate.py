@@ -21,15 +21,15 @@ from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs import checker
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, series_length, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.curve_flow import Curve, duration
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.reading import dyadic_text as dyadic
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
-from tippedisk_verify.proofs.search.certificate import certificate_text, dyadic, parameter_texts
-from tippedisk_verify.proofs.search.connection_certificate import end_bits, end_entry
+from tippedisk_verify.proofs.search.certificate import checked_text, parameter_texts
 from tippedisk_verify.proofs.search.cover import hopf_guess
 from tippedisk_verify.proofs.search.cycle_interval import two_digits
 from tippedisk_verify.proofs.search.pieces import SHARES, Piece
@@ -72,13 +72,12 @@ def family_certificate(
     evidence: dict[str, Any] = {"arcs": [entry for entry, _ in written]}
     try:
         if proof.end is not None and proof.end_closed:
-            bits = max(bits, end_bits(proof.end))
-            with working_precision(bits), series_length(10):
-                choices = end_entry(proof.end)
-            claim |= {"kind": "whole family of limit cycles"} | {name: choices.pop(name) for name in _OF_THE_END}
-            claim["numbers"]["omega_h"] = choices.pop("omega_h")
-            evidence["end"] = choices
-        return certificate_text(claim, bits, evidence, lambda function, arcs: [shown for _, shown in written])
+            bits = max(bits, proof.end.connection.bits)
+            told = proof.end.claim()
+            claim |= {"kind": "whole family of limit cycles"} | {name: told[name] for name in _OF_THE_END}
+            claim["numbers"] |= told["numbers"]
+            evidence["end"] = proof.end.evidence()
+        return checked_text(claim, bits, evidence, lambda function, arcs: [shown for _, shown in written])
     except (checker.Unproved, checker.Refused) as fault:
         raise Shortfall(f"no certificate that the checker accepts could be made: {fault}") from None
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from flint import arb, arb_mat, fmpq, fmpq_poly
 
@@ -22,12 +22,11 @@ from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_up
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.proofs.angles import NONINVERTED
-from tippedisk_verify.proofs.checker.steps import Unproved
 from tippedisk_verify.proofs.closed_forms import characteristic_polynomial, real_root
-from tippedisk_verify.proofs.kernel.balls import ball, coefficient, measured
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, ball_constants, coefficient, working_precision
 from tippedisk_verify.proofs.kernel.claims.connection import (
     EIGENVALUES,
     SIDES,
@@ -40,7 +39,10 @@ from tippedisk_verify.proofs.kernel.claims.connection import (
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, leaving
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, most, others
 from tippedisk_verify.proofs.kernel.flow import Path
-from tippedisk_verify.proofs.search.proposals import Proposer, as_text, certificate
+from tippedisk_verify.proofs.numbers import measured, widened
+from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.proposals import Proposer, as_text
+from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "eigenvectors", "not_proved", "prove_connection"]
 
@@ -50,7 +52,6 @@ _LONGEST = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
 _MOST_PASSES = 3
 _GUESSES = 12  # doublings of a guessed weight before it is given up
-_WIDER = 1 + Fraction(1, 2**20)  # claimed half-widths than those enclosed
 #: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is unique.
 _ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 _LEAST_DIGITS = 4  # an interval for fewer is too wide to be followed past a saddle; a shorter one does for them
@@ -117,17 +118,18 @@ class ProvedConnection(Printable):
     def statement(self) -> str:
         if not self.proved or self.omega_h is None or self.room is None or self.parameters is None:
             return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        return sentence(self.parameters.definition(), self.claim())
+        return sentence(self.claim())
 
     def claim(self) -> dict[str, Any]:
         """What is claimed, as a certificate says it. Only of what is proved."""
+        assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
         numbers = dict(zip(("omega_h", *EIGENVALUES), (self.omega_h, *self.saddle_eigenvalues), strict=True))
         return {
             "kind": "heteroclinic connection",
-            "parameters": disk_of(self.parameters),
-            "friction": self.parameters.friction if self.parameters else "linear",
+            "parameters": parameter_texts(self.parameters),
+            "friction": self.parameters.friction,
             "unique": self.unique,
             "upright": self.upright,
             **{name: exact_text(part) for name, part in self.room._asdict().items()},
@@ -137,13 +139,13 @@ class ProvedConnection(Printable):
     def evidence(self) -> dict[str, Any]:
         """The choices that the kernel has accepted, as a certificate has them."""
         assert self.choices is not None
-        return dict(as_text(self.choices))
+        return {name: as_text(part) for name, part in self.choices.items() if name != "arrived"}
 
     def certificate(self) -> str:
         """The text of a certificate. Only of what is proved."""
         claimed = ("room", "eigenvalues")
         evidence = {name: part for name, part in self.evidence().items() if name not in claimed}
-        return certificate(self.claim(), self.bits, evidence)
+        return certificate_text(self.claim(), self.bits, evidence)
 
     @property
     def limit_cycle(self) -> str | None:
@@ -165,11 +167,6 @@ class ProvedConnection(Printable):
     def to_dict(self) -> dict[str, object]:
         room = None if self.room is None else {name: exact_text(x) for name, x in self.room._asdict().items()}
         return super().to_dict() | {"status": self.status.name.lower(), "room": room}
-
-
-def disk_of(parameters: Parameters | None) -> dict[str, str]:
-    """The eight numbers of a disk as texts."""
-    return {} if parameters is None else {name: exact_text(getattr(parameters, name)) for name in SYMBOLS}
 
 
 def not_proved(status: Status, bits: int = 0, detail: str = "") -> ProvedConnection:
@@ -196,7 +193,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     for attempt in range(_MOST_PASSES):
         search = _Search(parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1)))
         try:
-            shown = connection_shown(disk_of(parameters), parameters.friction, (middle, half_width), search)
+            with working_precision(bits):
+                disk = parameter_texts(parameters)
+                shown = connection_shown(disk, parameters.friction, (middle, half_width), search)
         except Unproved as fault:
             proof = not_proved(search.stopped(str(fault)), bits, str(fault))
             if proof.status is Status.NOT_NEAR:
@@ -215,7 +214,7 @@ def _proved(parameters: Parameters, omega_h: Measured, shown: Connection, search
         saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
         room=Room(*shown.room),
         upright=shown.upright,
-        bits=search.log["bits"],
+        bits=search.bits,
         slowly=shown.slowly,
         turns_back="above" if shown.above else "below",
         parameters=parameters,
@@ -265,7 +264,7 @@ class _Search(Proposer):
     """One pass over an interval of speeds, with a working precision."""
 
     #: by the choice that was asked for last
-    _STAGES = {
+    _STAGES: ClassVar = {
         "unstable": Status.UNSTABLE_BRANCH, "cone": Status.UNSTABLE_BRANCH, "drift": Status.CONES,
         "block": Status.BLOCK, "room": Status.ROOM, "apart": Status.ROOM,
     }  # fmt: skip
@@ -274,7 +273,7 @@ class _Search(Proposer):
         self, parameters: Parameters, middle: Fraction, half_width: Fraction, bits: int, share: Fraction
     ) -> None:
         super().__init__()
-        self.parameters, self.middle, self._bits = parameters, middle, bits
+        self.parameters, self.middle, self.bits = parameters, middle, bits
         #: the flight goes on until the fast coordinate is smaller
         self.small = half_width * share
 
@@ -286,19 +285,16 @@ class _Search(Proposer):
             return Status.NOT_NEAR
         return self._STAGES.get(self.asked, Status.FLOW)
 
-    def bits(self) -> int:
-        return self._bits
-
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
-        self.order = 2 * math.ceil(_ORDER_PER_BIT * self._bits / 2) + 1
+        self.order = 2 * math.ceil(_ORDER_PER_BIT * self.bits / 2) + 1
         return list(directions.tolist())
 
     def eigenvalues(self, saddle: Saddle) -> list[tuple[Fraction, Fraction]]:
-        polynomial = characteristic_polynomial(saddle.constants, saddle.omega, NONINVERTED)
-        roots = [measured(real_root(polynomial, value)) for value in self.values]
-        claimed = [Measured(root.value, root.uncertainty * _WIDER).decimals() for root in roots]
-        return [(Fraction(value), Fraction(half)) for value, half in claimed]
+        polynomial = characteristic_polynomial(ball_constants(self.parameters), saddle.omega, NONINVERTED)
+        roots = [widened(measured(real_root(polynomial, value))) for value in self.values]
+        printed = (root.decimals() for root in roots)
+        return [(Fraction(value), Fraction(half)) for value, half in printed]
 
     def unstable(self, saddle: Saddle) -> dict[str, Any]:
         curve = self._curve(saddle, UNSTABLE)
@@ -346,13 +342,14 @@ class _Search(Proposer):
     def drift(self, matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
         return [part.mid() for part in smallest_weights(matrix, by_speed)]
 
-    def steps(self, path: Path, z: Sequence[Any], curve: Curve) -> int:
-        """The number of those taken if the flight is to end here, and one more if not."""
+    def flight(self) -> Steps:
+        return Steps()
+
+    def arrived(self, path: Path, z: Sequence[Any], curve: Curve) -> bool:
         beta, gamma, _ = path.box
         if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
             raise _NotNearError(Status.NOT_NEAR.value)
-        near = abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
-        return path.steps + (not near)
+        return abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
 
     def block(self, z: Sequence[Any], curve: Curve) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
@@ -390,5 +387,5 @@ def _share_of_reach(curve: Curve) -> Any:
 
 def _decimal_above(x: Any) -> Fraction:
     """A decimal of two digits that no size in the ball reaches."""
-    enclosure = measured(abs(x))
-    return Fraction(rounded_up((enclosure.value + enclosure.uncertainty) * _WIDER))
+    enclosure = widened(measured(abs(x)))
+    return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))

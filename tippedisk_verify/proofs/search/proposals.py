@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
 from flint import arb
 
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.proofs import checker
-from tippedisk_verify.proofs.search.certificate import dyadic
+from tippedisk_verify.proofs.kernel.reading import dyadic_text
+from tippedisk_verify.proofs.search.steps import Steps
 
-__all__ = ["Proposer", "as_text", "certificate"]
+__all__ = ["Proposer", "as_text"]
 
 
 class Proposer:
@@ -35,12 +33,8 @@ def as_text(value: Any) -> Any:
         return {name: as_text(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [as_text(part) for part in value]
+    if isinstance(value, Steps):
+        return value.log
     if isinstance(value, arb):
-        return dyadic(value)
+        return dyadic_text(value)
     return exact_text(value) if isinstance(value, Fraction) else value
-
-
-def certificate(claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any]) -> str:
-    """The file's text: the log of a proof that the kernel has accepted, with its claim."""
-    content: dict[str, Any] = {"format": checker.FORMAT, "claim": claim, "bits": bits, "evidence": evidence}
-    return json.dumps(content | {"sha256": checker.digest(content)}, separators=(",", ":")) + "\n"

@@ -1,4 +1,4 @@
-"""What is proved of the limit cycles next to the connection of saddles; `kernel.claims.connection_cycles` has the proof."""
+"""What is proved of the limit cycles next to the connection of saddles; the kernel has the proof."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Any
 
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, sentence
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, disk_of
-from tippedisk_verify.proofs.search.proposals import as_text, certificate
+from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.proofs.search.proposals import as_text
 
 __all__ = ["ProvedEnd", "Status"]
 
@@ -48,15 +49,17 @@ class ProvedEnd:
     def statement(self) -> str:
         if not self.proved or self.connection.omega_h is None or self.connection.parameters is None:
             return f"nothing is proved: {self.status.value}{f' ({self.detail})' if self.detail else ''}."
-        return sentence(self.connection.parameters.definition(), self.claim())
+        return sentence(self.claim())
 
     def claim(self) -> dict[str, Any]:
         """What is claimed, as a certificate says it. Only of what is proved."""
         assert self.connection.omega_h is not None
+        assert self.connection.parameters is not None
         names = ("low", "high", "gamma", "v")
         return {
             "kind": "cycles next to the connection",
-            "parameters": disk_of(self.connection.parameters),
+            "parameters": parameter_texts(self.connection.parameters),
+            "friction": self.connection.parameters.friction,
             "numbers": {"omega_h": self.connection.omega_h.to_dict()},
             **{name: exact_text(getattr(self, name)) for name in names},
         }
@@ -69,7 +72,7 @@ class ProvedEnd:
 
     def certificate(self) -> str:
         """The text of a certificate. Only of what is proved."""
-        return certificate(self.claim(), self.connection.bits, self.evidence())
+        return certificate_text(self.claim(), self.connection.bits, self.evidence())
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Whether the fixed point of P that is in these balls of gamma_bar and v is the statement's, at all speeds of

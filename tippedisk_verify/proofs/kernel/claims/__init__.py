@@ -1,1 +1,42 @@
-"""What is claimed: one module for each kind of claim, which encloses its numbers and says what is shown of them."""
+"""The claims that certificates make, and whether the evidence in a file proves them. Nothing is searched for here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tippedisk_verify.proofs.kernel.balls import need, working_precision
+from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, fold
+from tippedisk_verify.proofs.kernel.reading import Refused, count, digest, one_of, parsed
+
+__all__ = ["FORMAT", "KINDS", "opened", "proved"]
+
+FORMAT = "tippedisk certificate 2"
+#: by what shows them
+KINDS: dict[str, Any] = {
+    kind: module for module in (cycle, fold, connection, connection_cycles) for kind in module.KINDS
+}
+
+
+def proved(content: Any) -> str:
+    """The claim in one sentence, if the evidence proves it. Raises Unproved or Refused if not."""
+    kind, bits = opened(content, KINDS)
+    claim, evidence = KINDS[kind].shape(kind)
+    with working_precision(bits):
+        shape = {"format": str, "claim": claim, "bits": count, "evidence": evidence, "sha256": str}
+        file = parsed(content, shape, "the file")
+        need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
+        KINDS[kind].show(file["claim"], file["evidence"])
+    return str(KINDS[kind].sentence(file["claim"]))
+
+
+def opened(content: Any, kinds: Any) -> tuple[str, int]:
+    """The kind of claim and the bits of precision. Raises Refused for what is no certificate of this version."""
+    if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
+        raise Refused(f"it is no object with the format '{FORMAT}' and a claim")
+    if content.get("format") != FORMAT:
+        raise Refused(f"its format is not '{FORMAT}': write it again with this version")
+    kind = parsed(content["claim"].get("kind"), one_of(*kinds), "claim kind")
+    bits = parsed(content.get("bits"), count, "bits")
+    if bits < 24:
+        raise Refused("bits: at least 24 are needed")
+    return kind, bits

@@ -40,46 +40,43 @@ with falling gamma.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import count as counted
 from typing import Any
 
 from flint import arb, arb_mat
 
-from tippedisk_verify.proofs.checker.reading import count, decimal, dyadic, one_of
-from tippedisk_verify.proofs.checker.steps import Unproved, exact_ball, need, positive
-from tippedisk_verify.proofs.kernel.balls import working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
+from tippedisk_verify.proofs.kernel.choices import FLIGHT, Replay
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, most, precision
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, most
+from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
 from tippedisk_verify.proofs.kernel.flow import Step
+from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 
-__all__ = ["CHOICES", "CLAIM", "EIGENVALUES", "SIDES", "Connection", "alone", "connection_shown", "holds", "sentence"]
+__all__ = ["CHOICES", "EIGENVALUES", "KINDS", "SIDES", "Connection", "Recorded", "alone", "connection_shown", "holds",
+           "sentence", "shape", "show"]  # fmt: skip
+
+KINDS = ("heteroclinic connection",)
 
 #: the names of the numbers, by descending value
 EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
 #: of a refusal, where the interval may hold no connection
 SIDES = "the ends of the interval are not shown to pass on opposite sides"
 
-#: what a claim has besides the disk; its numbers are Omega_h and the eigenvalues
-CLAIM = {
-    "friction": one_of("linear", "smooth"), "unique": one_of(True, False), "upright": one_of(True, False),
-    "beta": decimal, "gamma": decimal, "v": decimal,
-}  # fmt: skip
 _PIECES = 8  # of a step, for what is to hold all along it
 _UPRIGHT = Fraction("1.5707")
 
 _CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
 #: what has to be chosen; the speeds, the box of the statement and the eigenvalues are the claim's
 CHOICES = {
-    "bits": precision,
     "directions": [[dyadic, 3], 3],
     "unstable": {**_CURVE, "reach": dyadic},
     "cone": [dyadic, 2],
     "slow": _CURVE,
     "drift": [dyadic, 3],
-    "steps": count,
+    "flight": FLIGHT,
     "block": [dyadic, 3],
     "apart": [dyadic, 3],
 }
@@ -112,42 +109,39 @@ def connection_shown(
     middle, half = omega_h
     need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
     low, high = middle - half, middle + half
-    with working_precision(choose("bits")):
-        speeds = exact_ball(middle) + arb(0, exact_ball(half).upper())
-        saddle = Saddle(disk, friction, speeds, choose("directions"))
-        _eigenvalues(saddle, choose("eigenvalues", saddle))
-        start, change, upright, whole = _departure(saddle, choose)
-        arriving = _curve(saddle, SLOW, choose("slow", saddle))
-        path, pieces = saddle.path(start), [whole]
-        for number in counted(1):
-            step = path.step()
-            if step is None:
-                raise Unproved("the flight between the saddles could not be enclosed")
-            pieces += _parts(step)
-            upright = upright and _stands(step.enclosure[0])
-            path.take(step)
-            z = saddle.seen(path.frame)
-            if choose("steps", path, z, arriving) == number:
-                break
-        G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
-        extents = choose("block", z, arriving)
-        delta, box, matrix = block(arriving, extents)
-        w_u, w_f = arriving.straightened(z)
-        ask("arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
-        # The ends of I: what they deviate from the middle of the speeds is a point.
-        away = [exact_ball(end) - speeds.mid() for end in (low, high)]
-        ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], part]) for part in away]
-        first, last = (arriving.straightened(end)[0] for end in ends)
-        rising = positive(-first - delta, last - delta)
-        need(
-            rising or positive(first - delta, -last - delta), SIDES
-        )
-        offset = saddle.offset(box)
-        room = choose("room", offset, pieces, saddle, G)
-        need(holds(room, offset, pieces), "the box at the second saddle is not shown to keep what arrives")
-        unique = alone(saddle, room, G, choose)
-        upright = upright and _stands(exact_ball(room[0]))
-        return Connection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
+    speeds = ball(middle) + arb(0, ball(half).upper())
+    saddle = Saddle(disk, friction, speeds, choose("directions"))
+    _eigenvalues(saddle, choose("eigenvalues", saddle))
+    start, change, upright, whole = _departure(saddle, choose)
+    arriving = _curve(saddle, SLOW, choose("slow", saddle))
+    path, pieces = saddle.path(start, choose("flight")), [whole]
+    while True:
+        step = path.step()
+        if step is None:
+            raise Unproved("the flight between the saddles could not be enclosed")
+        pieces += _parts(step)
+        upright = upright and _stands(step.enclosure[0])
+        path.take(step)
+        z = saddle.seen(path.frame)
+        if choose("arrived", path, z, arriving):
+            break
+    G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
+    extents = choose("block", z, arriving)
+    delta, box, matrix = block(arriving, extents)
+    w_u, w_f = arriving.straightened(z)
+    ask("arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
+    # The ends of I: what they deviate from the middle of the speeds is a point.
+    away = [ball(end) - speeds.mid() for end in (low, high)]
+    ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], part]) for part in away]
+    first, last = (arriving.straightened(end)[0] for end in ends)
+    rising = _surely(-first - delta, last - delta)
+    need(rising or _surely(first - delta, -last - delta), SIDES)
+    offset = saddle.offset(box)
+    room = choose("room", offset, pieces, saddle, G)
+    need(holds(room, offset, pieces), "the box at the second saddle is not shown to keep what arrives")
+    unique = alone(saddle, room, G, choose)
+    upright = upright and _stands(ball(room[0]))
+    return Connection(disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces)
 
 
 def _curve(saddle: Saddle, along: int, entry: dict[str, Any]) -> Curve:
@@ -172,8 +166,12 @@ def _departure(saddle: Saddle, choose: Callable[..., Any]) -> tuple[list[Any], l
     return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
 
 
+def _surely(*balls: Any) -> bool:
+    return all(positive(x) for x in balls)
+
+
 def _stands(beta: Any) -> bool:
-    return positive(exact_ball(_UPRIGHT) - abs(beta))
+    return _surely(ball(_UPRIGHT) - abs(beta))
 
 
 def _parts(step: Step) -> list[Any]:
@@ -184,25 +182,25 @@ def _parts(step: Step) -> list[Any]:
 
 def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
     """Whether the room holds a block's offsets from the saddle, and all orbits from their first arrival in it on."""
-    sizes = [exact_ball(part) for part in room]
+    sizes = [ball(part) for part in room]
     away = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
     first = next((place for place, (_, gamma, _) in enumerate(away) if not positive(-sizes[1] - gamma)), 0)
     late = away[first:]
-    if not first or not all(positive(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
+    if not first or not all(_surely(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
         return False
-    inside = all(positive(sizes[k] - abs(state[k])) for state in late for k in (0, 2))
-    return inside and all(positive(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
+    inside = all(_surely(sizes[k] - abs(state[k])) for state in late for k in (0, 2))
+    return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
 
 
 def alone(saddle: Saddle, room: Sequence[Fraction], G: Sequence[Any], choose: Callable[..., Any]) -> bool:
-    """Whether orbits of two speeds cannot both stay in the box. Raises Unproved if not even one is shown to converge."""
-    box = saddle.coordinates([arb(0, exact_ball(extent).upper()) for extent in room])
+    """Whether orbits of two speeds cannot both stay in the box. Raises Unproved if no one is shown to converge."""
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
     matrix = arb_mat(slopes)
     ask("the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1))))
     weights = choose("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
-    return positive(*weights, *inside, *cones(matrix, weights, by_speed))
+    return _surely(*weights, *inside, *cones(matrix, weights, by_speed))
 
 
 def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
@@ -215,38 +213,71 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
     slow, fast = (
         (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0))) for row in (SLOW, FAST)
     )
-    return positive(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
+    return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
 
 def _eigenvalues(saddle: Saddle, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
-    """Shown: each of three disjoint intervals holds one eigenvalue of the saddle at every speed, in descending order."""
+    """Shown: each of three disjoint intervals holds one eigenvalue at every speed, in descending order."""
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
     drag = c.k / c.b * arm
     a_2, a_1, a_0 = drag * arm, w * w - c.g * arm / c.b, -drag * c.e * w * w
     signs = []
     for value, half in claimed:
-        for x in map(exact_ball, (value + half, value - half)):
+        for x in map(ball, (value + half, value - half)):
             p = ((x + a_2) * x + a_1) * x + a_0
             signs.append(1 if positive(p) else -1 if positive(-p) else 0)
     ends = [x for value, half in claimed for x in (value + half, value - half)]
     need(ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1], "claim: the eigenvalues are not shown")
 
 
-def sentence(disk: str, claim: dict[str, Any]) -> str:
-    """What a claim says of the disk, as text."""
+class Recorded:
+    """The choices of a certificate: entries by their names. The flight ends where its log does."""
+
+    def __init__(self, entries: Mapping[str, Any]) -> None:
+        self.entries = entries
+        self._flight = Replay(entries["flight"], "the flight")
+
+    def __call__(self, name: str, *shown: Any) -> Any:
+        if name == "flight":
+            return self._flight
+        return self._flight.number == len(self._flight.log) if name == "arrived" else self.entries[name]
+
+
+def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim and its evidence have."""
+    claim = DISK | {
+        "kind": str, "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
+        "unique": one_of(True, False), "upright": one_of(True, False), "beta": decimal, "gamma": decimal, "v": decimal,
+    }  # fmt: skip
+    return claim, CHOICES
+
+
+def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
+    """Raises Unproved if the evidence does not prove the claim."""
+    numbers = {name: (Fraction(x["value"]), Fraction(x["uncertainty"])) for name, x in claim["numbers"].items()}
+    claimed = {
+        "eigenvalues": [numbers[name] for name in EIGENVALUES],
+        "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
+    }
+    choices = Recorded({**evidence, **claimed})
+    shown = connection_shown(claim["parameters"], claim["friction"], numbers["omega_h"], choices)
+    need(shown.unique or not claim["unique"], "claim: that there is no other speed is not shown")
+    need(shown.upright or not claim["upright"], "claim: that the disk never lies flat is not shown")
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence."""
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
-    eigenvalues = [
-        f"{claim['numbers'][name]['value']} ± {claim['numbers'][name]['uncertainty']}" for name in EIGENVALUES
-    ]
+    numbers = number_words(claim)
     return (
-        f"for the tippedisk with {disk} under the {claim['friction']} friction law there is "
+        f"{disk_words(claim)} there is "
         f"{'exactly one' if claim['unique'] else 'at least one'} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays in the box "
         f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= {claim['v']} rad/s and "
         f"converges to (pi/2, 3 pi/2, 0){', with |beta - pi/2| < pi/2 all along' * claim['upright']}; by the symmetry "
         "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same speed, an Omega_h; at "
-        "every speed of the interval the saddle's eigenvalues are "
-        f"{', '.join(eigenvalues)} 1/s."
+        f"every speed of the interval the saddle's eigenvalues are {', '.join(numbers[name] for name in EIGENVALUES)} "
+        "1/s."
     )

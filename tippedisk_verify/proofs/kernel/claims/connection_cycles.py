@@ -67,7 +67,7 @@ Sources: L. P. Shilnikov, Mat. Sb. 61 (1963); Yu. A. Kuznetsov, Elements of Appl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -75,16 +75,19 @@ from typing import Any
 import numpy as np
 from flint import arb
 
-from tippedisk_verify.proofs.checker.reading import count, dyadic, order
-from tippedisk_verify.proofs.checker.steps import exact_ball, need, positive
-from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.kernel.claims.connection import Connection
+from tippedisk_verify.proofs.kernel.balls import ball, need, positive
+from tippedisk_verify.proofs.kernel.claims import connection as connections
+from tippedisk_verify.proofs.kernel.claims.connection import Connection, Recorded, connection_shown
 from tippedisk_verify.proofs.kernel.claims.flights import arrivals
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, precision, products
+from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most, products
+from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, number_words
 from tippedisk_verify.proofs.kernel.lanes import Lanes
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, order
 
-__all__ = ["CHOICES", "LID", "End", "ReturnMap", "cycles_shown", "sentence"]
+__all__ = ["CLAIM", "EVIDENCE", "KINDS", "LID", "End", "ReturnMap", "cycles_shown", "sentence", "shape", "show"]
+
+KINDS = ("cycles next to the connection",)
 
 #: of a refusal, where a higher lid may help
 LID = "arrivals above the lid of D"
@@ -93,7 +96,6 @@ U, S, F = UNSTABLE, SLOW, FAST
 
 #: what has to be chosen: the box N, the weights of its cones, the set D, and the steps of each flight
 CHOICES = {
-    "bits": precision,
     "box": {"directions": [[dyadic, 3], 3], "extents": [dyadic, 3], "cells": [order, 2]},
     "weights": {
         "steep": [dyadic, 3], "compound": [dyadic, 2], "drift": [dyadic, 3],
@@ -102,6 +104,11 @@ CHOICES = {
     "entry": {"lid": dyadic, "fast": dyadic, "weight": dyadic, "moment": dyadic},
     "flights": {"steps": count, "lengths": [[dyadic, None], None]},
 }  # fmt: skip
+
+
+CLAIM = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: what a claim has besides
+_CONNECTION = {"eigenvalues": [[decimal, 2], 3], "room": [decimal, 3]}
+EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 
 @dataclass(frozen=True)
@@ -118,8 +125,9 @@ class End:
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Whether a fixed point of the half map in these balls is the one in Q, at all speeds of the ball ``omega``."""
-        above, high, c, d = map(exact_ball, (self.above, self.high, self.gamma, self.v))
-        return positive(omega - above, high - omega, gamma_bar - arb.pi() + c, arb.pi() - gamma_bar, v + d, -v)
+        above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
+        inside = (omega - above, high - omega, gamma_bar - arb.pi() + c, arb.pi() - gamma_bar, v + d, -v)
+        return all(positive(x) for x in inside)
 
 
 def cycles_shown(
@@ -137,17 +145,16 @@ def cycles_shown(
     """
     need(connection.friction == "linear", "the cycles are shown under the linear friction law only")
     need(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
-    with working_precision(choose("bits")):
-        box = choose("box")
-        speeds = exact_ball(low).union(exact_ball(high))
-        n = Passage(Saddle(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
-        n.weighted(choose("weights", n))
-        entry = choose("entry", n)
-        returned = ReturnMap(n, entry)
-        _connected(n, connection)
-        kappa = returned.shown(_flights(returned, low, high, choose("flights", returned), watch))
-        c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
-        return End(low, high, connection.high, c, d, kappa, returned.time)
+    box = choose("box")
+    speeds = ball(low).union(ball(high))
+    n = Passage(Saddle(connection.disk, "linear", speeds, box["directions"]), box["extents"], box["cells"])
+    n.weighted(choose("weights", n))
+    entry = choose("entry", n)
+    returned = ReturnMap(n, entry)
+    _connected(n, connection)
+    kappa = returned.shown(_flights(returned, low, high, choose("flights", returned), watch))
+    c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
+    return End(low, high, connection.high, c, d, kappa, returned.time)
 
 
 class ReturnMap:
@@ -155,7 +162,7 @@ class ReturnMap:
 
     def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
         self.n, self.lid, self.fast, self.weight = n, entry["lid"], entry["fast"], entry["weight"]
-        c, d = (exact_ball(entry[name]) for name in ("gamma", "v"))
+        c, d = (ball(entry[name]) for name in ("gamma", "v"))
         ask("the extents of D and Q and the weight w", self.lid, self.fast, c, d, self.weight)
         (u, s, t), saddle = n.extents, n.saddle
         #: bounds of |g| on z_s = -s, and of |z_u| along the orbits of the graph from there
@@ -245,7 +252,7 @@ def _flights(
     need(bool(rows) and all(rows), "there are no flights")
     speeds, slow = [], []
     for i, row in enumerate(rows):
-        ends = [exact_ball(low + (high - low) * Fraction(i + k, len(rows))) for k in (0, 1)]
+        ends = [ball(low + (high - low) * Fraction(i + k, len(rows))) for k in (0, 1)]
         for j in range(len(row)):
             cell = [least + (largest - least) * (j + k) / len(row) for k in (0, 1)]
             speeds.append(ends[0].union(ends[1]))
@@ -259,7 +266,7 @@ def _flights(
 def _connected(n: Passage, connection: Connection) -> None:
     """Shown: the connection stays in N from z_s = -s on."""
     saddle, (u, s, t) = n.saddle, n.extents
-    box = saddle.coordinates([arb(0, exact_ball(extent).upper()) for extent in connection.room])
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
     ask("the connection's box lies in N", u - abs(box[U]))
     states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
@@ -268,21 +275,40 @@ def _connected(n: Passage, connection: Connection) -> None:
         ask("the connection stays in N", u - abs(z[U]), t - abs(z[F]), beta)
 
 
-def sentence(disk: str, claim: dict[str, Any]) -> str:
-    """What a claim says of the disk, as text."""
-    low, high, gamma, v = (claim[name] for name in ("low", "high", "gamma", "v"))
+def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a claim and its evidence have."""
+    claim = DISK | CLAIM | {"kind": str, "friction": one_of("linear"), "numbers": {"omega_h": MEASURED}}
+    return claim, EVIDENCE
+
+
+def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
+    """What the evidence shows. Raises Unproved if it does not prove the claim."""
+    entries = evidence["connection"]
+    told = {
+        "room": tuple(map(Fraction, entries["room"])),
+        "eigenvalues": [tuple(map(Fraction, pair)) for pair in entries["eigenvalues"]],
+    }
     omega_h = claim["numbers"]["omega_h"]
+    interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
+    connection = connection_shown(claim["parameters"], "linear", interval, Recorded({**entries, **told}))
+    choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
+    return cycles_shown(connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *shown: choices[name])
+
+
+def sentence(claim: Mapping[str, Any]) -> str:
+    """What is claimed, in one sentence or three."""
+    low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
-        f"for the tippedisk with {disk} under the linear friction law let gamma be a real number, not an angle; let P "
-        "be the half map from the section beta = pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there "
-        "v > 0, with |beta - pi/2| < pi/2 between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and "
-        f"let Q be the set of the section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of "
-        f"the speeds from {low} to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable "
-        "manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) "
-        f"with gamma growing all the way, and Omega_h = {omega_h['value']} ± {omega_h['uncertainty']} rad/s. For every "
-        f"Omega with Omega_h < Omega <= {high} rad/s P has exactly one fixed point in Q; the limit cycle through it is "
-        "asymptotically stable, S maps it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega "
-        "grows, its period, its largest |beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its "
-        "period tends to infinity and the fixed point to (pi/2, 3 pi/2, 0). For every Omega with "
-        f"{low} rad/s <= Omega <= Omega_h P has no fixed point in Q."
+        f"{disk_words(claim)} let gamma be a real number, not an angle; let P be the half map from the section beta = "
+        "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - pi/2| < pi/2 "
+        "between, and by S: (beta, gamma, v) -> (pi - beta, pi - gamma, -v) back; and let Q be the set of the "
+        f"section's states with 3 pi/2 - {gamma} <= gamma < 3 pi/2 and -{v} rad/s <= v < 0. Of the speeds from {low} "
+        f"to {high} rad/s exactly one, Omega_h, is one at which the branch of the unstable manifold of (beta, gamma, "
+        "v) = (pi/2, -pi/2, 0) that leaves with growing gamma converges to (pi/2, 3 pi/2, 0) with gamma growing all "
+        f"the way, and Omega_h = {number_words(claim)['omega_h']} rad/s. For every Omega with Omega_h < Omega <= "
+        f"{high} rad/s P has exactly one fixed point in Q; the limit cycle through it is asymptotically stable, S maps "
+        "it to itself, and it crosses beta = pi/2 exactly twice a period; as Omega grows, its period, its largest "
+        "|beta - pi/2| and its gamma in Q fall strictly; as Omega falls to Omega_h, its period tends to infinity and "
+        f"the fixed point to (pi/2, 3 pi/2, 0). For every Omega with {low} rad/s <= Omega <= Omega_h P has no fixed "
+        "point in Q."
     )

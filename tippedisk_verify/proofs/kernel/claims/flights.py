@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.checker.steps import Unproved
-from tippedisk_verify.proofs.kernel.balls import ball
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, hull_of_lanes
 from tippedisk_verify.proofs.kernel.flow import Model, Step, verdict
 from tippedisk_verify.proofs.kernel.frame import Frame
@@ -52,7 +51,7 @@ def arrivals(
     for number in range(1, count + 1):
         step = _step(model, frame, lengths)
         tops += _climbs(model, step)
-        z, frame = saddle.arrived(step.enclosure), step.carried()
+        z, frame = saddle.arrived(step.enclosure), _carried(step)
         rate, level = saddle.rates(z)[S], saddle.seen(frame)[S] + s
         if number < count:
             _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
@@ -85,7 +84,19 @@ def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
     _all("the states and derivatives over a step are not shown to stay in its enclosure", included, lengths > 0)
     polynomials = [[*c, r] for c, r in zip(thin, fine, strict=True)]
     derivatives = [[*c, r] for c, r in zip(wide[3:], rough[3:], strict=True)]
-    return Step(zero, Lanes(lengths), enclosure, frame, polynomials, derivatives)
+    length = Lanes(lengths)
+    return Step(zero, length, length, enclosure, frame, (_ORDER, _ORDER), polynomials, derivatives)
+
+
+def _carried(step: Step, time: Any = None) -> Frame:
+    """The set of states after ``time``, or at the step's end. Its axes are the lead's for z_u and z_s, and that of v."""
+    centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
+
+    def axes(turned: Any, sizes: Any) -> list[list[Any]]:
+        lead = [[sum(row[k] * step.frame.lead[k][j] for k in range(3)) for j in (U, S)] for row in rows]
+        return [[*row, turned[0][0].constant(int(k == 2))] for k, row in enumerate(lead)]
+
+    return step.frame.carried(centre, rows, axes)
 
 
 def _climbs(model: Model, step: Step) -> list[list[Any]]:
@@ -105,14 +116,14 @@ def _landed(saddle: Saddle, step: Step, s: Any) -> list[list[Any]]:
     """The time of the arrival in a step, z_u and z_f, with their derivatives."""
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.seen(step.carried(middle))[S] + s
+    level = saddle.seen(_carried(step, middle))[S] + s
     rate = saddle.rates(saddle.arrived(step.enclosure))[S]
     for _ in range(2):
         _all("it is not shown to pass z_s = -s once", rate.positive())
         time = middle - level / rate
         _all("it is not shown to arrive in its last step", time.positive(), (step.length - time).positive())
-        rate = saddle.rates(saddle.seen(step.carried(time.union(middle))))[S]
-    frame = step.carried(time)
+        rate = saddle.rates(saddle.seen(_carried(step, time.union(middle))))[S]
+    frame = _carried(step, time)
     z = saddle.seen(frame)
     z[S] = z[S].constant(-s)
     rates, rows = saddle.rates(z), saddle.columns(frame.matrix())

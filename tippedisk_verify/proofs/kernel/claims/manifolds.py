@@ -42,8 +42,7 @@ from typing import Any
 
 from flint import arb, arb_mat, arb_series
 
-from tippedisk_verify.proofs.checker.steps import need, positive
-from tippedisk_verify.proofs.kernel.balls import coefficient, series_length
+from tippedisk_verify.proofs.kernel.balls import coefficient, need, series_length
 from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, most
 
 __all__ = ["Curve", "block", "leaving"]

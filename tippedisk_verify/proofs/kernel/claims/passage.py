@@ -53,8 +53,19 @@ import numpy as np
 from flint import arb, arb_mat
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.checker.steps import need
-from tippedisk_verify.proofs.kernel.claims.saddle import FAST, SLOW, UNSTABLE, Saddle, ask, cones, hull_of_lanes, most, others, products
+from tippedisk_verify.proofs.kernel.balls import need
+from tippedisk_verify.proofs.kernel.claims.saddle import (
+    FAST,
+    SLOW,
+    UNSTABLE,
+    Saddle,
+    ask,
+    cones,
+    hull_of_lanes,
+    most,
+    others,
+    products,
+)
 from tippedisk_verify.proofs.kernel.lanes import Lanes
 
 __all__ = ["Passage"]

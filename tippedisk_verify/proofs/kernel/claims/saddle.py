@@ -19,33 +19,22 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, arb_series
 
-from tippedisk_verify.model.equations import field, shifted, terms
-from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.checker.reading import count
-from tippedisk_verify.proofs.checker.steps import Unproved, need, positive
-from tippedisk_verify.proofs.kernel.balls import BallOps, ball, ball_constants, coefficient, series_length
-from tippedisk_verify.proofs.kernel.flow import Model, Path
+from tippedisk_verify.proofs.kernel.balls import BallOps, Unproved, ball, coefficient, need, positive, series_length
+from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
+from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.lanes import Lanes
-from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.sliding import law_model
 
-__all__ = ["FAST", "SLOW", "UNSTABLE", "Saddle", "ask", "cones", "hull_of_lanes", "most", "others", "precision", "products"]
+__all__ = ["FAST", "SLOW", "UNSTABLE", "Saddle", "ask", "cones", "hull_of_lanes", "most", "others", "products"]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
-_FEWEST_BITS = 24
 
 
 def ask(what: str, *slacks: Any) -> None:
     """Raises Unproved unless all numbers of all balls are positive."""
     for slack in slacks:
-        need(positive(slack), f"{what}: {slack.str(4)} is not shown to be positive")
-
-
-def precision(value: Any) -> int:
-    """Bits to work in, as a file has them. Raises ValueError for too few."""
-    if count(value) < _FEWEST_BITS:
-        raise ValueError(f"at least {_FEWEST_BITS} bits are needed")
-    return int(value)
+        need(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
 
 
 def most(x: Any) -> Any:
@@ -110,8 +99,7 @@ class Saddle:
             self.inverse = self.directions.inv()
         except ZeroDivisionError:
             raise Unproved("the directions at the saddle have no inverse") from None
-        self.parameters = Parameters(**disk, friction=friction)  # type: ignore[arg-type]
-        self.constants = ball_constants(self.parameters)
+        self.constants = constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
         """y = P z."""
@@ -128,10 +116,10 @@ class Saddle:
     def law(self, side: int | None) -> Any:
         """F as `flow.Model` takes a law; the linear law has no sides."""
 
-        def in_z(ops: Any, constants: Any, omega: Any) -> Any:
+        def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
-                of_y = field(shifted(_Beyond(ops, gamma)), constants, omega, self.friction, side)  # type: ignore[arg-type]
+                of_y = field(_Beyond(ops, gamma), numbers, omega, self.friction if side is None else side)
                 return self.coordinates(of_y(beta, gamma, v))
 
             return rates
@@ -163,12 +151,13 @@ class Saddle:
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([part, slope], prec=2) for part, slope in pairs)
-            moved = terms(shifted(_Beyond(BallOps, gamma)), self.constants, self.omega, beta, gamma, v)
-            return coefficient(moved.sliding_velocity, 1)
+            moved, _ = sliding_motion(_Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v))
+            return coefficient(moved, 1)
 
-    def path(self, z: Sequence[Any]) -> Path:
+    def path(self, z: Sequence[Any], proposer: Proposer) -> Path:
         """All orbits from a box of z about the first saddle, with their derivatives by z and by the speed."""
-        path = model_of(self.parameters, self.omega).path(self._state(z), derivatives=True)
+        model = law_model(self.friction, self.constants, self.omega)
+        path = model.path(self._state(z), proposer, derivatives=True)
         path.frame = self.departing(z)
         path.box = path.frame.box()
         return path

@@ -11,8 +11,20 @@ from typing import Any, NoReturn
 
 from flint import arb
 
-__all__ = ["BOX", "MEASURED", "POINT", "Refused", "content_of", "count", "decimal", "digest", "dyadic", "one_of",
-           "order", "parsed"]  # fmt: skip
+__all__ = [
+    "MEASURED",
+    "Refused",
+    "content_of",
+    "count",
+    "decimal",
+    "digest",
+    "dyadic",
+    "dyadic_text",
+    "one_of",
+    "order",
+    "parsed",
+    "radius",
+]
 
 _LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
 
@@ -29,18 +41,18 @@ def dyadic(value: Any) -> Any:
     return arb((int(match[1], 16), int(match[2])))
 
 
-def _radius(value: Any) -> Any:
+def dyadic_text(point: Any) -> str:
+    """A point, or a float, as `dyadic` reads it."""
+    mantissa, exponent = arb(point).man_exp()
+    return f"{int(mantissa):x}p{int(exponent)}"
+
+
+def radius(value: Any) -> Any:
     """A ball about zero."""
     size = dyadic(value)
     if not size >= 0:
         raise ValueError("a radius must not be negative")
     return arb(0, size)
-
-
-def _enclosure(value: Any) -> Any:
-    if not isinstance(value, list) or len(value) != 2:
-        raise ValueError("a middle and a radius are needed")
-    return dyadic(value[0]) + _radius(value[1])
 
 
 def decimal(value: Any) -> str:
@@ -91,13 +103,6 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 
 
 MEASURED = {"value": decimal, "uncertainty": decimal}
-_STATES = {"middle": [dyadic, 3], "lead": [[dyadic, 4], 3], "axes": [[dyadic, 3], 3],
-           "rest": [_radius, 3], "spread": [[_radius, 4], 3]}  # fmt: skip
-_STEP = {"length": dyadic, "orders": [order, 2], "enclosure": [_enclosure, 15],
-         "turn?": [dyadic, 2], "states?": _STATES, "crossing?": [dyadic, 2]}  # fmt: skip
-_FLIGHT = [_STEP, None]
-BOX = {"radii": [_radius, 2], "inverse": [[dyadic, 2], 2], "flight": _FLIGHT}
-POINT = {"middle": [dyadic, 2], "centre": _FLIGHT, "box": BOX}
 
 
 def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
