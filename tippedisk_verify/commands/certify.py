@@ -88,8 +88,6 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
     from tippedisk_verify.files import write_text
     from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS
 
-    if certificate is not None and cycles is None:
-        raise InputError("certificates are written of the limit cycles next to the connection: give --cycles D too")
     if cycles is not None:
         from tippedisk_verify.proofs.search.connection_end import checked_distance
 
@@ -99,16 +97,12 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
         raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {common.digits}")
     proof = _connection(common, common.parameters, common.digits, near)
     result, proved = proof.to_dict(), proof.proved
+    shown: ProvedConnection | ProvedEnd = proof
     if cycles is not None:
-        end = _end(common, proof, cycles)
-        if end.proved and certificate is not None:
-            from tippedisk_verify.proofs.search.connection_certificate import end_certificate
-
-            with progress(common, 1) as advance:
-                advance("certificate", 0)
-                text = end_certificate(end)
-            write_text(certificate, text)
-        result, proved = result | {"cycles": end.to_dict()}, end.proved
+        shown = _end(common, proof, cycles)
+        result, proved = result | {"cycles": shown.to_dict()}, shown.proved
+    if proved and certificate is not None:
+        write_text(certificate, shown.certificate())
     print_result(common, result)
     return 0 if proved else 1
 

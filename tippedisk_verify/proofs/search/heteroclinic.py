@@ -349,7 +349,7 @@ class _Search(Proposer):
         beta, gamma, _ = path.box
         if path.time > _LONGEST or beta < 0 or gamma > arb.pi():  # gamma falls, or has gone past the saddle
             raise _NotNearError(Status.NOT_NEAR.value)
-        return abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
+        return bool(abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small))
 
     def block(self, z: Sequence[Any], curve: Curve) -> list[Any]:
         s, u, t = map(most, (z[SLOW], *curve.straightened(z)))

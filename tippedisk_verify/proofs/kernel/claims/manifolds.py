@@ -55,7 +55,7 @@ class Curve:
     the sign of gamma_y on the half with theta > 0, None for the linear law.
     """
 
-    def __init__(self, saddle: Saddle, along: int, graph: Sequence[Sequence[Any]], side: int | None) -> None:
+    def __init__(self, saddle: Saddle, along: int, graph: Sequence[list[Any]], side: int | None) -> None:
         self.saddle, self.along, self.graph, self.side = saddle, along, graph, side
         self.others = tuple(k for k in range(3) if k != along)
         self.order = len(graph[0]) - 1
