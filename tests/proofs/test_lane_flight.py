@@ -26,6 +26,7 @@ from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.section import Return, Status
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search import lane_flight
+from tippedisk_verify.proofs.search.axes import axes_of_lanes
 from tippedisk_verify.proofs.search.lane_flight import HalfFlights, half_flights, lane_of
 
 CYCLE = (1.7162868, -1.7100022, 30.3865927)  # gamma_bar, v and Omega of a cycle half a rad/s below Omega_crit
@@ -221,7 +222,8 @@ def carried_twice() -> bool:
         mid = np.array([[[rng.uniform(-1, 1) for _ in range(count)] for _ in range(4)] for _ in range(3)])
         push = np.sign(state)[None] * np.ones((3, 1, 1)) * spread
         rows = [[Lanes(mid[i, j], spread) for j in range(3)] + [Lanes(mid[i, 3])] for i in range(3)]
-        found = found.carried([Lanes(np.zeros(count))] * 3, rows, np.ones(count))
+        axes = lambda turned, sizes: axes_of_lanes(turned, sizes, np.ones(count))  # noqa: E731
+        found = found.carried([Lanes(np.zeros(count))] * 3, rows, axes)
         state = np.einsum("ijn,jn->in", mid[:, :3] + push, state) + mid[:, 3] * point[3]
     # In doubles a few ulps of numbers below 100.
     return all((np.abs(s - b.midpoints) <= b.radii + 1e-13).all() for s, b in zip(state, found.box(), strict=True))

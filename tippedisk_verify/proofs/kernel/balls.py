@@ -27,7 +27,7 @@ from flint import acb_series, arb, arb_series, ctx, fmpq
 
 __all__ = [
     "BallOps",
-    "CutOffError",
+    "DisturbedError",
     "Unproved",
     "alike",
     "arb",
@@ -59,8 +59,8 @@ class Unproved(Exception):
     """What was to be shown is not shown; the message says which line fails."""
 
 
-class CutOffError(ArithmeticError):
-    """Something else in this process has cut a series short."""
+class DisturbedError(ArithmeticError):
+    """Something else in this process has changed what the arithmetic relies on."""
 
 
 def need(shown: object, what: str) -> None:
@@ -107,12 +107,12 @@ def working_bits() -> int:
 def coefficient(series: Any, power: int) -> Any:
     """A coefficient of a series; a number counts as a constant series.
 
-    Raises CutOffError for a coefficient beyond the series' length, which python-flint would read as an exact zero.
+    Raises DisturbedError for a coefficient beyond the series' length, which python-flint would read as an exact zero.
     """
     if not isinstance(series, arb_series | acb_series):
         return arb(0) if power else series
     if power >= series.prec:
-        raise CutOffError(
+        raise DisturbedError(
             f"a series was cut off before its coefficient {power}: something else in this process has changed "
             "python-flint's series length (ctx.cap); run the proof again without it"
         )

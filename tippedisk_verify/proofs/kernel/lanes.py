@@ -40,8 +40,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tippedisk_verify.errors import Shortfall
-from tippedisk_verify.proofs.kernel.balls import arb, midpoint_and_radius
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, midpoint_and_radius
 from tippedisk_verify.proofs.kernel.lane_sine import sine_and_cosine
 
 __all__ = ["LaneSeries", "Lanes"]
@@ -62,17 +61,17 @@ _STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + st
 
 
 def _require_rounding_to_nearest() -> None:
-    """Raises Shortfall if this process rounds in a direction: (1) would need 2 u."""
+    """Raises DisturbedError if this process rounds in a direction: (1) would need 2 u."""
     if (1 + _STEPS != _STEPPED).any():
-        raise Shortfall("this process does not round to nearest: proofs in doubles are not possible in it")
+        raise DisturbedError("this process does not round to nearest: proofs in doubles are not possible in it")
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
     """Without numpy's warnings: what overflows or is no number ends in an infinite radius.
 
-    Every operation on lanes enters this by itself; entering it once around many saves time. Raises Shortfall if this
-    process does not round to nearest.
+    Every operation on lanes enters this by itself; entering it once around many saves time. Raises DisturbedError if
+    this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):

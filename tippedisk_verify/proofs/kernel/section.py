@@ -96,7 +96,7 @@ def returned(
 ) -> Return:
     """Enclose a section's map over a box of its two coordinates; ``longest`` [s] ends the flight."""
     path = model.path(section.start(*box), proposer, derivatives=derivatives)
-    if section == HALF and not negative(path.box[2]):
+    if section == HALF and not negative(alike(path.box[2], box[1])):
         return Return(Status.NO_START, path.time, 0)
     walk = (_HalfWalk if section == HALF else _TurnWalk)(model, path)
     while path.time < longest:

@@ -208,7 +208,8 @@ class Attempt:
         outcome: OrbitProof | None = None
         for _ in range(_MOST_ATTEMPTS):
             with working_precision(self.bits):
-                radii = [arb(0, abs(part) * arb(2) ** -self.box_bits) for part in middle]
+                sizes = [(abs(part) * arb(2) ** -self.box_bits).mid() for part in middle]
+                radii = [arb(0, size) for size in sizes]
                 choices = SearchedTest()
                 fixed = cycle.cycle_test(self.setting, self.section, middle, radii, choices)
                 if isinstance(fixed, Return):
@@ -217,7 +218,7 @@ class Attempt:
                     proof = self.concluded(fixed, radii)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, radii, choices)
+                        return self.neighbourhood(proof, fixed, sizes, choices)
                     outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
@@ -272,22 +273,24 @@ class Attempt:
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
     def neighbourhood(
-        self, proof: OrbitProof, fixed: FixedPoints, radii: Sequence[Any], choices: SearchedTest
+        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], choices: SearchedTest
     ) -> OrbitProof:
         """The proof with the widest box that passes the test, and with its evidence."""
         evidence = {
             "middle": [dyadic_text(part) for part in fixed.middle[:2]],
             "centre": choices.centre.log,
-            "box": choices.written(radii),
+            "box": choices.written(sizes),
         }
+        radii = [arb(0, size) for size in sizes]
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
                 if size >= self.box_bits:
                     continue
-                wide, search = [arb(0, abs(part) * arb(2) ** -size) for part in fixed.middle[:2]], SearchedTest()
+                sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
+                wide, search = [arb(0, part) for part in sizes], SearchedTest()
                 remote = cycle.cycle_test(self.setting, self.section, fixed.middle[:2], wide, search, fixed.centre)
                 if isinstance(remote, FixedPoints) and remote.included:
-                    evidence["wide box"] = search.written(wide) | {"bits": _REMOTE_BITS}
+                    evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
                     radii = wide
                     break
         return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)

@@ -25,7 +25,7 @@ from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.steps import SearchedTest, Steps
+from tippedisk_verify.proofs.search.steps import SearchedTest, Steps, midpoint_inverse
 
 __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 
@@ -118,7 +118,6 @@ class _Attempt:
         self.section, self.parameters, self.digits, self.half_length = section, parameters, digits, half_length
         self.p, *self.near = near
         self.bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS  # the squared half-length, and some more
-        self.constants = ball_constants(parameters)
         self.setting = {"parameters": parameter_texts(parameters), "friction": parameters.friction}
         self.evidence: dict[str, Any] = {}
 
@@ -127,8 +126,8 @@ class _Attempt:
         length = ball(self.half_length)
         arc, *ends = fold.arc_balls(self.p, self.half_length)
         whole, room = self.whole(arc, length)
-        radii = [arb(0, length / 2**20), arb(0, length**2 * 2**10)]
-        points = [self.at_end(name, end, whole, radii) for name, end in zip(fold.POINTS[1:], ends, strict=True)]
+        sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
+        points = [self.at_end(name, end, whole, sizes) for name, end in zip(fold.POINTS[1:], ends, strict=True)]
         extremum = fold.extremum(*map(fold.slope, points))
         if extremum is None:
             raise Unproved("Omega is not proved to rise at one end of the arc and to fall at the other")
@@ -149,67 +148,67 @@ class _Attempt:
             extremum,
             self.evidence,
         )
-        fold.judge(proof.claim(), self.section, [whole, *points], [room, radii, radii])
+        fold.judge(proof.claim(), self.section, [whole, *points], [arb(0, size) for size in room])
         if values["omega"].uncertainty > values["omega"].value / 10**self.digits:
             raise Unproved(f"the speed is not enclosed to {self.digits} digits: ask for more")
         return proof
 
     def whole(self, arc: Any, length: Any) -> tuple[FixedPoints, list[Any]]:
         """The cycles of all points of the arc, and the radii of their box, widened to what Krawczyk's image needs."""
-        m, radii = [ball(part).mid() for part in self.near], [arb(0, _SLOPE * length), arb(0, _EXCESS * length**2)]
+        m, sizes = [ball(part).mid() for part in self.near], [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()]
         for _ in range(1 + _INFLATIONS):
-            fixed = self.test("arc", arc, m, radii)
+            fixed = self.test("arc", arc, m, sizes)
             if fixed.included:
-                return fixed, radii
+                return fixed, sizes
             if not all(part.is_finite() for part in fixed.image):
                 break
-            m, radii = [part.mid() for part in fixed.image[1:]], [arb(0, 2 * part.rad()) for part in fixed.image[1:]]
+            m, sizes = ([getattr(part, name)() for part in fixed.image[1:]] for name in ("mid", "rad"))
+            sizes = [2 * size for size in sizes]
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
-    def at_end(self, name: str, end: Any, whole: FixedPoints, radii: Sequence[Any]) -> FixedPoints:
+    def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
         """The cycle at an end of the arc."""
-        (f, a, b), (g, c, d) = whole.slopes
-        determinant = a * d - b * c
-        inverse = [[entry.mid() for entry in row] for row in ((d / determinant, -b / determinant),
-                                                               (-c / determinant, a / determinant))]  # fmt: skip
+        (f, *first), (g, *second) = whole.slopes
+        inverse = midpoint_inverse((first, second))
         along = [-factor for factor in product(inverse, (f, g))]  # d(v, Omega)/dp
         away = end.mid() - whole.middle[0]
         m = [(part + slope * away).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
-        fixed = self.test(name, end, *self.sharpened(end, m, radii, inverse))
+        fixed = self.test(name, end, *self.sharpened(end, m, sizes, inverse))
         if not fixed.included:
             raise Unproved("at an end of the arc, Krawczyk's image does not lie inside the box")
         return fixed
 
     def test(
-        self, name: str, p: Any, m: Sequence[Any], radii: Sequence[Any], centre: tuple[Steps, Return] | None = None
+        self, name: str, p: Any, m: Sequence[Any], sizes: Sequence[Any], centre: tuple[Steps, Return] | None = None
     ) -> FixedPoints:
         """Krawczyk's test about a point; its choices become the evidence."""
         choices, flight = SearchedTest(), None
         if centre is not None:
             choices.centre, flight = centre
+        radii = [arb(0, size) for size in sizes]
         fixed = fold.fold_test(self.setting, self.section, p, m, radii, choices, flight)
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
         self.evidence[name] = {
             "middle": [dyadic_text(part) for part in m],
             "centre": choices.centre.log,
-            "box": choices.written(radii),
+            "box": choices.written(sizes),
         }
         return fixed
 
     def sharpened(
-        self, p: Any, m: Sequence[Any], radii: Sequence[Any], inverse: Sequence[Any]
+        self, p: Any, m: Sequence[Any], sizes: Sequence[Any], inverse: Sequence[Any]
     ) -> tuple[Sequence[Any], Sequence[Any], tuple[Steps, Return]]:
-        """A point well within the radii of this p's cycle, by chord steps from near ``m``; the radii; the flight."""
+        """A point well within the box of this p's cycle, by chord steps from near ``m``; the sizes; the flight."""
         for _ in range(_CHORDS):
             search = Steps()
-            flight = returned(Model(self.constants, m[1]), self.section, (p.mid(), m[0]), search)
+            flight = returned(Model(ball_constants(self.parameters), m[1]), self.section, (p.mid(), m[0]), search)
             if flight.status is not Status.RETURNED:
                 raise _not_followed(flight)
             value = [after - before for after, before in zip(flight.image, (p.mid(), m[0]), strict=True)]
             steps = product(inverse, value)
-            if all(abs(step) < radius.rad() / 4 for step, radius in zip(steps, radii, strict=True)):
-                return m, radii, (search, flight)
+            if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
+                return m, sizes, (search, flight)
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
         raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
 

@@ -171,10 +171,10 @@ class SearchedTest:
         self._inverse = midpoint_inverse(matrix)
         return self._inverse
 
-    def written(self, radii: Sequence[Any]) -> dict[str, Any]:
-        """The box's part of the evidence."""
+    def written(self, sizes: Sequence[Any]) -> dict[str, Any]:
+        """The box's part of the evidence; ``sizes`` are points, and arb(0, size) were the radii."""
         return {
-            "radii": [dyadic_text(part.rad()) for part in radii],
+            "radii": [dyadic_text(part) for part in sizes],
             "inverse": [[dyadic_text(entry) for entry in row] for row in self._inverse],
             "flight": self.box.log,
         }

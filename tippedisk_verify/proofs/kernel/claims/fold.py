@@ -70,18 +70,18 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
     return "largest" if positive(lower) and negative(upper) else None
 
 
-def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], boxes: Sequence[Any]) -> None:
-    """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``boxes`` are their radii."""
+def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], radii: Sequence[Any]) -> None:
+    """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points, POINTS, strict=True):
         need(point.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
-        away = zip(point.image[1:], whole.middle[1:], boxes[0], strict=True)
+        away = zip(point.image[1:], whole.middle[1:], radii, strict=True)
         need(all(inside(x - y, r) for x, y, r in away), f"{name}: the cycle is not shown to be the arc's")
     need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
-    for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], boxes[0],
+    for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
                                      strict=True):  # fmt: skip
         held(numbers[name], x, name)
         # What is printed reaches a little farther than Krawczyk's image; in the box there is still one cycle only.
@@ -117,7 +117,7 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
             raise Unproved(f"{name}: at t = {float(fixed.reached):.4g} s: {fixed.status.value}")
         choices.ended()
         points.append(fixed)
-    judge(claim, section, points, [evidence[name]["box"]["radii"] for name in POINTS])
+    judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
