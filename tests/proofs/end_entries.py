@@ -7,18 +7,18 @@ from typing import Any
 
 import pytest
 from flint import ctx
+from tippedisk_verify.proofs.checker.connection import ReturnMap
+from tippedisk_verify.proofs.checker.passage import Passage
+from tippedisk_verify.proofs.search.local_manifolds import Frame
 
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import connection as module
-from tippedisk_verify.proofs.checker.connection import ReturnMap
-from tippedisk_verify.proofs.checker.passage import Passage
 from tippedisk_verify.proofs.kernel.balls import hull, working_precision
 from tippedisk_verify.proofs.kernel.reading import parsed
 from tippedisk_verify.proofs.search.certificate import dyadic
-from tippedisk_verify.proofs.search.local_manifolds import Frame
 
 BITS = 64
 

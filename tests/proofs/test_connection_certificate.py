@@ -11,6 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 from flint import arb
+from tippedisk_verify.proofs.checker.connection import ReturnMap, flown
+from tippedisk_verify.proofs.checker.passage import Passage, Saddle, products
+from tippedisk_verify.proofs.search.local_manifolds import Frame
+from tippedisk_verify.proofs.search.passage import EXTENTS
 
 from tests.proofs.end_entries import BITS, Change, by_hand, disk, put, read, remember, speeds
 from tests.proofs.saddle_orbits import OMEGA_H, Orbits
@@ -19,11 +23,7 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.checker import connection as module
-from tippedisk_verify.proofs.checker.connection import ReturnMap, flown
-from tippedisk_verify.proofs.checker.passage import Passage, Saddle, products
 from tippedisk_verify.proofs.kernel.balls import ball, series_length, working_precision
-from tippedisk_verify.proofs.search.local_manifolds import Frame
-from tippedisk_verify.proofs.search.passage import EXTENTS
 
 BRANCH = module._branch
 

@@ -11,6 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tippedisk_verify.proofs.search.connection_flight import Landing, fly_over
+from tippedisk_verify.proofs.search.local_manifolds import Frame
+from tippedisk_verify.proofs.search.passage import EXTENTS
 
 from tests.proofs.saddle_orbits import OMEGA_H, Orbits
 from tippedisk_verify.connection.heteroclinic import heteroclinic
@@ -23,11 +26,8 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, work
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.search import connection_end as module
 from tippedisk_verify.proofs.search.connection_end import prove_end
-from tippedisk_verify.proofs.search.connection_flight import Landing, fly_over
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Room, not_proved, prove_connection
 from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
-from tippedisk_verify.proofs.search.local_manifolds import Frame
-from tippedisk_verify.proofs.search.passage import EXTENTS
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 from tippedisk_verify.reference_values.lookup import reference
 

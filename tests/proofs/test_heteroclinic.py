@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy
 import pytest
 from flint import arb, arb_mat, ctx
+from tippedisk_verify.proofs.search.local_manifolds import UNSTABLE, Curve
 
 from tests.proofs.cases import carry
 from tippedisk_verify.connection.heteroclinic import heteroclinic
@@ -26,7 +27,6 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.search import heteroclinic as certified
 from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, Status, prove_connection
-from tippedisk_verify.proofs.search.local_manifolds import UNSTABLE, Curve
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured() for name in ("printed", "calibrated")}

@@ -44,7 +44,16 @@ from tippedisk_verify.proofs.search.certificate import certificate_text, paramet
 from tippedisk_verify.proofs.search.proposals import Proposer, as_text
 from tippedisk_verify.proofs.search.steps import Steps
 
-__all__ = ["MOST_DIGITS", "ProvedConnection", "Status", "eigenvectors", "not_proved", "prove_connection"]
+__all__ = [
+    "MOST_DIGITS",
+    "ProvedConnection",
+    "Status",
+    "eigenvectors",
+    "not_proved",
+    "prove_connection",
+    "series_of_curve",
+    "smallest_weights",
+]
 
 MOST_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
 _GUARD_BITS = 56  # some 10 digits for the passage, and a few for what is divided away
@@ -256,6 +265,22 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
+def series_of_curve(saddle: Saddle, along: int, order: int, values: Sequence[Any]) -> Curve:
+    """The invariant curve at the middle of the speeds, power by power; ``values`` are points near the eigenvalues."""
+    side = None
+    if saddle.friction == "smooth":
+        direction = [arb(int(k == along)) for k in range(3)]
+        side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
+    thin = Saddle(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
+    curve = Curve(thin, along, [[arb(0)] * (order + 1) for _ in range(2)], side)
+    step = 2 if side is None else 1  # the linear law's field is odd about the saddle, and analytic
+    for power in range(1 + step, order + 1, step):
+        defect = curve.defect(arb(0), power)
+        for other, row, rest in zip(curve.others, curve.graph, defect, strict=True):
+            row[power] = (coefficient(rest, power) / (power * values[along] - values[other])).mid()
+    return curve
+
+
 class _NotNearError(Unproved):
     """The branch does not come near the second saddle."""
 
@@ -297,11 +322,11 @@ class _Search(Proposer):
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
     def unstable(self, saddle: Saddle) -> dict[str, Any]:
-        curve = self._curve(saddle, UNSTABLE)
+        curve = series_of_curve(saddle, UNSTABLE, self.order, self.values)
         return self._entry(curve) | {"reach": _share_of_reach(curve)}
 
     def slow(self, saddle: Saddle) -> dict[str, Any]:
-        curve = self._curve(saddle, SLOW)
+        curve = series_of_curve(saddle, SLOW, self.order, self.values)
         # Nearer than the series demand: the cones there need orbits that differ along the unstable direction, and hold
         # in a box that is wider than N by the ratio of the eigenvectors' components.
         self.reach = _share_of_reach(curve) / 16
@@ -309,21 +334,6 @@ class _Search(Proposer):
 
     def _entry(self, curve: Curve) -> dict[str, Any]:
         return {"graph": curve.graph} | ({} if curve.side is None else {"side": str(curve.side)})
-
-    def _curve(self, saddle: Saddle, along: int) -> Curve:
-        """The series of the invariant curve, power by power."""
-        side = None
-        if saddle.friction == "smooth":
-            direction = [arb(int(k == along)) for k in range(3)]
-            side = 1 if saddle.sliding_slope([arb(0)] * 3, direction).mid() > 0 else -1
-        thin = Saddle(saddle.disk, saddle.friction, saddle.omega.mid(), saddle.directions.tolist())
-        curve = Curve(thin, along, [[arb(0)] * (self.order + 1) for _ in range(2)], side)
-        step = 2 if side is None else 1  # the linear law's field is odd about the saddle, and analytic
-        for power in range(1 + step, self.order + 1, step):
-            defect = curve.defect(arb(0), power)
-            for other, row, rest in zip(curve.others, curve.graph, defect, strict=True):
-                row[power] = (coefficient(rest, power) / (power * self.values[along] - self.values[other])).mid()
-        return curve
 
     def cone(self, curve: Curve, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]

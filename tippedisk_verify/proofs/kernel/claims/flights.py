@@ -89,7 +89,7 @@ def _step(model: Model, frame: Frame, lengths: NDArray[np.float64]) -> Step:
 
 
 def _carried(step: Step, time: Any = None) -> Frame:
-    """The set of states after ``time``, or at the step's end. Its axes are the lead's for z_u and z_s, and that of v."""
+    """The set of states after ``time``, or at the step's end. Its axes: the lead's for z_u and z_s, and that of v."""
     centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
 
     def axes(turned: Any, sizes: Any) -> list[list[Any]]:
