@@ -56,7 +56,7 @@ def curve_of(parameters: Parameters, along: int, width: str = "0", order: int = 
 def cone_of(curve: Curve, factor: int = 16) -> list[Any]:
     """Some times the defect: the gaps between the eigenvalues are larger than 14."""
     defect = curve.relative_defect(THETA)
-    return [part * factor / 14 + sum(defect) / 16 + arb(2) ** -150 for part in defect]
+    return [part * factor / 14 + sum(defect) / 64 + arb(2) ** -150 for part in defect]
 
 
 @cache
@@ -158,8 +158,8 @@ def test_what_is_too_large_or_not_finite_is_refused() -> None:
         (arb(3), right),
         (arb("nan"), right),
         (-THETA, right),
-        (THETA, [right[0] / 100, right[1]]),  # too narrow in one direction
-        (THETA, [right[0], right[1] / 100]),
+        (THETA, [right[0] / 1000, right[1]]),  # too narrow in one direction
+        (THETA, [right[0], right[1] / 1000]),
     ):
         with pytest.raises(Unproved):
             leaving(curve, theta, cone, curve.relative_defect(theta))
