@@ -9,9 +9,10 @@ from typing import Any
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.kernel import flow
+from tippedisk_verify.proofs.kernel import flight
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.flow import Flight, Model, Status, Step
+from tippedisk_verify.proofs.kernel.flight import Flight
+from tippedisk_verify.proofs.kernel.flow import Model, Status, Step
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
@@ -50,7 +51,7 @@ def carry(
     watch: Callable[[Step], None] | None = None,
 ) -> Flight:
     """The flow for a time from a box of states."""
-    return flow.carry(model.path(start, Steps(), derivatives=derivatives), duration, watch)
+    return flight.carry(model.path(start, Steps(), derivatives=derivatives), duration, watch)
 
 
 def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:

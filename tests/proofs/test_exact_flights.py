@@ -117,7 +117,7 @@ def exactly(time: Fraction) -> tuple[Fraction, ...]:
 
 def lanes_steps_are_as_long_as_proved() -> bool:
     zero = Lanes([0.0] * COUNT)
-    block = BLOCK(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), (0, 0), np.arange(COUNT))
+    block = BLOCK(Model(constants(), Lanes([1.0] * COUNT), falling_late), (zero, zero, zero), np.arange(COUNT))
     block.cuts = np.array([0.75, 0.5, 0.3])
     step, accepted = block.tried()
     assert accepted.all()

@@ -23,7 +23,8 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_const
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
 from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Saddle
 from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Flight, Path, Step
+from tippedisk_verify.proofs.kernel.flight import Flight
+from tippedisk_verify.proofs.kernel.flow import Path, Step
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of

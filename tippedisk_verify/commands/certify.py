@@ -112,7 +112,7 @@ def heteroclinic(common: Common, near: str | None, cycles: str | None, certifica
 @click.option("--jobs", type=int, metavar="N", help="Processes, for a family's arcs; as many as cores if not given.")
 @plain_options
 def check(common: Common, file: str, jobs: int | None) -> int:
-    """Replay a certificate with a short checker of its own, which shares no code with the proofs.
+    """Replay a certificate: its choices are tested again, without the search that found them.
 
     A family of limit cycles takes some 8 minutes of CPU, the cycles next to the connection 2, all else seconds.
     """

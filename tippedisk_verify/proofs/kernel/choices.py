@@ -8,11 +8,14 @@ and the point in time from which a zero was enclosed ("moment"), if one was.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, need
 from tippedisk_verify.proofs.kernel.flow import Path, Step
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
 from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
+from tippedisk_verify.proofs.kernel.section import Return
 
 __all__ = ["BOX", "FLIGHT", "Replay", "ReplayedTest"]
 
@@ -42,7 +45,7 @@ class Replay:
         self._parts: Iterator[Any] = iter(())
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        need(not self._open, f"{self._place()}: it is refused: {_AGAIN}")
+        need(not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0")
         need(self.number < len(self.log), f"{self.name}: its steps end on the way")
         self.number, self._open = self.number + 1, True
         self._parts = iter(self.log[self.number - 1]["steps"])
@@ -59,8 +62,8 @@ class Replay:
         except Unproved as fault:
             raise Unproved(f"{self._place()}: {fault}") from None
 
-    def beyond(self) -> _Beyond:
-        return _Beyond(self)
+    def beyond(self) -> Any:
+        return SimpleNamespace(step=lambda path, longest: self.next_part(path))
 
     def moment(self, step: Step, index: int, level: Any) -> Any:
         entry = self.log[self.number - 1]
@@ -73,40 +76,29 @@ class Replay:
     def took(self, step: Step, axes: Any) -> None:
         self._open = False
 
-    def ended(self) -> None:
-        """Raises Unproved if not all of the log has been read."""
-        need(self.number == len(self.log), f"{self.name}: it has steps that nothing asks for")
-
     def _place(self) -> str:
         return f"{self.name}, step {self.number}"
-
-
-class _Beyond(Replay):
-    """The proposer of a step behind a change of side."""
-
-    def __init__(self, whole: Replay) -> None:
-        super().__init__((), whole.name)
-        self.whole = whole
-
-    def step(self, path: Path, longest: float | None) -> Step | None:
-        return self.whole.next_part(path)
-
-
-_AGAIN = "its signs are not shown, or it may touch gamma_y = 0"
 
 
 class ReplayedTest:
     """The choices of a Krawczyk test, from the evidence about its middle and its box."""
 
     def __init__(self, centre: Sequence[Any], box: Mapping[str, Any], name: str) -> None:
+        self.name = name
         self.centre, self.box = Replay(centre, f"{name}, centre"), Replay(box["flight"], f"{name}, box")
         self._inverse = box["inverse"]
 
     def inverse(self, matrix: Any) -> Any:
         return self._inverse
 
-    def ended(self, *, first: bool = True) -> None:
-        """Raises Unproved if not all of the logs has been read; that of the middle only if it is the ``first`` box."""
-        if first:
-            self.centre.ended()
-        self.box.ended()
+    def passed(self, outcome: FixedPoints | Return, *, first: bool = True) -> FixedPoints:
+        """The fixed points, if the test was passed and all of the logs was read; of the middle's if it was ``first``.
+
+        Raises Unproved if not.
+        """
+        if isinstance(outcome, Return):
+            raise Unproved(f"{self.name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
+        for flight in (self.centre, self.box)[1 - first :]:
+            need(flight.number == len(flight.log), f"{flight.name}: it has steps that nothing asks for")
+        need(outcome.included, f"{self.name}: Krawczyk's image is not shown to lie inside the box")
+        return outcome

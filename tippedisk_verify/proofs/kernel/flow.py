@@ -35,7 +35,7 @@ are exact dyadic numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, reduce
@@ -62,7 +62,6 @@ from tippedisk_verify.proofs.kernel.lanes import Lanes
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
 __all__ = [
-    "Flight",
     "Law",
     "Model",
     "Path",
@@ -70,7 +69,6 @@ __all__ = [
     "Status",
     "Step",
     "Trial",
-    "carry",
     "magnitude",
     "polynomial",
     "short_float",
@@ -152,10 +150,6 @@ class Model:
         rates = self._rates(graph, speed, variables)
         #: state (3), derivatives by beta, gamma, v and Omega (3 each); the other has the divergence's integral too
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
-
-    def at_middle(self) -> Model:
-        """The model at the midpoint of the speeds."""
-        return Model(self.constants, self.omega.mid(), self.law)
 
     def orbit_at(self, omega: Any) -> System:
         """The states alone, without derivatives, at another speed."""
@@ -254,8 +248,8 @@ class Trial:
     def verdict(self, length: float) -> Verdict | None:
         """What the test says of a length; None if a remainder is infinite."""
         with working_precision(_REMAINDER_BITS):
-            found = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
-        return found if all(part.is_finite() for part in (*found.fine, *found.rough)) else None
+            said = verdict(self.path.model, self.system, self.wide, length, self.orders[0])
+        return said if all(x.is_finite() for x in (*said.fine, *said.rough)) else None
 
     def step(self, length: float, verdict: Verdict | None = None) -> Step:
         """The proved step of that length. Raises Unproved if the test does not prove it."""
@@ -281,19 +275,11 @@ class Path:
     they are computed roughly, for the mean-value form only.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        start: Sequence[Any],
-        proposer: Proposer,
-        *,
-        derivatives: bool = False,
-        along: Sequence[Any] = (0, 0, 0),
-    ) -> None:
+    def __init__(self, model: Model, start: Sequence[Any], proposer: Proposer, *, derivatives: bool = False) -> None:
         if len(start) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
         self.model, self.proposer, self.time, self.sharp = model, proposer, ball(0), derivatives
-        self.frame = Frame([ball(part) for part in start], model.omega, along)
+        self.frame = Frame([ball(part) for part in start], model.omega)
         self.box = self.frame.box()
         self.divergence = ball(0)
         self.steps = 0
@@ -391,60 +377,3 @@ def short_float(length: float) -> float:
     """Rounded down to 20 bits: sums of step lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)
-
-
-@dataclass(frozen=True)
-class Flight:
-    """Where all orbits from a box are after a time, proved. Only Status.REACHED makes the rest mean anything."""
-
-    status: Status
-    time: Any  #: [s]
-    state: tuple[Any, Any, Any]  #: holds the end of every orbit, (beta_bar, gamma_bar, v)
-    matrix: tuple[tuple[Any, ...], ...] | None  #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
-    divergence: Any  #: integral of div f over the run, or None
-    steps: int
-    upright: bool  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
-
-
-def carry(path: Path, duration: Any, watch: Callable[[Step], None] | None = None) -> Flight:
-    """Follow a path for ``duration`` seconds (an exact number or a ball, positive).
-
-    ``watch`` is called with every step before it is taken. Raises ValueError for a duration that is not positive.
-    """
-    span = ball(duration)
-    if not span > 0:
-        raise ValueError("the duration must be positive")
-    upright = True
-    share = 1.0
-    while True:
-        left = span - path.time  # positive: what was taken is proved to be shorter
-        step = path.step(max(share * _float_above(left), 2 * _SHORTEST_STEP))
-        if step is None:
-            status = path.status or Status.NO_ENCLOSURE
-            break
-        if not (left <= step.length or left > step.length):
-            share /= 2  # the step ends within the duration's ball
-            continue
-        share = 1.0
-        upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
-        if watch is not None:
-            watch(step)
-        if left <= step.length:
-            path.take(step, left)
-            status = Status.REACHED
-            break
-        path.take(step)
-    return Flight(
-        status,
-        path.time,
-        path.box,
-        path.matrix if path.sharp else None,
-        path.divergence if path.sharp else None,
-        path.steps,
-        upright,
-    )
-
-
-def _float_above(x: Any) -> float:
-    """A float of 20 bits that is not below any point of the ball."""
-    return short_float(float(x.abs_upper()) * (1 + 2.0**-18))

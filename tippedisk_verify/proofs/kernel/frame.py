@@ -29,22 +29,18 @@ Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
-    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega.
-
-    ``along`` is how the start moves with Omega [rad s, rad s, rad]: three numbers that are taken as points. The fourth
-    column of the derivatives is then by Omega along that line.
-    """
+    """The set, and the derivatives (3, 4) of its states by the start's three coordinates and Omega."""
 
     __slots__ = ("axes", "deviation", "lead", "middle", "rest", "spread")
 
-    def __init__(self, start: Sequence[Any], omega: Any, along: Sequence[Any] = (0, 0, 0)) -> None:
+    def __init__(self, start: Sequence[Any], omega: Any) -> None:
         self.middle: list[Any] = [part.mid() for part in start]
         #: d: four balls about zero
         away = (part - mid for part, mid in zip(start, self.middle, strict=True))
         self.deviation = [*away, omega - omega.mid()]
         zero, one = (alike(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
-        self.lead: Matrix = [[*unit[row], alike(self.middle[0], along[row]).mid()] for row in range(3)]
+        self.lead: Matrix = [[*row, zero] for row in unit]
         self.axes: Matrix = unit
         self.rest: list[Any] = [zero] * 3
         self.spread: Matrix = [[zero] * 4 for _ in range(3)]

@@ -68,43 +68,43 @@ class FixedPoints:
 
 
 def krawczyk_test(
-    disk: Mapping[str, str],
-    friction: str,
+    claim: Mapping[str, Any],
     section: Section,
     middle: Pair,
-    away: Pair,
+    deviations: Pair,
     unknown: tuple[int, int],
     choices: Choices,
     centre: Return | None = None,
 ) -> FixedPoints | Return:
-    """Krawczyk's test about three points ``middle``, on the box of these plus ``away``, three balls about zero.
+    """Krawczyk's test about three points ``middle``, on the box of these plus ``deviations``, three balls about zero.
 
-    ``unknown`` says which two of the three numbers are. Returns the flight that did not return, if one did not. Who has
-    the map at the middle already passes it as ``centre``.
+    It is for the disk and the law of the claim (``parameters``, ``friction``); ``unknown`` says which two of the three
+    numbers are. Returns the flight that did not return, if one did not. Who has the map at the middle already passes it
+    as ``centre``.
     """
-    numbers = constants(disk)
+    numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
         centre = returned(law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre)
     if centre.status is not Status.RETURNED:
         return centre
-    whole = [point + part for point, part in zip(middle, away, strict=True)]
+    whole = [point + part for point, part in zip(middle, deviations, strict=True)]
     box = returned(law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True)
     if box.status is not Status.RETURNED:
         return box
     slopes = _slopes(box)
     return fixed_points(
-        middle, away, unknown, choices.inverse([[row[k] for k in unknown] for row in slopes]), centre, box
+        middle, deviations, unknown, choices.inverse([[row[k] for k in unknown] for row in slopes]), centre, box
     )
 
 
 def fixed_points(
-    middle: Pair, away: Pair, unknown: tuple[int, int], inverse: Sequence[Pair], centre: Return, box: Return
+    middle: Pair, deviations: Pair, unknown: tuple[int, int], inverse: Sequence[Pair], centre: Return, box: Return
 ) -> FixedPoints:
     """What the test says, given the map at the middle and over the box; ``inverse`` is Y."""
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
     slopes = _slopes(box)
     (other,) = {0, 1, 2}.difference(unknown)
-    width = [away[k] for k in unknown]
+    width = [deviations[k] for k in unknown]
     rest = [
         [int(i == j) - sum(inverse[i][k] * slopes[k][column] for k in range(2)) for j, column in enumerate(unknown)]
         for i in range(2)
@@ -112,10 +112,10 @@ def fixed_points(
     residual = product(inverse, value)
     # p's part is one ball that both equations share: its factors come first, for their sum may nearly vanish.
     moved = product(inverse, [row[other] for row in slopes])
-    shift = list(away)
+    shift = list(deviations)
     for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
-        shift[k] = spread - part - factor * away[other]
-    included = all(inside(shift[k], away[k]) for k in unknown)
+        shift[k] = spread - part - factor * deviations[other]
+    included = all(inside(shift[k], deviations[k]) for k in unknown)
     return FixedPoints(included, middle, shift, residual, slopes, centre, box)
 
 

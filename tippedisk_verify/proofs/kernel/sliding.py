@@ -38,7 +38,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, arb, ball, ball_constants, hull, negative, positive
+from tippedisk_verify.proofs.kernel.balls import BallOps, arb, ball, ball_constants, hull, need, negative, positive
 from tippedisk_verify.proofs.kernel.field import field, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path, Proposer, Status, Step, short_float
 
@@ -69,9 +69,6 @@ class SmoothModel(Model):
         #: by the sliding velocity's sign; the law of each is that of its side
         self.sides: dict[int, Model] = {1: self, -1: Model(constants, omega, one_sided(-1))}
         self._middles: dict[int, Model] = {}
-
-    def at_middle(self) -> SmoothModel:
-        return SmoothModel(self.constants, self.omega.mid())
 
     def middle(self, side: int) -> Model:
         """One side's law at the midpoint of the speeds."""
@@ -258,6 +255,7 @@ def _zero(value: Callable[[Any], Any], slope: Callable[[Any], Any], begin: float
         better = guess - value(guess) / slope(moment)
         if not better.is_finite():
             break
+        need(moment.overlaps(better), "the enclosures of a change of side contradict each other")
         before, moment = moment.rad(), moment.intersection(better)
         if 2 * moment.rad() > before:
             break

@@ -24,7 +24,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import cycle
 from tippedisk_verify.proofs.kernel.flow import Model, magnitude
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.kernel.sliding import model_of
@@ -211,14 +211,15 @@ class Attempt:
                 sizes = [(abs(part) * arb(2) ** -self.box_bits).mid() for part in middle]
                 radii = [arb(0, size) for size in sizes]
                 choices = SearchedTest()
-                fixed = cycle.cycle_test(self.setting, self.section, middle, radii, choices)
+                at, drift = cycle.place(self.setting, middle)
+                fixed = krawczyk_test(self.setting, self.section, at, [*radii, drift], (0, 1), choices)
                 if isinstance(fixed, Return):
                     outcome, wanted = self.not_followed(fixed), self.bits + 64
                 elif fixed.included:
                     proof = self.concluded(fixed, radii)
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, sizes, choices)
+                        return self.neighbourhood(proof, fixed, sizes, drift, choices)
                     outcome = self.ended(Status.TOO_FEW_DIGITS, f"{lacking} bits are lacking")
                     self.box_bits += lacking + 4
                     wanted = self.bits + lacking + 4
@@ -242,9 +243,9 @@ class Attempt:
         if not scale > 0:
             return self.ended(Status.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
-        known, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
+        correct, gain = 0, 0  # -log2 of the last step's size relative to the state, and of the matrix's error
         for _ in range(_MOST_ITERATIONS):
-            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * known + 64))):
+            with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = returned(self.model(), self.section, state, Steps(), derivatives=matrix is None)
                 if flight.status is not FlowStatus.RETURNED:
                     return self.not_followed(flight)
@@ -260,20 +261,20 @@ class Attempt:
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
                 return self.ended(Status.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
-            previous, known = known, -size
-            if known < 20:  # far away: a fresh derivative for the next step
+            previous, correct = correct, -size
+            if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
                 continue
-            gain = gain or known
+            gain = gain or correct
             # Within the box's radius, or within what this precision can tell.
-            if known + min(gain, known) > min(self.box_bits + 4, self.bits - 16):
+            if correct + min(gain, correct) > min(self.box_bits + 4, self.bits - 16):
                 return state
-            if known <= previous:  # a stale derivative
+            if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
         return self.ended(Status.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration")
 
     def neighbourhood(
-        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], choices: SearchedTest
+        self, proof: OrbitProof, fixed: FixedPoints, sizes: Sequence[Any], drift: Any, choices: SearchedTest
     ) -> OrbitProof:
         """The proof with the widest box that passes the test, and with its evidence."""
         evidence = {
@@ -288,7 +289,10 @@ class Attempt:
                     continue
                 sizes = [(abs(part) * arb(2) ** -size).mid() for part in fixed.middle[:2]]
                 wide, search = [arb(0, part) for part in sizes], SearchedTest()
-                remote = cycle.cycle_test(self.setting, self.section, fixed.middle[:2], wide, search, fixed.centre)
+                deviations = [*wide, drift]
+                remote = krawczyk_test(
+                    self.setting, self.section, fixed.middle, deviations, (0, 1), search, fixed.centre
+                )
                 if isinstance(remote, FixedPoints) and remote.included:
                     evidence["wide box"] = search.written(sizes) | {"bits": _REMOTE_BITS}
                     radii = wide

@@ -20,7 +20,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_const
 from tippedisk_verify.proofs.kernel.claims import fold
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.flow import Model, Status
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test, product
 from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section, returned
 from tippedisk_verify.proofs.numbers import measured, widened
@@ -171,8 +171,8 @@ class _Attempt:
         (f, *first), (g, *second) = whole.slopes
         inverse = midpoint_inverse((first, second))
         along = [-factor for factor in product(inverse, (f, g))]  # d(v, Omega)/dp
-        away = end.mid() - whole.middle[0]
-        m = [(part + slope * away).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
+        distance = end.mid() - whole.middle[0]
+        m = [(part + slope * distance).mid() for part, slope in zip(whole.image[1:], along, strict=True)]
         fixed = self.test(name, end, *self.sharpened(end, m, sizes, inverse))
         if not fixed.included:
             raise Unproved("at an end of the arc, Krawczyk's image does not lie inside the box")
@@ -185,8 +185,8 @@ class _Attempt:
         choices, flight = SearchedTest(), None
         if centre is not None:
             choices.centre, flight = centre
-        radii = [arb(0, size) for size in sizes]
-        fixed = fold.fold_test(self.setting, self.section, p, m, radii, choices, flight)
+        deviations = [p - p.mid(), *(arb(0, size) for size in sizes)]
+        fixed = krawczyk_test(self.setting, self.section, [p.mid(), *m], deviations, (1, 2), choices, flight)
         if isinstance(fixed, Return):
             raise _not_followed(fixed)
         self.evidence[name] = {

@@ -84,7 +84,6 @@ def half_flights(
     *,
     derivatives: bool = False,
     longest: float = 60.0,
-    along: Sequence[Any] = (0, 0),
 ) -> HalfFlights:
     """`section.half_flight` for every lane; the model's speeds are as many lanes, its constants as many or one.
 
@@ -96,13 +95,11 @@ def half_flights(
     steps, reversals = np.zeros(count, int), np.zeros(count, int)
     kind: type[Block] = getattr(model, "block", Block)
     with quiet():
-        away = model.omega - model.omega.mid()
-        going = np.flatnonzero((v + away * along[1]).negative())
+        going = np.flatnonzero(v.negative())
         for first in range(0, len(going), _BLOCK):
             lanes = going[first : first + _BLOCK]
-            line = [part[lanes] if isinstance(part, Lanes) and len(part) > 1 else part for part in along]
             start = gamma_bar[lanes].constant(0), gamma_bar[lanes], v[lanes]
-            block = kind(some_model(model, lanes), start, line, lanes)
+            block = kind(some_model(model, lanes), start, lanes)
             while len(block.lanes):
                 ends = block.ended(longest)
                 if (ends == None).all():  # noqa: E711
@@ -150,9 +147,9 @@ _AXES = _Axes()
 class Block(Path):
     """Orbits on their way, lane by lane; lanes whose way has ended are dropped."""
 
-    def __init__(self, model: Model, start: Sequence[Lanes], along: Sequence[Any], lanes: Array) -> None:
+    def __init__(self, model: Model, start: Sequence[Lanes], lanes: Array) -> None:
         zero = start[0].constant(0)
-        super().__init__(model, start, _AXES, derivatives=True, along=(0, *along))  # type: ignore[arg-type]
+        super().__init__(model, start, _AXES, derivatives=True)  # type: ignore[arg-type]
         self.time = self.divergence = self.beta_least = zero
         self.turn_by_start: tuple[Any, ...] = (zero, zero, zero)
         self.lanes, count = lanes, len(lanes)  #: which of the caller's they are

@@ -19,14 +19,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, negative, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, positive, working_precision
 from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
 from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, precision
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
 
-__all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "cycle_test", "names", "reversals", "sentence", "shape",
+__all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "main", "names", "place", "reversals", "sentence", "shape",
            "show", "stability"]  # fmt: skip
 
 KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
@@ -45,18 +45,10 @@ def main(section: Section) -> tuple[str, ...]:
     return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
 
 
-def cycle_test(
-    claim: Mapping[str, Any],
-    section: Section,
-    middle: Sequence[Any],
-    radii: Sequence[Any],
-    choices: Choices,
-    centre: Return | None = None,
-) -> FixedPoints | Return:
-    """Krawczyk's test for the claim's disk, law and speed, about two points on the section; ``radii`` are balls."""
+def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+    """The test's middle of two points on the section, with the speed's; and how far the speed is from that, a ball."""
     speed = ball(claim["omega"])
-    middle, away = [*middle, speed.mid()], [*radii, speed - speed.mid()]
-    return krawczyk_test(claim["parameters"], claim["friction"], section, middle, away, (0, 1), choices, centre)
+    return [*middle, speed.mid()], speed - speed.mid()
 
 
 def cycle_numbers(section: Section, fixed: FixedPoints) -> dict[str, Any]:
@@ -120,22 +112,19 @@ def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
         "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
         "reversals?": count,
     }
-    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": count}}
+    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """Raises Unproved if the evidence does not prove the claim."""
     section = KINDS[claim["kind"]]
+    middle, drift = place(claim, evidence["middle"])
 
     def test(name: str, centre: Return | None = None) -> FixedPoints:
         box = evidence[name]
         choices = ReplayedTest(evidence["centre"], box, name)
-        fixed = cycle_test(claim, section, evidence["middle"], box["radii"], choices, centre)
-        if isinstance(fixed, Return):
-            raise Unproved(f"{name}: at t = {float(fixed.reached):.4g} s: {fixed.status.value}")
-        choices.ended(first=centre is None)
-        need(fixed.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
-        return fixed
+        fixed = krawczyk_test(claim, section, middle, [*box["radii"], drift], (0, 1), choices, centre)
+        return choices.passed(fixed, first=centre is None)
 
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
@@ -155,7 +144,7 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 def sentence(claim: Mapping[str, Any]) -> str:
     """What is claimed, in one sentence."""
-    section, n, near = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
+    section, n, room = KINDS[claim["kind"]], number_words(claim), claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
     if claim["friction"] == "smooth":
@@ -167,8 +156,8 @@ def sentence(claim: Mapping[str, Any]) -> str:
             f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
             "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> (pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with gamma_bar_0 = {n[first]} rad "
-            f"and v_0 = {n[second]} rad/s, and no other with gamma within {near[first]} rad and v within "
-            f"{near[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v within "
+            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which crosses beta = pi/2 "
             f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} rad, less than "
             f"1.5707{sliding}; its period is T = {n['period']} s, its larger Floquet multiplier other than 1 is "
             f"{n['multiplier_slow']} with the logarithm {n['log_multiplier_slow']}, the logarithm of the smaller one "
@@ -178,8 +167,8 @@ def sentence(claim: Mapping[str, Any]) -> str:
     return (
         f"{disk_words(claim)} at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with beta_bar_top = {n[first]} "
-        f"rad and v_top = {n[second]} rad/s, and no other with beta within {near[first]} rad and v within "
-        f"{near[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v within "
+        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, by 2 pi a period, "
         f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet multiplier other than "
         f"1 of larger absolute value is {n['multiplier_slow']}, the logarithms of the absolute values of both are "
         f"{n['log_multiplier_slow']} and {n['log_multiplier_fast']}, dT/dOmega = {n['dperiod_domega']} s^2/rad, "

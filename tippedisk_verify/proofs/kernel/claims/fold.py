@@ -18,15 +18,15 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Literal
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, inside, need, negative, positive
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
 from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
 from tippedisk_verify.proofs.kernel.claims.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
-from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
+from tippedisk_verify.proofs.kernel.section import HALF, TURN, Section
 
-__all__ = ["KINDS", "POINTS", "arc_balls", "extremum", "fold_test", "judge", "names", "sentence", "shape", "show",
+__all__ = ["KINDS", "POINTS", "arc_balls", "extremum", "judge", "names", "sentence", "shape", "show",
            "slope"]  # fmt: skip
 
 KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
@@ -36,20 +36,6 @@ EXTREMA = ("smallest", "largest")
 
 def names(section: Section) -> tuple[str, ...]:
     return "omega", *UNKNOWNS[section], "period"
-
-
-def fold_test(
-    claim: Mapping[str, Any],
-    section: Section,
-    place: Any,
-    middle: Sequence[Any],
-    radii: Sequence[Any],
-    choices: Choices,
-    centre: Return | None = None,
-) -> FixedPoints | Return:
-    """Krawczyk's test for (v, Omega) about two points for all p of the ball ``place``; ``radii`` are balls."""
-    middle, away = [place.mid(), *middle], [place - place.mid(), *radii]
-    return krawczyk_test(claim["parameters"], claim["friction"], section, middle, away, (1, 2), choices, centre)
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
@@ -73,12 +59,10 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
 def judge(claim: Mapping[str, Any], section: Section, points: Sequence[FixedPoints], radii: Sequence[Any]) -> None:
     """Raises Unproved unless tests on the whole arc and at its ends prove the claim; ``radii`` are the arc's."""
     whole, numbers = points[0], claim["numbers"]
-    for point, name in zip(points, POINTS, strict=True):
-        need(point.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
-        away = zip(point.image[1:], whole.middle[1:], radii, strict=True)
-        need(all(inside(x - y, r) for x, y, r in away), f"{name}: the cycle is not shown to be the arc's")
+        deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
+        need(all(inside(x - y, r) for x, y, r in deviations), f"{name}: the cycle is not shown to be the arc's")
     need(extremum(*map(slope, points[1:])) == claim["extremum"], "claim: the speed has no such extremum")
     need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
     for name, x, middle, room in zip((UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii,
@@ -112,11 +96,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]
         choices = ReplayedTest(point["centre"], point["box"], name)
-        fixed = fold_test(claim, section, p, point["middle"], point["box"]["radii"], choices)
-        if isinstance(fixed, Return):
-            raise Unproved(f"{name}: at t = {float(fixed.reached):.4g} s: {fixed.status.value}")
-        choices.ended()
-        points.append(fixed)
+        middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
+        points.append(choices.passed(krawczyk_test(claim, section, middle, deviations, (1, 2), choices)))
     judge(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
