@@ -18,6 +18,7 @@ from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import connection_cycles as module
+from tippedisk_verify.proofs.kernel.claims import flights as flights_module
 from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, ReturnMap, cycles_shown
 from tippedisk_verify.proofs.kernel.claims.flights import arrivals as flown
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
@@ -105,6 +106,36 @@ def test_flights_of_other_lengths_are_refused() -> None:
     for times in ([time, -time], [time, 10 * time], [time, math.nan]):
         with pytest.raises(Unproved, match="flight 2: the states and derivatives"):
             flights(speed, slow, arb(0), times)
+
+
+@pytest.mark.parametrize(
+    ("beta", "v", "slows", "line"),
+    [
+        ((0.5, 0.5), (arb(1), arb(-1)), -1, [False, False]),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), -1, [False, True]),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), 1, "flight 2: v is not shown to pass zero once"),
+        ((0.5, 0.5), (arb(1), arb(0, 1)), 0, "flight 2: v is not shown to pass zero once"),
+        ((0.5, -0.1), (arb(1), arb(1)), -1, "flight 2: 0 < beta_bar"),
+        ((1.571, 0.5), (arb(1), arb(1)), -1, "flight 1: 0 < beta_bar"),
+    ],
+)
+def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> None:
+    """beta_bar and v over it, and the sign of v'."""
+    model: Any = SimpleNamespace(rates=lambda state: (None, None, Lanes([float(slows)] * 2)))
+    step: Any = SimpleNamespace(enclosure=(Lanes(beta), None, Lanes.of(v)))
+    if isinstance(line, list):
+        assert flights_module._climbs(model, step).tolist() == line
+    else:
+        with pytest.raises(Unproved, match=line):
+            flights_module._climbs(model, step)
+
+
+def test_a_lane_in_which_beta_bar_has_no_largest_value_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After one step no v has changed its sign; were it shown of one lane, the other one would be missed."""
+    for shown in ([False, False], [True, False]):
+        monkeypatch.setattr(flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown))
+        with pytest.raises(Unproved, match=f"flight {1 + shown.count(True)}: beta_bar is not shown to have a largest"):
+            flights([ball(OMEGA_H)] * 2, [arb(0.01)] * 2, arb(0), [0.001] * 2, count=1, end=1)
 
 
 def test_a_flight_that_falls_is_refused() -> None:

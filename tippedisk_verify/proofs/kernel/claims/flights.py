@@ -48,16 +48,21 @@ def arrivals(
     model, s = Model(saddle.constants, saddle.omega), extents[S]
     frame = saddle.departing([slow.constant(extents[U]), slow, slow.constant(fast)])
     tops: list[list[Any]] = []
+    turned = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
         step = _step(model, frame, lengths)
-        tops += _climbs(model, step)
+        turning = _climbs(model, step)
+        if turning.any():
+            half = step.length / 2
+            by = step.derivatives_at(half + half.around_zero())[0][1:]
+            tops.append([hull_of_lanes(x[turning]) for x in (step.enclosure[0], *by)])
+        turned |= turning
         z, frame = saddle.arrived(step.enclosure), _carried(step)
         rate, level = saddle.rates(z)[S], saddle.seen(frame)[S] + s
         if number < count:
             _all("it is not shown to be on its way", (-level).positive(), rate.positive() | (-s - z[S]).positive())
         watch(number / count)
-    if not tops:
-        raise Unproved("beta_bar has no largest value on the way")
+    _all("beta_bar is not shown to have a largest value on the way", turned)
     beta = tops[0]
     for other in tops[1:]:
         beta = [x.union(y) for x, y in zip(beta, other, strict=True)]
@@ -99,17 +104,14 @@ def _carried(step: Step, time: Any = None) -> Frame:
     return step.frame.carried(centre, rows, axes)
 
 
-def _climbs(model: Model, step: Step) -> list[list[Any]]:
-    """Shown: gamma grows throughout and v has at most one zero. What beta_bar may be at one, with its derivatives."""
+def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
+    """Shown: gamma grows throughout and v has at most one zero. In which lanes it may have one."""
     beta, _, v = step.enclosure
     _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
-    turning = ~(v.positive() | v.negative())
-    if not turning.any():
-        return []
-    _all("v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative())
-    half = step.length / 2
-    by = step.derivatives_at(half + half.around_zero())[0][1:]
-    return [[hull_of_lanes(x[turning]) for x in (beta, *by)]]
+    turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
+    if turning.any():
+        _all("v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative())
+    return turning
 
 
 def _landed(saddle: Saddle, step: Step, s: Any) -> list[list[Any]]:
