@@ -39,9 +39,10 @@ from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.search import connection_end, cover, family_certificate, pieces
 from tippedisk_verify.proofs.search.arc import GAMMA_BAR, family_polynomials, krawczyk_test
 from tippedisk_verify.proofs.search.branch import BranchProof, hopf_closed
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
 from tippedisk_verify.proofs.search.pieces import Piece, Status, joined, on_curve, prove_piece
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference

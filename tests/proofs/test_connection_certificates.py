@@ -19,7 +19,8 @@ from tippedisk_verify.proofs.kernel.claims import connection_cycles, proved
 from tippedisk_verify.proofs.kernel.reading import Refused
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import prove_end
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 
 Change = Callable[[dict[str, Any]], None]
 DIGITS = 5
@@ -105,7 +106,7 @@ def test_the_certificate_of_omega_h_is_accepted() -> None:
     text = connection().certificate()
     assert len(text) < 60_000
     assert proved(json.loads(text)) == connection().statement
-    assert "exactly one Omega with |Omega - 30.04887" in connection().statement
+    assert "exactly one Omega with |Omega - 30.048868" in connection().statement
 
 
 def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:

@@ -30,13 +30,9 @@ from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
-from tippedisk_verify.proofs.search.heteroclinic import (
-    ProvedConnection,
-    eigenvectors,
-    prove_connection,
-    series_of_curve,
-)
-from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
 from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from tippedisk_verify.model.parameters import Parameters
-    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+    from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
     from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["COMMANDS"]
@@ -140,7 +140,8 @@ def check(common: Common, file: str, jobs: int | None) -> int:
 
 def _connection(common: Common, parameters: Parameters, digits: int, near: str | None) -> ProvedConnection:
     """The proof about a speed given, or about the Omega_h that the ordinary road finds."""
-    from tippedisk_verify.proofs.search.heteroclinic import Status, not_proved, prove_connection
+    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+    from tippedisk_verify.proofs.search.proved_connection import Status, not_proved
 
     with progress(common, 2) as advance:
         try:

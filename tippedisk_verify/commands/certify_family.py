@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.parameters import Parameters
     from tippedisk_verify.proofs.search.branch import BranchProof
     from tippedisk_verify.proofs.search.cover import Interval, Known
-    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
     from tippedisk_verify.proofs.search.pieces import Piece, Status
+    from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
     from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["family_as_a_curve"]

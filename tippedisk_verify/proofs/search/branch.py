@@ -32,8 +32,8 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 from tippedisk_verify.proofs.search.pieces import Piece, Status, joined
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["BranchProof", "hopf_closed"]

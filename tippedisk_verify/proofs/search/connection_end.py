@@ -28,8 +28,9 @@ from tippedisk_verify.proofs.kernel.claims.connection_cycles import LID, ReturnM
 from tippedisk_verify.proofs.kernel.claims.passage import Passage
 from tippedisk_verify.proofs.kernel.claims.saddle import most
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
-from tippedisk_verify.proofs.search.proposals import Proposer
+from tippedisk_verify.proofs.search.certificate import Proposer
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd, Status
 
 __all__ = ["checked_distance", "prove_end"]

@@ -9,9 +9,8 @@ from typing import Any
 
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.proofs.kernel.claims.connection_cycles import End, sentence
-from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
-from tippedisk_verify.proofs.search.proposals import as_text
+from tippedisk_verify.proofs.search.certificate import as_text, certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 
 __all__ = ["ProvedEnd", "Status"]
 
