@@ -47,8 +47,9 @@ from tippedisk_verify.proofs.search.arcs import on_curve, piece_entry, prove_pie
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.heteroclinic import prove_connection
 from tippedisk_verify.proofs.search.lane_cycles import prove_cycles
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 from tippedisk_verify.proofs.search.proved_end import Status as EndStatus
 from tippedisk_verify.reference_values.lookup import reference

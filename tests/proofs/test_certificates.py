@@ -279,6 +279,8 @@ def unreadable(content: Any) -> Iterator[Change]:
         yield f"{value!r} for a decimal", put(("claim", "parameters", "g"), value)
     for value in (0, -1, 1.0, "64", True, 10**9, None, 23):
         yield f"{value!r} bits", put(("bits",), value)
+        if "wide box" in content["evidence"]:
+            yield f"{value!r} bits of the wide box", put(("evidence", "wide box", "bits"), value)
     yield "too few bits", put(("bits",), 24)
     yield "unknown member", lambda c: c.update(comment="true")
     yield "unknown format", put(("format",), "tippedisk certificate 1")

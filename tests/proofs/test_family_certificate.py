@@ -18,7 +18,7 @@ from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs import checker
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import arcs as module
-from tippedisk_verify.proofs.kernel.claims import family as claims
+from tippedisk_verify.proofs.kernel.claims import connection_cycles
 from tippedisk_verify.proofs.kernel.claims.arcs import Job, Piece, piece_shown
 from tippedisk_verify.proofs.kernel.claims.family import last_cycle, omega_crit, sentence, show
 from tippedisk_verify.proofs.search.branch import BranchProof
@@ -124,18 +124,18 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
     """Of the last cycle the other end is asked, with the claim's numbers and its own choices."""
     asked: list[Any] = []
 
-    def end_shown(disk: Any, entry: dict[str, Any]) -> Any:
-        asked.append((entry["omega_h"], entry["high"], entry["lid"]))
+    def end_shown(claim: Any, evidence: Any) -> Any:
+        asked.append((claim["numbers"]["omega_h"], claim["high"], evidence))
         return SimpleNamespace(meets=lambda *cycle: asked.append(cycle) or meets)
 
-    monkeypatch.setattr(claims, "_end", lambda: SimpleNamespace(end_shown=end_shown))
+    monkeypatch.setattr(connection_cycles, "show", end_shown)
     claim, entries, within = arcs()
     number = {"value": "30.05", "uncertainty": "0.001"}
     claim |= {"kind": "whole family of limit cycles", "low": "30", "high": "30.1", "gamma": "0.1", "v": "0.2"}
     claim["numbers"] |= {"omega_h": number}
     with working_precision(100), nullcontext() if meets else pytest.raises(checker.Unproved, match="run into"):
-        show(claim, {"arcs": entries, "end": {"lid": 1}}, lambda function, jobs: pieces(entries, within))
-    assert asked[0] == (number, "30.1", 1)
+        show(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
+    assert asked[0] == (number, "30.1", "choices")
     assert all(a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True))
     said = sentence(claim)
     for words in ("a in (0, pi)", "Omega_h = 30.05 ± 0.001 rad/s", "from 30 to 30.1 rad/s Omega_h is the only one"):

@@ -23,10 +23,12 @@ __all__ = [
     "one_of",
     "order",
     "parsed",
+    "precision",
     "radius",
 ]
 
 _LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000  # bytes; bits of precision; of series
+_FEWEST_BITS = 24
 
 
 class Refused(Exception):
@@ -67,6 +69,12 @@ def count(value: Any) -> int:
     if type(value) is not int or not 1 <= value <= _LARGEST_COUNT:
         raise ValueError(f"a whole number from 1 to {_LARGEST_COUNT} is needed")
     return value
+
+
+def precision(value: Any) -> int:
+    if count(value) < _FEWEST_BITS:
+        raise ValueError(f"at least {_FEWEST_BITS} bits are needed")
+    return int(value)
 
 
 def order(value: Any) -> int:

@@ -8,9 +8,8 @@ Where a ball becomes a point or a float: nowhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -20,21 +19,21 @@ from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball_constants, series_length, working_precision
-from tippedisk_verify.proofs.kernel.claims.arcs import Job, Piece, Status
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball_constants, need, working_precision
+from tippedisk_verify.proofs.kernel.claims import connection_cycles
+from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status, piece_shown
 from tippedisk_verify.proofs.kernel.claims.family import curve_fault, last_cycle, sentence, unique_within
 from tippedisk_verify.proofs.kernel.reading import Refused
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.arcs import piece_entry
-from tippedisk_verify.proofs.search.certificate import checked_text, parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.proofs.search.certificate import certificate_text, parameter_texts
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["BranchProof", "omega_crit"]
 
 _BITS = 160
 _PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
-_OF_THE_END = ("low", "high", "gamma", "v")
 
 
 @dataclass(frozen=True)
@@ -106,32 +105,30 @@ class BranchProof:
             "unique_within": dict(zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)),
         }
         if self.end is not None and self.end_closed and self.end.connection.omega_h is not None:
-            claim |= {"kind": "whole family of limit cycles"}
-            claim |= {name: exact_text(getattr(self.end, name)) for name in _OF_THE_END}
-            claim["numbers"]["omega_h"] = self.end.connection.omega_h.to_dict()
+            claim["numbers"] |= (end := self.end.claim())["numbers"]
+            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {"kind": "whole family of limit cycles"}
         return claim
 
     def certificate(self, executor: Executor | None = None) -> str:
         """The text of a certificate; arcs that were read are shown first. Raises Shortfall if none can be written."""
         if not self.hopf_closed:
             raise Shortfall("no certificate: nothing is proved from the Hopf point on")
-        claim, bits = self.claim(), _BITS
-        evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
-
-        def mapped(show: Any, jobs: Iterable[Job]) -> list[Piece]:
-            pairs = list(zip(jobs, self.pieces, strict=True))
-            shown = iter((map if executor is None else executor.map)(show, [job for job, x in pairs if x in self.read]))
-            return [next(shown) if piece in self.read else piece for _, piece in pairs]
-
+        disk = parameter_texts(self.parameters)
+        read = [(number, piece) for number, piece in enumerate(self.pieces, 1) if piece in self.read]
+        jobs = [(disk, piece.low, number, piece.evidence) for number, piece in read]
         try:
-            if self.end is not None and self.end_closed:
-                bits, choices = _end_choices(self.end, bits)
-                claim["numbers"]["omega_h"] = choices.pop("omega_h")
-                claim |= {name: choices.pop(name) for name in _OF_THE_END}
-                evidence["end"] = choices
-            return checked_text(claim, bits, evidence, mapped)
+            for (number, piece), shown in zip(
+                read, (map if executor is None else executor.map)(piece_shown, jobs), strict=True
+            ):
+                as_near = all(a <= b for a, b in zip(shown.within, piece.within, strict=True))
+                need(as_near and replace(shown, within=piece.within) == piece, f"arc {number}: it is another one")
         except (Unproved, Refused) as fault:
             raise Shortfall(f"no certificate that the kernel accepts could be made: {fault}") from None
+        bits = _BITS
+        evidence: dict[str, Any] = {"arcs": [piece.evidence for piece in self.pieces]}
+        if self.end is not None and self.end_closed:
+            bits, evidence["end"] = max(bits, self.end.connection.bits), self.end.evidence()
+        return certificate_text(self.claim(), bits, evidence)
 
     @property
     def statement(self) -> str:
@@ -180,15 +177,6 @@ class BranchProof:
             entries |= {name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")}
         arcs = [piece_entry(piece) for piece in self.pieces]
         return entries | {"arcs_read": len(self.read), "arcs": arcs, "parameters": self.parameters.name}
-
-
-def _end_choices(end: ProvedEnd, bits: int) -> tuple[int, dict[str, Any]]:
-    """The precision and the evidence for the cycles next to the connection, and what is claimed of them."""
-    from tippedisk_verify.proofs.search.connection_certificate import end_bits, end_entry
-
-    bits = max(bits, end_bits(end))
-    with working_precision(bits), series_length(10):
-        return bits, end_entry(end)
 
 
 def omega_crit(parameters: Parameters) -> Measured:

@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.claims.family import joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.arcs import Guess, prove_piece
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
 from tippedisk_verify.proofs.search.proved_end import ProvedEnd
 
 __all__ = ["HOPF_END", "Interval", "Known", "chain", "guess_at", "hopf_guess", "open_intervals", "prove_family",

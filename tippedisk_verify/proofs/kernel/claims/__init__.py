@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import need, working_precision
-from tippedisk_verify.proofs.kernel.claims import cycle, family, fold, interval
-from tippedisk_verify.proofs.kernel.reading import Refused, count, digest, one_of, parsed
+from tippedisk_verify.proofs.kernel.claims import connection, connection_cycles, cycle, family, fold, interval
+from tippedisk_verify.proofs.kernel.reading import Refused, digest, one_of, parsed, precision
 
 __all__ = ["FORMAT", "KINDS", "opened", "proved"]
 
 FORMAT = "tippedisk certificate 2"
 #: by what shows them
-KINDS: dict[str, Any] = {kind: module for module in (cycle, fold, interval, family) for kind in module.KINDS}
+KINDS: dict[str, Any] = {
+    kind: module for module in (cycle, fold, interval, connection, connection_cycles, family) for kind in module.KINDS
+}
 
 
 def proved(content: Any, mapped: family.Mapped = map) -> str:
@@ -23,7 +25,7 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
     kind, bits = opened(content, KINDS)
     claim, evidence = KINDS[kind].shape(kind)
     with working_precision(bits):
-        shape = {"format": str, "claim": claim, "bits": count, "evidence": evidence, "sha256": str}
+        shape = {"format": str, "claim": claim, "bits": precision, "evidence": evidence, "sha256": str}
         file = parsed(content, shape, "the file")
         need(content["sha256"] == digest(content), "the content is not what its digest, sha256, was made of")
         shared = (mapped,) if KINDS[kind] is family else ()
@@ -38,7 +40,4 @@ def opened(content: Any, kinds: Any) -> tuple[str, int]:
     if content.get("format") != FORMAT:
         raise Refused(f"its format is not '{FORMAT}': write it again with this version")
     kind = parsed(content["claim"].get("kind"), one_of(*kinds), "claim kind")
-    bits = parsed(content.get("bits"), count, "bits")
-    if bits < 24:
-        raise Refused("bits: at least 24 are needed")
-    return kind, bits
+    return kind, parsed(content.get("bits"), precision, "bits")

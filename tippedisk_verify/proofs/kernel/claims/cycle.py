@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, need, negative, posi
 from tippedisk_verify.proofs.kernel.choices import BOX, FLIGHT, ReplayedTest
 from tippedisk_verify.proofs.kernel.claims.words import DISK, MANNERS, disk_words, held, number_words
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.reading import MEASURED, count, decimal, dyadic, one_of, precision
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, Return, Section
 
 __all__ = ["KINDS", "UNKNOWNS", "apart", "cycle_numbers", "main", "names", "place", "reversals", "sentence", "shape",
@@ -112,7 +112,7 @@ def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
         "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
         "reversals?": count,
     }
-    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": count}}
+    return claim, {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX, "wide box?": BOX | {"bits": precision}}
 
 
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:

@@ -32,6 +32,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, need
+from tippedisk_verify.proofs.kernel.claims import connection_cycles
 from tippedisk_verify.proofs.kernel.claims.arcs import ARC, Job, Piece, piece_shown
 from tippedisk_verify.proofs.kernel.claims.words import DISK, disk_words, held, number_words
 from tippedisk_verify.proofs.kernel.field import constants
@@ -112,7 +113,7 @@ def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     }  # fmt: skip
     evidence: dict[str, Any] = {"arcs": [ARC, None]}
     if KINDS[kind]:
-        return claim | dict.fromkeys(("low", "high", "gamma", "v"), decimal), evidence | {"end": _end().CHOICES}
+        return claim | connection_cycles.CLAIM, evidence | {"end": connection_cycles.EVIDENCE}
     return claim, evidence
 
 
@@ -132,16 +133,8 @@ def show(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped =
     for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
         need(room >= Fraction(claim["unique_within"][name]) > 0, f"claim: no other {name} is so near, is not shown")
     if KINDS[claim["kind"]]:
-        end = _end().end_shown(disk, {**claim, **claim["numbers"], **evidence["end"]})
-        meets = end.meets(*last_cycle(pieces))
+        meets = connection_cycles.show(claim, evidence["end"]).meets(*last_cycle(pieces))
         need(meets, "the last arc is not shown to run into the cycles next to the connection")
-
-
-def _end() -> Any:
-    """What shows the cycles next to the connection."""
-    from tippedisk_verify.proofs.checker import connection
-
-    return connection
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
