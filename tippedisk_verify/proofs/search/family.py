@@ -17,6 +17,8 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
+import numpy as np
+
 from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleError, Shortfall
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
@@ -224,15 +226,9 @@ def hopf_guess(parameters: Parameters) -> Guess:
 def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
     """The cycle of an amplitude, interpolated between known ones; no proof depends on it."""
     nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
-    nodes = [float(cycle[0]) for cycle in nearest]
-    at, totals = float(amplitude), [0.0, 0.0, 0.0]
-    for i, cycle in enumerate(nearest):
-        weight = 1.0
-        for j, node in enumerate(nodes):
-            if j != i:
-                weight *= (at - node) / (nodes[i] - node)
-        totals = [total + weight * float(part) for total, part in zip(totals, cycle[1:], strict=True)]
-    first, second, third = map(Fraction, totals)
+    off = [float(cycle[0] - amplitude) for cycle in nearest]
+    values = [[float(number) for number in cycle[1:]] for cycle in nearest]
+    first, second, third = map(Fraction, np.polynomial.polynomial.polyfit(off, values, len(off) - 1)[0].tolist())
     return first, second, third
 
 
