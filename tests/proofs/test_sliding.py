@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
+from typing import Any
 
 import mpmath
 import pytest
@@ -18,19 +20,22 @@ from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_constants, positive, working_precision
+from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
+from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Saddle
 from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flight import Flight
 from tippedisk_verify.proofs.kernel.flow import Path, Step
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, SmoothModel, model_of
+from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.cycle import TURN, Status, prove_cycle
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.heteroclinic import Status as ConnectionStatus
-from tippedisk_verify.proofs.search.local_manifolds import SLOW, UNSTABLE, Block, Curve, Frame
+from tippedisk_verify.proofs.search.heteroclinic import eigenvectors, prove_connection, series_of_curve
+from tippedisk_verify.proofs.search.proved_connection import ProvedConnection
+from tippedisk_verify.proofs.search.proved_connection import Status as ConnectionStatus
 from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.theory.saddle_manifolds import Saddle
+from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
@@ -299,7 +304,7 @@ def noticed(fault: Callable, truths: tuple[list, list], monkeypatch: pytest.Monk
     fault(monkeypatch)
     try:
         return complaint(truths) is not None
-    except Unproved:  # a reversal that has no moment: the enclosures contradict each other
+    except ValueError:  # a reversal that has no moment: the enclosures contradict each other
         return True
 
 
@@ -489,83 +494,82 @@ def test_omega_h_to_many_digits(name: str, digits: int) -> None:
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**digits)
 
 
-def saddle_curve(along: int, width: str = "0") -> tuple[Curve, Saddle]:
+@cache
+def saddle_curve(along: int) -> Curve:
+    """The series of one side's law."""
     speed = Fraction(round(TRUTH.value * 2**60), 2**60)
     with working_precision(160):
-        curve = Curve(Frame(SMOOTH, speed), ball(speed) + arb(0, width), along, 41)
-    return curve, Saddle(SMOOTH, speed, 240, 41)
+        values, directions = eigenvectors(SMOOTH, speed)
+        saddle = Saddle(parameter_texts(SMOOTH), "smooth", ball(speed), directions.tolist())
+        return series_of_curve(saddle, along, 41, values)
 
 
-def on_curve(curve: Curve, series: list, along: int, wanted: float) -> list:
+def on_curve(curve: Curve, along: int, wanted: float) -> list[Any]:
     """z of the ordinary road's power series where the coordinate ``along`` has the value wanted."""
+    ordinary = Series(SMOOTH, Fraction(round(TRUTH.value * 2**60), 2**60), 240, 41)
     context = mpmath.MPContext()
     context.prec = 240
     s = context.mpf(wanted)
     for _ in range(60):
-        z = curve.frame.coordinates([ball(str(context.nstr(part.at(s), 60))) for part in series])
+        parts = ordinary.unstable_curve if along == UNSTABLE else ordinary.stable_curve
+        z = curve.saddle.coordinates([ball(str(context.nstr(part.at(s), 60))) for part in parts])
         s -= context.mpf(z[along].mid().str(60, radius=False)) - wanted
     return z
 
 
+def other_side(curve: Curve) -> Curve:
+    return Curve(curve.saddle, curve.along, curve.graph, -(curve.side or 0))
+
+
 def test_the_unstable_branch_is_where_the_one_sided_power_series_puts_it() -> None:
     with working_precision(160):
-        curve, saddle = saddle_curve(UNSTABLE)
-        theta = curve.share_of_reach()
-        found = curve.unstable_point(theta)
-        assert found is not None
-        truth = on_curve(curve, saddle.unstable_curve, UNSTABLE, float(theta))
-        for mine, true in zip(found[0], truth, strict=True):
+        curve, theta = saddle_curve(UNSTABLE), arb(1) / 32
+        defect = curve.relative_defect(theta)
+        box, _, _ = leaving(curve, theta, [2 * part + arb(2) ** -150 for part in defect], defect)
+        for mine, true in zip(box, on_curve(curve, UNSTABLE, 1 / 32), strict=True):
             assert abs(true - mine.mid()) < mine.rad() + arb(2) ** -140
-        assert all(float(part) < 1e-20 for part in found[1])
+        assert all(float(part) < 1e-20 for part in defect)
 
 
 def test_the_slow_curve_lies_in_the_block_on_both_sides_of_the_saddle() -> None:
     """Where gamma_y has one sign, and, mirrored, where it has the other."""
     with working_precision(160):
-        curve, saddle = saddle_curve(SLOW)
-        block = Block.around(curve, (arb("0.01"), arb("1e-25"), arb("1e-25")))
-        assert block is not None
-        truth = on_curve(curve, saddle.stable_curve, SLOW, -0.008)
+        curve, small = saddle_curve(SLOW), arb("1e-25").mid()
+        delta, _, _ = block(curve, (arb(0.01), small, small))
+        truth = on_curve(curve, SLOW, -0.008)
         for z in (truth, [-part for part in truth]):
-            _, away = curve.straightened(z)
-            assert all(abs(part) < arb("1e-25") for part in away)
-            assert abs(away[0]) < block.delta
+            off = curve.straightened(z)
+            assert all(abs(part) < small for part in off)
+            assert abs(off[0]) < delta
         # Without the mirror one of the two is off by the jump of the curve's second derivative.
-        curve.mirrored = False
-        offs = [max(float(abs(part)) for part in curve.straightened(z)[1]) for z in (truth, [-part for part in truth])]
+        plain = Curve(curve.saddle, SLOW, curve.graph, None)
+        offs = [max(float(abs(x)) for x in plain.straightened(z)) for z in (truth, [-part for part in truth])]
         assert max(offs) > 1e-8
 
 
 def test_a_curve_of_the_wrong_side_is_refused() -> None:
-    curve, _ = saddle_curve(UNSTABLE)
-    theta = curve.share_of_reach()
-    assert curve.keeps_side(theta)
-    curve.side = -curve.side
-    assert not curve.keeps_side(theta)
-    assert curve.unstable_point(theta) is None
-    slow, _ = saddle_curve(SLOW)
-    slow.side = -slow.side
-    assert Block.around(slow, (arb("0.01"), arb("1e-9"), arb("1e-9"))) is None
-    assert not saddle_curve(UNSTABLE)[0].keeps_side(theta, (arb(1), arb(1)))  # a cone that gamma_y = 0 cuts
+    with working_precision(160):
+        theta, curve = arb(1) / 32, saddle_curve(UNSTABLE)
+        curve.keeps_side(theta, (arb(0), arb(0)))
+        for wrong, cone in ((other_side(curve), (arb(0), arb(0))), (curve, (arb(1), arb(1)))):  # gamma_y = 0 cuts it
+            with pytest.raises(Unproved, match="sign of the sliding velocity"):
+                wrong.keeps_side(theta, cone)
+        with pytest.raises(Unproved):
+            block(other_side(saddle_curve(SLOW)), (arb(0.01), arb(1e-9), arb(1e-9)))
 
 
 def test_derivatives_over_boxes_that_both_sides_meet() -> None:
     """Differences of the smooth field itself lie in them, wherever the two states are."""
-    frame = Frame(SMOOTH, TRUTH.value)
-    omega, size = ball(TRUTH.value), ball("0.002")
-    box = [arb(0, size.upper())] * 3
-    matrix, by_speed = frame.derivative(omega, box), frame.derivative_by_speed(omega, box)
-    for one, two in (
-        ((1, 0, 0), (-1, 0, 0)),
-        ((0, 1, 1), (0, 1, -1)),
-        ((1, 1, 1), (-1, -1, -1)),
-        ((0, 0, 1), (1, 1, 0)),
-    ):
-        a, b = ([size * part for part in signs] for signs in (one, two))
-        moved = [x - y for x, y in zip(frame.rates(omega, a), frame.rates(omega, b), strict=True)]
-        for row in range(3):
-            product = sum((matrix[row, k] * (a[k] - b[k]) for k in range(3)), arb(0))
-            assert product.overlaps(moved[row])
-        faster = frame.rates(omega + ball("1e-9"), a)
-        for slope, after, before in zip(by_speed, faster, frame.rates(omega, a), strict=True):
-            assert slope.overlaps((after - before) / ball("1e-9"))
+    with working_precision(160):
+        size, saddle = arb("0.002"), saddle_curve(SLOW).saddle
+        _, matrix, _ = saddle.field([arb(0, size.upper())] * 3)
+        for one, two in (
+            ((1, 0, 0), (-1, 0, 0)),
+            ((0, 1, 1), (0, 1, -1)),
+            ((1, 1, 1), (-1, -1, -1)),
+            ((0, 0, 1), (1, 1, 0)),
+        ):
+            a, b = ([size * part for part in signs] for signs in (one, two))
+            moved = [x - y for x, y in zip(saddle.rates(a), saddle.rates(b), strict=True)]
+            for row in range(3):
+                assert sum((matrix[row][k] * (a[k] - b[k]) for k in range(3)), arb(0)).overlaps(moved[row])
