@@ -461,8 +461,6 @@ def test_where_no_certificate_is_written(tmp_path, capsys) -> None:
 def test_the_kernel_stands_alone() -> None:
     """It imports numpy, python-flint and the standard library."""
     for path in KERNEL.rglob("*.py"):
-        if path.name in ("scaled.py", "curve_flow.py"):  # the family's, still with the package's names
-            continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
