@@ -132,7 +132,16 @@ LONG = ("what re-centred points lose is forgotten", "no remainder in the derivat
     "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in FAULTS]
 )
 def test_planted_faults_are_noticed(name) -> None:
-    old, new = FAULTS[name]
+    module = spoiled_copy(*FAULTS[name])
+    for case in CASES:
+        try:
+            attack(module, *case)
+        except AssertionError:
+            return
+    raise AssertionError("no case notices the fault")
+
+
+def spoiled_copy(old: str, new: str) -> ModuleType:
     assert SOURCE.count(old) == 1
     module = ModuleType("copy_of_curves")
     sys.modules[module.__name__] = module
@@ -140,12 +149,7 @@ def test_planted_faults_are_noticed(name) -> None:
         exec(compile(SOURCE.replace(old, new), module.__name__, "exec"), module.__dict__)
     finally:
         del sys.modules[module.__name__]
-    for case in CASES:
-        try:
-            attack(module, *case)
-        except AssertionError:
-            return
-    raise AssertionError("no case notices the fault")
+    return module
 
 
 @lru_cache(maxsize=1)
@@ -158,7 +162,10 @@ def flown() -> tuple[curves.Curve, curves.CurveFlight, list[dict[str, Any]]]:
 
 def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     """With the numbers of the flight's first return, in 200 bits, from ends and from inside of the box."""
-    line, flight, _ = flown()
+    returns(*flown()[:2])
+
+
+def returns(line: Any, flight: Any) -> None:
     for s, signs in ((-1, (1, 1, 1)), (Fraction(1, 3), (-1, 1, 0)), (1, (0, -1, 1)), (Fraction(1, 2), (0, 0, 0))):
         with working_precision(250):
             start = [jet.at(ball(s)) + sign * ball("1e-5")
@@ -173,6 +180,7 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
                 assert (own.at(ball(s)) + moved).contains(x)
 
 
+@lru_cache(maxsize=4)
 def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
     """S of the first return (gamma_bar, v), its time and the divergence's integral, by the integrator in 200 bits."""
     request = Request(
@@ -181,6 +189,26 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
     )  # fmt: skip
     result = default_engine()(request)
     return [ball(str(part)) for part in (-result.state[1], -result.state[2], result.time, result.divergence)]
+
+
+AT_THE_RETURN = {
+    "the moment is the guess": ("tau - beta / v, tau", "tau, tau"),
+    "the symmetry is forgotten": ("(-own[1], -own[2]),", "(own[1], own[2]),"),
+    "the time before the last step is forgotten": ("own_moment + time,", "own_moment,"),
+    "the divergence of the last step is forgotten": ("divergence + step.divergence(moment)", "divergence"),
+    "the return's time moves the other way": ("[-entry / v for", "[entry / v for"),
+}
+
+
+@pytest.mark.slow(minutes=1)
+@pytest.mark.parametrize("name", AT_THE_RETURN)
+def test_faults_at_the_return_are_noticed(name) -> None:
+    line, _, log = flown()
+    module = spoiled_copy(*AT_THE_RETURN[name])
+    with working_precision(64):
+        flight = module.fly(ball_constants(PRINTED), line, module.Replay(log))
+    with pytest.raises(AssertionError):
+        returns(line, flight)
 
 
 #: of a log's entries: what is done to them, and what is said

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, arc_test
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, negative, working_precision
 from tippedisk_verify.proofs.kernel.claims import arcs as claims
 from tippedisk_verify.proofs.kernel.claims.arcs import Piece, Status
 from tippedisk_verify.proofs.kernel.claims.family import joined, unique_within
@@ -43,7 +43,7 @@ from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.scaled_sine import scaled_sine
 from tippedisk_verify.proofs.search import arcs, connection_end
 from tippedisk_verify.proofs.search import family as search
-from tippedisk_verify.proofs.search.arcs import on_curve, piece_entry, prove_piece, read_piece
+from tippedisk_verify.proofs.search.arcs import BITS, piece_entry, prove_piece, read_piece
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
@@ -180,6 +180,23 @@ def piece() -> Piece:
     found = first(PRINTED)
     assert isinstance(found, Piece), found
     return found
+
+
+def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
+    """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one of the piece's.
+
+    For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of uniqueness.
+    """
+    ends = [gamma_bar.value - gamma_bar.uncertainty, gamma_bar.value + gamma_bar.uncertainty]
+    if not piece.low <= ends[0] <= ends[1] <= piece.high or ends[0] <= 0:
+        return False
+    with working_precision(BITS):
+        amplitude, *numbers = (ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega))
+        s = (2 * amplitude - ball(piece.low) - ball(piece.high)) / ball(piece.high - piece.low)
+        if piece.scaled:
+            s, numbers[0] = 2 * amplitude * amplitude / ball(piece.high**2) - 1, numbers[0] / amplitude
+        off = [x - Jet([ball(part) for part in row]).at(s) for x, row in zip(numbers, piece.curve, strict=True)]
+        return all(negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True))
 
 
 def numbers(cycle: Any) -> tuple[Measured, Measured, Measured]:

@@ -29,7 +29,7 @@ def proved() -> IntervalProof:
 def test_an_interval_of_speeds() -> None:
     proof = proved()
     assert proof.proved, proof.statement
-    assert proof.stable is True
+    assert proof.claim["stable"] is True
     numbers = proof.numbers
     # dT/dOmega is about -0.79 s^2/rad: the range of the period can be no narrower, and is hardly wider.
     assert Fraction("0.78e-3") < numbers["period"].uncertainty < Fraction("0.8e-3")

@@ -12,10 +12,9 @@ from typing import Any
 
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, Arc
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.claims.arcs import Pair, Piece, Rows, Status, box_test, signs, upper_bound
 from tippedisk_verify.proofs.kernel.curves import Curve
 from tippedisk_verify.proofs.kernel.field import constants
@@ -25,7 +24,7 @@ from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
 
-__all__ = ["BITS", "Guess", "decimal_above", "on_curve", "piece_entry", "prove_piece", "read_piece", "rounded_jet",
+__all__ = ["BITS", "Guess", "decimal_above", "piece_entry", "prove_piece", "read_piece", "rounded_jet",
            "two_digits"]  # fmt: skip
 
 BITS, _DEGREE = 64, 4
@@ -102,23 +101,6 @@ def prove_piece(parameters: Parameters, low: Fraction, high: Fraction, guess: Gu
             else:
                 failed, radii = Status.NOT_INCLUDED, [two_digits(2 * part) for part in within]
         return failed
-
-
-def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
-    """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one of the piece's.
-
-    For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of uniqueness.
-    """
-    ends = [gamma_bar.value - gamma_bar.uncertainty, gamma_bar.value + gamma_bar.uncertainty]
-    if not piece.low <= ends[0] <= ends[1] <= piece.high or ends[0] <= 0:
-        return False
-    with working_precision(BITS):
-        amplitude, *numbers = (ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega))
-        s = (2 * amplitude - ball(piece.low) - ball(piece.high)) / ball(piece.high - piece.low)
-        if piece.scaled:
-            s, numbers[0] = 2 * amplitude * amplitude / ball(piece.high**2) - 1, numbers[0] / amplitude
-        off = [x - Jet([ball(part) for part in row]).at(s) for x, row in zip(numbers, piece.curve, strict=True)]
-        return all(negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True))
 
 
 def piece_entry(piece: Piece) -> dict[str, object]:
