@@ -23,6 +23,7 @@ do.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -109,8 +110,8 @@ def returned(
     return Return(Status.NO_RETURN, path.time, path.steps)
 
 
-class _TurnWalk:
-    """Where the path stands between gamma_bar = 0 and 2 pi."""
+class _Walk(ABC):
+    """Where the path stands between two crossings of the section."""
 
     def __init__(self, model: Model, path: Path) -> None:
         self.model, self.path = model, path
@@ -118,12 +119,28 @@ class _TurnWalk:
         self.turn_by_start: Any = None
         self.crossing: Any = None
 
+    @abstractmethod
     def leans(self, step: Step) -> Any:
         """Whether beta_bar is proved to stay where it must."""
+
+    @abstractmethod
+    def shows(self, step: Step) -> bool:
+        """Whether what the step must do is proved of it; notes a crossing."""
+
+    def guess(self, step: Step, index: int, level: Any) -> Any:
+        """A moment in the step, to begin with."""
+        moment = self.path.proposer.moment(step, index, level)
+        need(bool(moment >= 0 and moment <= step.length), "a moment is proposed that does not lie in its step")
+        return moment
+
+
+class _TurnWalk(_Walk):
+    """From gamma_bar = 0 to 2 pi: the step ends before, or crosses."""
+
+    def leans(self, step: Step) -> Any:
         return positive(step.enclosure[0]) and inside(step.enclosure[0], arb(0, UPRIGHT))
 
     def shows(self, step: Step) -> bool:
-        """Whether the step is proved to end before the section or to cross it; notes a crossing."""
         level = TURN.level()
         ahead = step.at_end()[1] - level
         if not positive(ahead):
@@ -138,15 +155,9 @@ class _TurnWalk:
         )
         return bool(positive(slope) and proved)
 
-    def guess(self, step: Step, index: int, level: Any) -> Any:
-        """A moment in the step, to begin with."""
-        moment = self.path.proposer.moment(step, index, level)
-        need(bool(moment >= 0 and moment <= step.length), "a moment is proposed that does not lie in its step")
-        return moment
 
-
-class _HalfWalk(_TurnWalk):
-    """Where the path stands between beta_bar = 0, v < 0, and the next crossing."""
+class _HalfWalk(_Walk):
+    """From beta_bar = 0, v < 0: one of the three cases, and a turn is noted."""
 
     turned = False
 
@@ -154,7 +165,6 @@ class _HalfWalk(_TurnWalk):
         return inside(step.enclosure[0], arb(0, UPRIGHT))
 
     def shows(self, step: Step) -> bool:
-        """Whether one of the three cases is proved of the step; notes a turn or a crossing."""
         case = cases(self.model, self.path.box, step)
         if self.turned:
             if case.crosses:
@@ -214,7 +224,7 @@ def at_turn(step: Step, moment: Any, derivatives: bool) -> tuple[Any, Any]:
     return step.at(moment)[0], step.derivatives_at(moment)[0][1:] if derivatives else None
 
 
-def _resolved(walk: _TurnWalk) -> Step | Status:
+def _resolved(walk: _Walk) -> Step | Status:
     """A step of which one of the cases is proved, cut shorter until it is."""
     length, leans = None, True
     for _ in range(_MOST_CUTS):
