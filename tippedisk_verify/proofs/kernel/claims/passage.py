@@ -110,12 +110,8 @@ class Passage:
         if central.any():
             z = [x[central] for x in z]
             middle = [x.mid() for x in z]
-            zero, centre = Lanes([0.0]), self.saddle.field(middle)[0]
-            rates = [
-                point
-                + sum((entry[central] * (x - y) for entry, x, y in zip(row, z, middle, strict=True)), Lanes([0.0]))
-                for point, row in zip(centre, slopes, strict=True)
-            ]
+            changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
+            rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
             mixed = [[hull_of_lanes(x) for x in products(rates, [x[central] for x in by_speed])]]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
