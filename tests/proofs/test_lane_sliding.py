@@ -41,7 +41,7 @@ def followed() -> SlidingBlock:
     """All lanes followed beyond `SPAN`."""
     start = [Lanes(part, RADII) for part in MIDDLES[:2]]
     with quiet():
-        block = SlidingBlock(model(MIDDLES, RADII), (start[0].constant(0), *start), (0, 0), np.arange(len(RADII)))
+        block = SlidingBlock(model(MIDDLES, RADII), (start[0].constant(0), *start), np.arange(len(RADII)))
         for _ in range(30):
             ends, _ = block.round()
             assert (ends == None).all()  # noqa: E711

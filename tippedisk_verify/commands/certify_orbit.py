@@ -20,6 +20,7 @@ from tippedisk_verify.errors import InputError, NoConnectionError, NoSuchCycleEr
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.search.cycle import OrbitProof
     from tippedisk_verify.proofs.search.fold import FoldProof
+    from tippedisk_verify.proofs.search.interval import IntervalProof
 
 __all__ = ["orbit"]
 
@@ -58,8 +59,6 @@ def orbit(
     """Prove one limit cycle: existence, uniqueness nearby, its numbers, its stability."""
     if radius is not None and (rotating or at_fold):
         raise InputError("--radius belongs to librating cycles, and not to a fold: leave out --rotating and --at-fold")
-    if certificate is not None and radius is not None:
-        raise InputError("certificates are written of single cycles and of folds: leave out --radius")
     if at_fold:
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
@@ -69,7 +68,7 @@ def orbit(
     if rotating:
         return _rotating(common, omega, below_crit, guess, unstable, certificate)
     from tippedisk_verify.proofs.search.cycle import HALF, OrbitProof, Status, prove_cycle
-    from tippedisk_verify.proofs.search.cycle_interval import failed_interval, prove_interval
+    from tippedisk_verify.proofs.search.interval import failed_interval, prove_interval
 
     parameters = common.parameters
     value = speed(common, omega, below_crit)
@@ -88,13 +87,11 @@ def orbit(
             return 1
         start = (cycle.gamma_bar_0.value, cycle.v_0.value)
     if radius is not None:
-        interval = prove_interval(parameters, value, radius, start)
-        print_result(common, interval.to_dict())
-        return 0 if interval.proved else 1
+        return _ended(common, prove_interval(parameters, value, radius, start), certificate)
     return _ended(common, prove_cycle(parameters, value, start, digits=common.digits), certificate)
 
 
-def _ended(common: Common, proof: OrbitProof | FoldProof, certificate: Path | None) -> int:
+def _ended(common: Common, proof: OrbitProof | FoldProof | IntervalProof, certificate: Path | None) -> int:
     """Print the result; write the certificate, if one is asked for and there is a proof."""
     if proof.proved and certificate is not None:
         from tippedisk_verify.files import write_text

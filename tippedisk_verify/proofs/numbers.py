@@ -9,9 +9,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
-__all__ = ["measured", "widened"]
+__all__ = ["WIDER", "measured", "widened"]
 
-_WIDER = 1 + Fraction(1, 2**20)
+WIDER = 1 + Fraction(1, 2**20)  #: what another version of Arb or another processor may need
 
 
 def measured(x: Any) -> Measured:
@@ -23,4 +23,4 @@ def measured(x: Any) -> Measured:
 
 def widened(number: Measured) -> Measured:
     """With a half-width larger by 2^-20 of it, so that another version of Arb or another processor shows it too."""
-    return Measured(number.value, number.uncertainty * _WIDER)
+    return Measured(number.value, number.uncertainty * WIDER)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -14,24 +14,13 @@ from tippedisk_verify.proofs.kernel.claims import FORMAT
 from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
-__all__ = ["Proposer", "as_text", "certificate_text", "checked_text", "parameter_texts"]
+__all__ = ["Proposer", "as_text", "certificate_text", "parameter_texts"]
 
 
 def certificate_text(claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any]) -> str:
     """The file's text."""
     content: dict[str, Any] = {"format": FORMAT, "claim": claim, "bits": bits, "evidence": evidence}
     return json.dumps(content | {"sha256": digest(content)}, indent=None, separators=(",", ":")) + "\n"
-
-
-def checked_text(
-    claim: Mapping[str, Any], bits: int, evidence: Mapping[str, Any], mapped: Callable[..., Any] = map
-) -> str:
-    """The file's text, which `checker` has read and accepted. Raises Unproved or Refused if it does not accept it."""
-    from tippedisk_verify.proofs import checker
-
-    text = certificate_text(claim, bits, evidence)
-    checker.proved(json.loads(text), mapped)
-    return text
 
 
 def parameter_texts(parameters: Parameters) -> dict[str, str]:
