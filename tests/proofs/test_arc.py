@@ -20,8 +20,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
-from tippedisk_verify.proofs import checker
-from tippedisk_verify.proofs.kernel import curves
+from tippedisk_verify.proofs.kernel import claims, curves
 from tippedisk_verify.proofs.kernel.arc import GAMMA_BAR, UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.arc import OMEGA as SPEED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
@@ -208,7 +207,7 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
         for spoil, said in SPOILED.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
-            with pytest.raises(checker.Unproved, match=said):
+            with pytest.raises(claims.Unproved, match=said):
                 curves.fly(ball_constants(PRINTED), line, curves.Replay(spoiled))
 
 

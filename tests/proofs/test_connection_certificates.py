@@ -13,9 +13,8 @@ from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cli import main
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.proofs import checker
-from tippedisk_verify.proofs.checker import Unproved
-from tippedisk_verify.proofs.kernel.claims import connection_cycles, proved
+from tippedisk_verify.proofs.kernel import claims
+from tippedisk_verify.proofs.kernel.claims import Unproved, connection_cycles, proved
 from tippedisk_verify.proofs.kernel.reading import Refused
 from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_end import prove_end
@@ -47,7 +46,7 @@ def refused(text: str, line: str, act: Change) -> None:
     content = json.loads(text)
     act(content)
     assert content != json.loads(text), line
-    content["sha256"] = checker.digest(content)
+    content["sha256"] = claims.digest(content)
     with pytest.raises(Unproved, match=line) as fault:
         proved(content)
     assert str(fault.value).isprintable()
@@ -112,7 +111,7 @@ def test_the_certificate_of_omega_h_is_accepted() -> None:
 def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
     content = json.loads(connection().certificate())
     content["claim"]["unique"] = content["claim"]["upright"] = False
-    content["sha256"] = checker.digest(content)
+    content["sha256"] = claims.digest(content)
     sentence = proved(content)
     assert "at least one Omega" in sentence
     assert "all along" not in sentence
@@ -147,7 +146,7 @@ def test_no_tampered_certificate_of_omega_h_is_accepted() -> None:
 def test_what_is_no_certificate_is_refused(change: Change, line: str) -> None:
     content = json.loads(connection().certificate())
     change(content)
-    content["sha256"] = checker.digest(content)
+    content["sha256"] = claims.digest(content)
     with pytest.raises(Refused, match=line):
         proved(content)
 

@@ -15,7 +15,7 @@ import pytest
 from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # noqa: F401
 from tippedisk_verify.errors import Shortfall
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.proofs import checker
+from tippedisk_verify.proofs.kernel import claims
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.claims import arcs as module
 from tippedisk_verify.proofs.kernel.claims import connection_cycles
@@ -89,7 +89,7 @@ SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 def test_what_does_not_fit_is_not_shown(name) -> None:
     claim, entries, within = copy.deepcopy(arcs())
     SPOILED[name][0](claim, entries)
-    with pytest.raises(checker.Unproved, match=SPOILED[name][1]):
+    with pytest.raises(claims.Unproved, match=SPOILED[name][1]):
         glued(claim, entries, within)
 
 
@@ -104,7 +104,7 @@ def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
     glued(claim, entries, within)
     claim, entries, within = copy.deepcopy(arcs())
     _moved(entries, 1, row, Fraction(by))
-    with pytest.raises(checker.Unproved, match="one curve"):
+    with pytest.raises(claims.Unproved, match="one curve"):
         glued(claim, entries, within)
 
 
@@ -133,7 +133,7 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
     number = {"value": "30.05", "uncertainty": "0.001"}
     claim |= {"kind": "whole family of limit cycles", "low": "30", "high": "30.1", "gamma": "0.1", "v": "0.2"}
     claim["numbers"] |= {"omega_h": number}
-    with working_precision(100), nullcontext() if meets else pytest.raises(checker.Unproved, match="run into"):
+    with working_precision(100), nullcontext() if meets else pytest.raises(claims.Unproved, match="run into"):
         show(claim, {"arcs": entries, "end": "choices"}, lambda function, jobs: pieces(entries, within))
     assert asked[0] == (number, "30.1", "choices")
     assert all(a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True))
@@ -165,10 +165,10 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     assert piece.unique_within == (Fraction("0.1"), Fraction("0.2"))
     assert all(x <= near < x + Fraction(1, 10**9)
                for x, near in zip((Fraction("1e-3"), Fraction("2e-3")), piece.within, strict=True))  # fmt: skip
-    with pytest.raises(checker.Unproved, match="does not hold the other one"):
+    with pytest.raises(claims.Unproved, match="does not hold the other one"):
         piece_shown((DISK, Fraction("0.5"), 2, ARC | {"box": wide, "wide box": narrow}))
     monkeypatch.setattr(Test, "included", False)
-    with pytest.raises(checker.Unproved, match="arc 2, box: Krawczyk"):
+    with pytest.raises(claims.Unproved, match="arc 2, box: Krawczyk"):
         piece_shown((DISK, Fraction("0.5"), 2, ARC | {"box": narrow}))
 
 
@@ -178,12 +178,12 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
 ])  # fmt: skip
 def test_an_arc_that_is_none_is_not_shown(change) -> None:
     arc = ARC | {"box": {"radii": ["0.01", "0.02"], "steps": []}} | change
-    with pytest.raises(checker.Unproved, match=r"ends where|unlike degrees|not positive"):
+    with pytest.raises(claims.Unproved, match=r"ends where|unlike degrees|not positive"):
         piece_shown((DISK, Fraction("0.5"), 2, arc))
 
 
 def test_what_is_no_arc_is_refused() -> None:
-    with pytest.raises(checker.Refused, match="arc 2"):
+    with pytest.raises(claims.Refused, match="arc 2"):
         piece_shown((DISK, Fraction("0.5"), 2, ARC))
 
 
@@ -232,23 +232,23 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         return [shown[job[2]] for job in jobs]
 
     # The sentence is the one that was proved, word for word.
-    assert checker.proved(content, mapped) == proof.statement
+    assert claims.proved(content, mapped) == proof.statement
     for piece, again in zip(proved, shown.values(), strict=True):
         assert all(a <= b for a, b in zip(again.within, piece.within, strict=True))
     for spoil, said in IN_THE_ARC.values():
         arc = copy.deepcopy(content["evidence"]["arcs"][1])
         spoil(arc)
-        with pytest.raises((checker.Unproved, checker.Refused), match=said):
+        with pytest.raises((claims.Unproved, claims.Refused), match=said):
             piece_shown((DISK, Fraction("0.1"), 2, arc))
     for other in (SUBCRITICAL, CALIBRATED):
-        with pytest.raises(checker.Unproved, match="arc 2"):
+        with pytest.raises(claims.Unproved, match="arc 2"):
             piece_shown((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
     content["claim"]["amplitude_end"] = "0.12"
-    with pytest.raises(checker.Unproved, match="digest"):
-        checker.proved(content, mapped)
-    content["sha256"] = checker.digest(content)
-    with pytest.raises(checker.Unproved, match="amplitude_end"):
-        checker.proved(content, mapped)
+    with pytest.raises(claims.Unproved, match="digest"):
+        claims.proved(content, mapped)
+    content["sha256"] = claims.digest(content)
+    with pytest.raises(claims.Unproved, match="amplitude_end"):
+        claims.proved(content, mapped)
 
 
 @pytest.mark.slow(minutes=1)

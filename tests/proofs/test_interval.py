@@ -15,7 +15,7 @@ from tests.proofs.test_arc import GUESS, OMEGA, RADIUS, cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs import checker
+from tippedisk_verify.proofs.kernel import claims
 from tippedisk_verify.proofs.search.interval import IntervalProof, Status, failed_interval, prove_interval
 from tippedisk_verify.theory.codimension_two import bautin_points
 
@@ -136,12 +136,12 @@ def _moved(coefficients: list[str]) -> None:
 @pytest.mark.slow(minutes=1)
 def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not() -> None:
     content = json.loads(proved().certificate())
-    assert checker.proved(content) == proved().statement
+    assert claims.proved(content) == proved().statement
     for spoil, said in TAMPERED.values():
         spoiled = json.loads(json.dumps(content))
         spoil(spoiled["claim"], spoiled["evidence"])
-        with pytest.raises(checker.Unproved, match="digest"):
-            checker.proved(spoiled)
-        spoiled["sha256"] = checker.digest(spoiled)
-        with pytest.raises((checker.Unproved, checker.Refused), match=said):
-            checker.proved(spoiled)
+        with pytest.raises(claims.Unproved, match="digest"):
+            claims.proved(spoiled)
+        spoiled["sha256"] = claims.digest(spoiled)
+        with pytest.raises((claims.Unproved, claims.Refused), match=said):
+            claims.proved(spoiled)

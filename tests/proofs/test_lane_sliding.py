@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.proofs.cases import carry, half_flight
+from tests.proofs.cases import Flight, carry, half_flight
 from tests.proofs.test_sliding import GUESS, OMEGA, SMOOTH
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flight import Flight
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.lanes import Lanes, quiet
 from tippedisk_verify.proofs.kernel.section import Status

@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import pytest
 
-from tests.proofs.cases import NUMBERS, carry, half_flight, included, speed_below
+from tests.proofs.cases import NUMBERS, Flight, carry, half_flight, included, speed_below
 from tippedisk_verify.atlas.cycles_at_speed import rotating_cycle
 from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.shooting import limit_cycle
@@ -23,7 +23,6 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, ball_const
 from tippedisk_verify.proofs.kernel.claims.manifolds import Curve, block, leaving
 from tippedisk_verify.proofs.kernel.claims.saddle import SLOW, UNSTABLE, Saddle
 from tippedisk_verify.proofs.kernel.field import one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flight import Flight
 from tippedisk_verify.proofs.kernel.flow import Path, Step
 from tippedisk_verify.proofs.kernel.flow import Status as FlowStatus
 from tippedisk_verify.proofs.kernel.section import Status as HalfStatus

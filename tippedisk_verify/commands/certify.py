@@ -117,7 +117,7 @@ def check(common: Common, file: str, jobs: int | None) -> int:
     A family of limit cycles takes some 8 minutes of CPU, all else seconds.
     """
     from tippedisk_verify.progress import watched
-    from tippedisk_verify.proofs import checker
+    from tippedisk_verify.proofs.kernel import claims
 
     checked_jobs(jobs)
 
@@ -127,12 +127,12 @@ def check(common: Common, file: str, jobs: int | None) -> int:
             yield from watched(done, "arcs", len(arcs), not common.quiet)
 
     try:
-        result = {"accepted": True, "statement": checker.check(file, mapped)}
-    except checker.Unproved as fault:
+        result = {"accepted": True, "statement": claims.check(file, mapped)}
+    except claims.Unproved as fault:
         result = {"accepted": False, "fails": str(fault)}
         if not common.json:
             raise Shortfall(f"not proved: {fault}") from None
-    except checker.Refused as fault:
+    except claims.Refused as fault:
         raise InputError(f"no certificate: {fault}") from None
     print_result(common, result)
     return 0 if result["accepted"] else 1

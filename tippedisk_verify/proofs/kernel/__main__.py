@@ -1,4 +1,7 @@
-"""``python -m tippedisk_verify.proofs.checker FILE``."""
+"""``python -m tippedisk_verify.proofs.kernel FILE``: checks a certificate of ``certify ... --certificate FILE``.
+
+Exit status 0: proved; 1: not proved, and the line says what fails; 2: no certificate can be read.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 
-from tippedisk_verify.proofs.checker import Refused, Unproved, check
+from tippedisk_verify.proofs.kernel.claims import Refused, Unproved, check
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
