@@ -59,10 +59,10 @@ def negated(text: str) -> str:
 def disks() -> Iterator[tuple[str, Change]]:
     """Other disks than the one of which it is proved."""
     for name in ("A", "mu", "m"):
-        yield "", put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000))
-    yield "", put("claim", "parameters", parameter_texts(CALIBRATED))
+        yield ".", put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000))
+    yield ".", put("claim", "parameters", parameter_texts(CALIBRATED))
     yield "no disk's", put("claim", "parameters", "e", "0.05")
-    yield "", put("bits", 30)
+    yield ".", put("bits", 30)
 
 
 def of_the_connection() -> Iterator[tuple[str, Change]]:
@@ -77,9 +77,9 @@ def of_the_connection() -> Iterator[tuple[str, Change]]:
     yield "opposite sides", put(*numbers, "omega_h", "uncertainty", "1e-8")
     yield "interval of speeds is empty", put(*numbers, "omega_h", "uncertainty", "0")
     yield "interval of speeds is empty", put(*numbers, "omega_h", "value", "-30.04887")
-    yield "", put(*numbers, "omega_h", "value", "30.0498")
-    yield "", put(*evidence, "directions", lambda rows: [row[::-1] for row in rows])
-    yield "", put(*evidence, "directions", lambda rows: [[negated(row[0]), *row[1:]] for row in rows])
+    yield ".", put(*numbers, "omega_h", "value", "30.0498")
+    yield ".", put(*evidence, "directions", lambda rows: [row[::-1] for row in rows])
+    yield ".", put(*evidence, "directions", lambda rows: [[negated(row[0]), *row[1:]] for row in rows])
     yield "no inverse", put(*evidence, "directions", [["1p0"] * 3] * 3)
     yield "next to the saddle", put(*evidence, "unstable", "reach", "-1p-4")
     yield "unstable manifold", put(*evidence, "unstable", "reach", "1p1")
@@ -93,12 +93,12 @@ def of_the_connection() -> Iterator[tuple[str, Change]]:
     yield "block", put(*evidence, "block", 1, "1p-40")
     yield "block", put(*evidence, "block", 2, "1p-60")
     yield "no other speed", put(*evidence, "apart", 0, "1p10")
-    yield "", put(*evidence, "flight", lambda log: log[:-9])
+    yield ".", put(*evidence, "flight", lambda log: log[:-9])
     yield "steps end|log", put(*evidence, "flight", [])
     yield "the flight, step 1", put(*evidence, "flight", 0, "steps", 0, 0, "1p0")
     yield "the flight, step 3", put(*evidence, "flight", 2, "steps", 0, 0, "-1p-9")
-    yield "", put(*evidence, "flight", 4, "steps", 0, 1, 2)
-    yield "", put(*evidence, "flight", 5, "axes", [["0p0"] * 3] * 3)
+    yield ".", put(*evidence, "flight", 4, "steps", 0, 1, 2)
+    yield ".", put(*evidence, "flight", 5, "axes", [["0p0"] * 3] * 3)
 
 
 def test_the_certificate_of_omega_h_is_accepted() -> None:
@@ -170,20 +170,20 @@ def of_the_cycles() -> Iterator[tuple[str, Change]]:
     yield "crossings lie in Q", put(*claim, "v", "0.26")
     yield "Q lies in N", put(*claim, "v", "0.5")
     yield "the extents of D", put(*claim, "gamma", "-0.14")
-    yield "", put(*claim, "high", "30.3")
+    yield ".", put(*claim, "high", "30.3")
     yield "opposite sides|eigenvalues", put(*claim, "numbers", "omega_h", "uncertainty", "1e-25")
     yield "box lies in N|box at", put(*evidence, "connection", "room", 1, "0.5")
     yield "eigenvalues", put(*evidence, "connection", "eigenvalues", 0, 0, "7")
     for place in range(3):
         yield "the extents", put(*evidence, "box", "extents", place, "0p0")
-        yield "", put(*evidence, "box", "extents", place, "3p0")
+        yield ".", put(*evidence, "box", "extents", place, "3p0")
         yield "the weights", put(*evidence, "weights", "steep", place, "-1p0")
         yield "the cones of the steep weights", put(*evidence, "weights", "steep", place, "1p-30")
         yield "the variation by the speed", put(*evidence, "weights", "drift", place, "1p-30")
         yield "the variation by the speed", put(*evidence, "weights", "drift", place, "1p30")
     yield "no inverse", put(*evidence, "box", "directions", [["1p0"] * 3] * 3)
-    yield "", put(*evidence, "box", "directions", lambda rows: [row[::-1] for row in rows])
-    yield "", put(*evidence, "box", "cells", [1, 1])
+    yield ".", put(*evidence, "box", "directions", lambda rows: [row[::-1] for row in rows])
+    yield ".", put(*evidence, "box", "cells", [1, 1])
     yield "too many cells", put(*evidence, "box", "cells", [1000, 1000])
     for name in ("flat", "lipschitz"):
         yield "the cones of the flat weights", put(*evidence, "weights", name, "1p-12")
@@ -206,7 +206,7 @@ def of_the_flights() -> Iterator[tuple[str, Change]]:
     """What is found at the flights' end only."""
     yield "its last step|pass", put("evidence", "flights", "steps", 198)
     yield "on its way", put("evidence", "flights", "steps", 206)
-    yield "", put("evidence", "flights", "lengths", lambda rows: [rows[0][::8], rows[1][::8]])
+    yield ".", put("evidence", "flights", "lengths", lambda rows: [rows[0][::8], rows[1][::8]])
 
 
 @pytest.mark.slow(minutes=5)

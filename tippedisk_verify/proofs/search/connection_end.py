@@ -70,8 +70,8 @@ def prove_end(
     if not connection.proved or parameters is None or omega_h is None or connection.shown is None:
         return ProvedEnd(Status.NO_CONNECTION, connection, Fraction(0), Fraction(0))
     parameters.refuse_smooth("the cycles next to the connection are proved")
-    near = round(omega_h.value, 4)
-    low, high = near - under, near + above
+    middle = round(omega_h.value, 4)
+    low, high = middle - under, middle + above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
@@ -81,13 +81,15 @@ def prove_end(
             with working_precision(connection.bits):
                 end = cycles_shown(connection.shown, low, high, search, watch)
         except Unproved as fault:
-            failed = ProvedEnd(search.stopped(str(fault)), connection, low, high, detail=str(fault))
+            status = search.stopped(str(fault))
+            detail = "" if str(fault) == status.value else str(fault)
+            failed = ProvedEnd(status, connection, low, high, detail=detail)
             if not str(fault).startswith(LID):
                 break
             continue
         numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
-        told = {name: f"{float(x):.4g}" for name, x in numbers.items()}
-        return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, told, choices=search.log)
+        texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
+        return ProvedEnd(Status.PROVED, connection, low, high, end.gamma, end.v, texts, choices=search.log)
     return failed
 
 

@@ -81,7 +81,8 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 disk = parameter_texts(parameters)
                 shown = connection_shown(disk, parameters.friction, (middle, half_width), search)
         except Unproved as fault:
-            proof = not_proved(search.stopped(str(fault)), bits, str(fault))
+            status = search.stopped(str(fault))
+            proof = not_proved(status, bits, "" if str(fault) == status.value else str(fault))
             if proof.status is Status.NOT_NEAR:
                 break
             bits += 48

@@ -131,8 +131,8 @@ def connection_shown(
     w_u, w_f = arriving.straightened(z)
     ask("arrivals lie in the block", *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)))
     # The ends of I: what they deviate from the middle of the speeds is a point.
-    away = [ball(end) - speeds.mid() for end in (low, high)]
-    ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], part]) for part in away]
+    shifts = [ball(end) - speeds.mid() for end in (low, high)]
+    ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
     first, last = (arriving.straightened(end)[0] for end in ends)
     rising = _surely(-first - delta, last - delta)
     need(rising or _surely(first - delta, -last - delta), SIDES)
@@ -182,10 +182,10 @@ def _parts(step: Step) -> list[Any]:
 
 def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
     """Whether the room holds a block's offsets from the saddle, and all orbits from their first arrival in it on."""
-    sizes = [ball(part) for part in room]
-    away = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
-    first = next((place for place, (_, gamma, _) in enumerate(away) if not positive(-sizes[1] - gamma)), 0)
-    late = away[first:]
+    sizes = [ball(extent) for extent in room]
+    offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
+    first = next((place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0)
+    late = offsets[first:]
     if not first or not all(_surely(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
         return False
     inside = all(_surely(sizes[k] - abs(state[k])) for state in late for k in (0, 2))

@@ -225,9 +225,9 @@ class ReturnMap:
         ask("1 - DR is regular", own)
         slope, offset = first[1] / own, second[0] * (abs(rest[1]) / own)
         room = 1 - first[0] - second[0] * slope
-        falls, away = -rest[0], offset
-        ask("the cycle's entry falls", room, falls - away)
-        slowest, fastest = ((falls - away) / (1 + second[0] * slope)).lower(), ((falls + away) / room).upper()
+        falls = -rest[0]
+        ask("the cycle's entry falls", room, falls - offset)
+        slowest, fastest = ((falls - offset) / (1 + second[0] * slope)).lower(), ((falls + offset) / room).upper()
         share = arb(0, most(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
         ask("the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
         twisted = abs(entering[U] * share - entering[F])
@@ -284,13 +284,13 @@ def shape(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
 def show(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
     """What the evidence shows. Raises Unproved if it does not prove the claim."""
     entries = evidence["connection"]
-    told = {
+    claimed = {
         "room": tuple(map(Fraction, entries["room"])),
         "eigenvalues": [tuple(map(Fraction, pair)) for pair in entries["eigenvalues"]],
     }
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
-    connection = connection_shown(claim["parameters"], "linear", interval, Recorded({**entries, **told}))
+    connection = connection_shown(claim["parameters"], "linear", interval, Recorded({**entries, **claimed}))
     choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
     return cycles_shown(connection, Fraction(claim["low"]), Fraction(claim["high"]), lambda name, *shown: choices[name])
 

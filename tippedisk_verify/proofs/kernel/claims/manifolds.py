@@ -103,9 +103,9 @@ class Curve:
         if self.side is None:
             return
         span = arb(0).union(reach)
-        z, direction = self.point(span, [arb(0, most(part * reach)) for part in cone]), [arb(1)] * 3
-        for other, steep, part in zip(self.others, self.steepness(span), cone, strict=True):
-            direction[other] = steep + arb(0, most(part))
+        z, direction = self.point(span, [arb(0, most(k * reach)) for k in cone]), [arb(1)] * 3
+        for other, steep, k in zip(self.others, self.steepness(span), cone, strict=True):
+            direction[other] = steep + arb(0, most(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         ask("the sign of the sliding velocity next to the saddle", slope)
 
@@ -122,13 +122,13 @@ class Curve:
         order, whole = self.order, arb(0).union(reach)
         if self.side is None:
             whole = whole.union(-reach)
-        near = self.defect(arb(0), order)
+        inside = self.defect(arb(0), order)
         try:
             over = self.defect(whole, order + 1)
         except ValueError:  # the mass may vanish somewhere: Arb divides no series by a ball that holds zero
             return [arb.nan()] * 2
         bounds = []
-        for inner, outer in zip(near, over, strict=True):
+        for inner, outer in zip(inside, over, strict=True):
             need(bool(coefficient(inner, 0) == 0), "the saddle is not at rest")
             total = most(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
@@ -143,13 +143,13 @@ def leaving(curve: Curve, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
     """
     ask("the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
-    within = [arb(0, most(part * theta)) for part in cone]
+    within = [arb(0, most(k * theta)) for k in cone]
     whole = curve.point(span, within)
     matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
     rows, steep = curve.across(matrix, span), curve.steepness(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
-        (matrix[UNSTABLE, other] * (slope + arb(0, most(part))) for other, slope, part in along), arb(0)
+        (matrix[UNSTABLE, other] * (slope + arb(0, most(k))) for other, slope, k in along), arb(0)
     )
     ask("the cone of the unstable manifold", growth)
     for i, j in ((0, 1), (1, 0)):
@@ -167,7 +167,7 @@ def block(curve: Curve, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
     box = curve.point(span, (arb(0, most(u)), arb(0, most(t))))
     matrix = arb_mat(curve.saddle.field(box)[1])
     (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
-    defect = [part * s for part in curve.relative_defect(s)]
+    defect = [d * s for d in curve.relative_defect(s)]
     ask("the isolating block", outwards)
     curve.keeps_side(s, (arb(0), arb(0)))
     delta = most((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)

@@ -84,39 +84,35 @@ class Passage:
         need(n * n * m <= _MOST_CELLS, "there are too many cells")
         #: the |z_f| up to which `stirred` is a bound
         self.stirred_within = self.extents[F] / m
-        i, j, k = (part.ravel() for part in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij"))
+        i, j, k = (places.ravel() for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij"))
         # The least multiple (shell + 1) / n of N that the cell's inside meets.
         shells = np.maximum(np.maximum(n - 1 - i, np.maximum(j - n, n - 1 - j)), np.maximum(k - m, m - 1 - k) * n // m)
         whole: list[list[Any]] = [[] for _ in range(n)]
         stirred: list[Any] = []
         for begin in range(0, len(i), _AT_ONCE):
-            part = slice(begin, begin + _AT_ONCE)
+            block = slice(begin, begin + _AT_ONCE)
             z = [
-                x * Lanes((2 * place[part] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
+                x * Lanes((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
                 for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
             ]
-            held, mixed = self._over(z, (k[part] == m) | (k[part] == m - 1))
+            held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
             stirred += mixed
-            for shell in np.unique(shells[part]):
-                whole[shell].append([hull_of_lanes(x[shells[part] == shell]) for x in held])
+            for shell in np.unique(shells[block]):
+                whole[shell].append([hull_of_lanes(x[shells[block] == shell]) for x in held])
         self.stirred = [most(_joined(column)) for column in zip(*stirred, strict=True)]
         self._means([[_joined(column) for column in zip(*parts, strict=True)] for parts in whole])
 
-    def _over(self, z: list[Any], near: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """DF, the sums of its diagonal entries and B over cells, and the hull of the products over those ``near``."""
+    def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
+        """DF, the sums of its diagonal entries and B over cells, and the products' hull over the ``central`` ones."""
         _, slopes, by_speed = self.saddle.field(z)
         d = [entry for row in slopes for entry in row]
         mixed = []
-        if near.any():
-            z = [x[near] for x in z]
+        if central.any():
+            z = [x[central] for x in z]
             middle = [x.mid() for x in z]
-            centre, _, _ = self.saddle.field(middle)
-            rates = [
-                point + sum((entry[near] * (x - y) for entry, x, y in zip(row, z, middle, strict=True)), Lanes([0.0]))
-                for point, row in zip(centre, slopes, strict=True)
-            ]
-            found = products(rates, [x[near] for x in by_speed])
-            mixed = [[hull_of_lanes(x) for x in found]]
+            changes = [[slope[central] * (x - y) for slope, x, y in zip(row, z, middle, strict=True)] for row in slopes]
+            rates = [sum(row, point) for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)]
+            mixed = [[hull_of_lanes(x) for x in products(rates, [x[central] for x in by_speed])]]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
     def _means(self, shells: Sequence[Sequence[Any]]) -> None:
@@ -192,8 +188,8 @@ class Passage:
     def rates(self, z: Sequence[Any]) -> list[Any]:
         """F over a box of z, by the mean value theorem about its middle."""
         middle = [x.mid() for x in z]
-        away = arb_mat(self.saddle.field(z)[1]) * arb_mat([[x - point] for x, point in zip(z, middle, strict=True)])
-        return [x + y for x, y in zip(self.saddle.field(middle)[0], away.entries(), strict=True)]
+        change = arb_mat(self.saddle.field(z)[1]) * arb_mat([[x - y] for x, y in zip(z, middle, strict=True)])
+        return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
         """No orbit that starts below the graph by at most this leaves N before [s]."""

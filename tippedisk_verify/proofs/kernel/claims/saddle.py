@@ -150,7 +150,7 @@ class Saddle:
         """The derivative of gamma_y [m/s] along a direction, over a box of z."""
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
-            beta, gamma, v = (arb_series([part, slope], prec=2) for part, slope in pairs)
+            beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
             moved, _ = sliding_motion(_Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v))
             return coefficient(moved, 1)
 
@@ -164,11 +164,11 @@ class Saddle:
 
     def departing(self, z: Sequence[Any]) -> Frame:
         """The states of a box of z about the first saddle, with z for what they deviate by."""
-        state = self._state([part.mid() for part in z])
+        state = self._state([x.mid() for x in z])
         frame = Frame(state, self.omega)
-        frame.rest = [part - part.mid() for part in state]
+        frame.rest = [x - x.mid() for x in state]
         frame.lead = [[*row, frame.lead[k][3]] for k, row in enumerate(self.directions.tolist())]
-        frame.deviation = [*(part - part.mid() for part in z), frame.deviation[3]]
+        frame.deviation = [*(x - x.mid() for x in z), frame.deviation[3]]
         return frame
 
     def _state(self, z: Sequence[Any]) -> list[Any]:
@@ -180,10 +180,10 @@ class Saddle:
 
         ``deviation``: of the states with these deviations alone.
         """
-        lead, axes = (self.columns(part) for part in (frame.lead, frame.axes))
-        away = frame.deviation if deviation is None else deviation
+        lead, axes = map(self.columns, (frame.lead, frame.axes))
+        d = frame.deviation if deviation is None else deviation
         return [
-            middle + sum(x * d for x, d in zip(by_start, away, strict=True)) + sum(map(mul, by_axes, frame.rest))
+            middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, frame.rest))
             for middle, by_start, by_axes in zip(self.arrived(frame.middle), lead, axes, strict=True)
         ]
 
